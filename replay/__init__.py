@@ -2,4 +2,4 @@
 
 from wrenchgap._lazy import callable_as
 
-callable_as(__name__, "wrenchgap.replay.api", "replay_compensation")
+callable_as(__name__, "replay_compensation")

@@ -20,7 +20,7 @@ from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.opening import open_flights as open_every
-from wrenchgap.learn.data.read_options import ReadOptions as ReadOptions
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
 from wrenchgap.learn.design.designed import Design
@@ -40,15 +40,15 @@ from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.model import Model
+from wrenchgap.replay import report as reporting
 from wrenchgap.replay.compensation import compensators
 from wrenchgap.replay.compensation import replay as replaying
 from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.compensation.source import checked
+from wrenchgap.replay.compensation.source import source_by_name
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
-from wrenchgap.replay.report import contents as reporting
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 Progress = Callable[[float, str], None]
 
@@ -263,7 +263,7 @@ def replay_compensation(
     `source` is the logged wrench that goes in, "desired" (where it is logged) or "commanded".
     """
     return replaying.replay(
-        flight, model_of(model), gp_of(gp), settings, source=checked(source), lead=lead, progress=progress
+        flight, model_of(model), gp_of(gp), settings, source=source_by_name(source), lead=lead, progress=progress
     )
 
 

@@ -18,15 +18,9 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.drafts.asking import Ask, asked, with_spins
 from wrenchgap.plant.drafts.draft import assumed, finished
 from wrenchgap.plant.drafts.sheet import Sheet
-from wrenchgap.plant.drafts.sources import Given as Given
-from wrenchgap.plant.drafts.sources import drafted
+from wrenchgap.plant.drafts.sources import Given, drafted
 from wrenchgap.plant.drafts.text import text_of
 from wrenchgap.plant.model import Model
-
-
-def sheet(model: Model) -> Sheet:
-    """A model to look at: prints what was understood, draws the top view."""
-    return Sheet(model)
 
 
 def draft_model(

@@ -100,7 +100,7 @@ UPWARDS_OR_SIDEWAYS = (
     ("viewer", "wrenchgap.learn"),
     ("learn.data", "wrenchgap.learn.process"),
     ("replay.compensation", "wrenchgap.replay.counterfactual"),
-    ("replay.report", "wrenchgap.replay.present"),
+    ("replay.counterfactual", "wrenchgap.replay.present"),
     ("learn.identify", "rich"),
     ("replay.session", "typer"),
 )

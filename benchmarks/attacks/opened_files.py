@@ -91,8 +91,8 @@ def listed(folder: Path) -> Outcome:
     index = {"version": 1, "gen": [{"key": "a.mcap", "url": code, "dimensions": {"i": {"stop": 2}}}]}
     (folder / "index.json").write_text(json.dumps(index), encoding="utf-8")
     lines = ["reference://::index.json", "simplecache::http://192.0.2.1/a.mcap", "reference://a.mcap"]
-    imports = "import pathlib\nfrom wrenchgap.replay.batch.sources import found\npath = pathlib.Path('logs.txt')"
-    said = told(folder, imports, "path.write_text(line); found(['logs.txt'])", lines)
+    imports = "import pathlib\nfrom wrenchgap.replay.batch.sources import logs_named\npath = pathlib.Path('logs.txt')"
+    said = told(folder, imports, "path.write_text(line); logs_named(['logs.txt'])", lines)
     refused = sum("no address of one store" in line for line in said)
     ran = (folder / "pwned").exists()
     words = f"{refused} of {len(lines)} refused; code in the index {'run' if ran else 'not run'}"

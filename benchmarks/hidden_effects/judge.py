@@ -16,7 +16,7 @@ from wrenchgap import compare, explain, open_flights
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.present import explanation, left
+from wrenchgap.replay.present import explanation, posterior
 from wrenchgap.replay.present.documents import plain
 
 Row = dict[str, Any]
@@ -60,7 +60,7 @@ def run(case: Case, model: Model) -> Row:
         ],
         "firm": list(found.firm),
         "classes": [[c.weight, [[*s.names] for s in c.sets]] for c in found.classes if c.weight > 0.01],
-        "swing": None if found.oscillation is None else left.oscillation_in_words(found.oscillation),
+        "swing": None if found.oscillation is None else posterior.oscillation_in_words(found.oscillation),
         "depends": None if found.depends is None else [g.name for g in found.depends.chosen],
         "concentrated": found.concentrated,
         "left": found.left,

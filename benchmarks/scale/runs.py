@@ -15,9 +15,9 @@ import psutil
 from benchmarks.scale.fleet import VEHICLES, make
 from wrenchgap.learn.posterior.evidence import unpacked
 from wrenchgap.replay.batch import driver
+from wrenchgap.replay.batch.fleet import FleetRanking, rankings
 from wrenchgap.replay.batch.plan import Plan, model_text
-from wrenchgap.replay.batch.ranking import FleetRanking, rankings
-from wrenchgap.replay.batch.sources import Source, found, identity
+from wrenchgap.replay.batch.sources import Source, identity, logs_named
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Task, work
 
@@ -37,7 +37,7 @@ def first(folder: Path, count: int) -> list[Source]:
     """The logs of the first flights; what is missing of them is flown."""
     make(folder, count)
     wanted = {(v, f"{k:04d}.mcap") for k in range(count // len(VEHICLES)) for v in (v.name for v in VEHICLES)}
-    return [s for s in found([str(folder)]) if (s.vehicle, s.name) in wanted]
+    return [s for s in logs_named([str(folder)]) if (s.vehicle, s.name) in wanted]
 
 
 def on_cluster(folder: Path, output: Path, count: int, *, kill: bool) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def refused(folder: Path, output: Path, count: int) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     for k in range(count):
         (folder / f"{k:06d}.mcap").write_text(f"{k}\n", encoding="utf-8")
-    sources, store = found([str(folder)]), Store(str(output))
+    sources, store = logs_named([str(folder)]), Store(str(output))
     memory: list[list[float]] = []
     p = Plan("explain", {"": model_text(VEHICLES[0].model)}, {"cutoff_hz": 8.0})
     store.claim(p.identity)

@@ -21,6 +21,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
+from wrenchgap.replay.batch.fleet import FleetRanking, moved, points_of, rankings
 from wrenchgap.replay.batch.plan import Plan
 from wrenchgap.replay.batch.sources import Source, identities
 from wrenchgap.replay.batch.store import Store
@@ -52,7 +53,24 @@ class Outcome:
     keys: tuple[str, ...]
 
 
-def needed() -> Any:
+@dataclass(frozen=True)
+class Batch:
+    """A batch that is done: what was asked, where rows are, what became of the last pass, all rows, the rankings."""
+
+    plan: Plan
+    output: str
+    outcome: Outcome
+    rows: Sequence[Mapping[str, Any]]
+    rankings: Sequence[FleetRanking] = ()
+    settled: bool = True
+
+    @property
+    def failures(self) -> list[Mapping[str, Any]]:
+        """Rows of logs that failed."""
+        return [r for r in self.rows if r["status"] == "failed"]
+
+
+def dask_distributed() -> Any:
     """dask.distributed; raises UsageError where it is not installed."""
     try:
         import cryptography  # noqa: F401 - of TLS
@@ -67,7 +85,7 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
     """A client of a Dask cluster: that at `scheduler`, else one of `workers` processes on this machine (default: one
     for each core). Raises UsageError where there is none at that address.
     """  # noqa: D205
-    distributed = needed()
+    distributed = dask_distributed()
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if scheduler is None:
         with _local_cluster(workers or cores(), memory) as cluster, distributed.Client(cluster) as found:
@@ -95,7 +113,7 @@ def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
     """
     import dask
 
-    distributed = needed()
+    distributed = dask_distributed()
     local = {"host": LOOPBACK, "security": distributed.Security.temporary(), "dashboard_address": f"{LOOPBACK}:0"}
     size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "silence_logs": logging.CRITICAL}
     with (
@@ -146,12 +164,43 @@ def _about(output: str) -> tuple[str, bool]:
     return tool_version(), True
 
 
+def passes(
+    found: Any,
+    sources: Sequence[Source],
+    plan: Plan,
+    store: Store,
+    progress: Callable[[float, str], None],
+    most: int = 1,
+    *,
+    again: bool = False,
+) -> Batch:
+    """Do a plan, `explain` until values move no more from pass to pass, but no more than `most` times."""
+    while True:
+        first = f"pass {plan.number}, " if most > 1 else ""
+
+        def tell(done: int, total: int, failed: int, name: str, first: str = first) -> None:
+            progress(done / max(total, 1), f"{first}{done}/{total} logs, {failed} failed")
+
+        outcome = run(found, sources, plan, store, tell, again=again)
+        ranked: list[FleetRanking] = []
+        if plan.command == "explain":
+            progress(1.0, "ranking")
+            ranked = rankings(store, outcome.keys, plan.number)
+        settled = not moved(ranked)
+        if settled or plan.number >= most:
+            break
+        plan = plan.next_pass(points_of(ranked))
+    keys = set(outcome.keys)
+    rows = [row for row in store.rows(plan.number) if row["key"] in keys]
+    return Batch(plan, store.url, outcome, rows, ranked, settled)
+
+
 def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: Tell, *, again: bool = False) -> Outcome:
     """One pass: do the command on every log whose row is not there yet; those that failed only `again`.
 
     Raises UsageError where the scheduler is lost; what is done by then is kept.
     """
-    distributed = needed()
+    distributed = dask_distributed()
     try:
         tasks, same = _tasks(found, sources, plan)
         done = store.done(plan.number)
@@ -194,7 +243,7 @@ def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task
 
 def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Iterator[Mapping[str, Any]]:
     """Rows as logs are done, with so many handed over at a time."""
-    distributed = needed()
+    distributed = dask_distributed()
     waiting = iter(todo)
     by_key = {task.key: task for task in todo}
     [shared] = found.scatter([plan], broadcast=True)

@@ -85,7 +85,7 @@ def model_text(name: str) -> ModelText:
     return ModelText(found.path.name, found.path.read_text(encoding="utf-8"))
 
 
-def parsed_models(texts: tuple[str, ...] | list[str]) -> dict[str, ModelText]:
+def models_by_vehicle(texts: tuple[str, ...] | list[str]) -> dict[str, ModelText]:
     """`["crazyflie", "big=octo.toml"]`: the model of all vehicles, and of some by name. Raises UsageError."""
     out: dict[str, ModelText] = {}
     for text in texts:

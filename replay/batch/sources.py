@@ -47,7 +47,7 @@ class Source:
         return PurePosixPath(self.url).name
 
 
-def found(names: Sequence[str], vehicle: str | None = None) -> list[Source]:
+def logs_named(names: Sequence[str], vehicle: str | None = None) -> list[Source]:
     """The logs that these names stand for, each once, in the order of their names.
 
     The vehicle is `vehicle`, else the folder that a log is in. Raises UsageError where a name stands for no log, or

@@ -168,15 +168,6 @@ class Store:
         for key in keys:
             yield self._read(done[key].path, ["evidence"])[0]["evidence"]
 
-    def latest(self) -> int:
-        """Number of the last pass."""
-        system, root = self._at
-        try:
-            names = [PurePosixPath(p).name for p in system.ls(f"{root}/rows", detail=False)]
-        except FileNotFoundError:
-            return 1
-        return max((int(n.removeprefix("pass=")) for n in names if n.startswith("pass=")), default=1)
-
 
 def _folders(path: str) -> dict[str, str]:
     parts = (p.partition("=") for p in PurePosixPath(path).parts if "=" in p)

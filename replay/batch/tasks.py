@@ -57,14 +57,15 @@ def work(task: Task, plan: Plan, output: str) -> dict[str, Any]:
         if read:  # a copy that is gone says nothing to anybody
             row["reason"] = row["reason"].replace(read, task.source.url)
     row |= {"wall_s": time.monotonic() - wall, "cpu_s": time.process_time() - cpu, "peak_mb": peak_mb()}
-    row["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
-    Store(output).add(row, task.source.vehicle, plan.number)
-    return {name: row.get(name) for name in KEPT}
+    return _stored(row, task, plan, output)
 
 
 def failed(task: Task, plan: Plan, output: str, why: str) -> dict[str, Any]:
     """The row of a log that no worker survived."""
-    row = {**_empty(task, plan), "status": "failed", "reason": why}
+    return _stored({**_empty(task, plan), "status": "failed", "reason": why}, task, plan, output)
+
+
+def _stored(row: dict[str, Any], task: Task, plan: Plan, output: str) -> dict[str, Any]:
     row["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
     Store(output).add(row, task.source.vehicle, plan.number)
     return {name: row.get(name) for name in KEPT}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,9 @@ import numpy as np
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.posterior.fleet import RankedSet, Ranking
 from wrenchgap.plant.effects import find
-from wrenchgap.replay.batch.driver import Outcome
+from wrenchgap.replay.batch.driver import Batch
+from wrenchgap.replay.batch.fleet import FleetRanking
 from wrenchgap.replay.batch.plan import Plan, model_of
-from wrenchgap.replay.batch.ranking import FleetRanking
 from wrenchgap.replay.present.numbers import number
 from wrenchgap.replay.present.tables import Line, Part, table
 
@@ -32,23 +31,6 @@ IN_SAMPLE = (
     "weight: share of the sets ranked   gain and left are in-sample: fewer than three flights cannot be held out   "
     "left: rms over that with no effect, force and torque"
 )
-
-
-@dataclass(frozen=True)
-class Batch:
-    """A batch that is done: what was asked, where rows are, what became of the last pass, all rows, the rankings."""
-
-    plan: Plan
-    output: str
-    outcome: Outcome
-    rows: Sequence[Mapping[str, Any]]
-    rankings: Sequence[FleetRanking] = ()
-    settled: bool = True
-
-    @property
-    def failures(self) -> list[Mapping[str, Any]]:
-        """Rows of logs that failed."""
-        return [r for r in self.rows if r["status"] == "failed"]
 
 
 def parts(found: Batch) -> list[Part]:

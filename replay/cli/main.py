@@ -8,42 +8,52 @@ Modules are imported when a command needs them, so that `wrenchgap --help` is qu
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import os
-import pkgutil
 import sys
 import tempfile
 import traceback
-from types import ModuleType
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from wrenchgap._escaping import printable
-from wrenchgap.replay.cli import commands
-from wrenchgap.replay.cli.options import many
-from wrenchgap.replay.cli.requests import grouped
+from wrenchgap.replay.cli.commands import (
+    analysis,
+    batch,
+    between_flights,
+    compensation,
+    demo,
+    export,
+    learning,
+    logs,
+    model,
+    view,
+)
+from wrenchgap.replay.cli.requests import flat_command
 
 NAME = "wrenchgap"
-ORDER = (
-    *("model", "inspect", "calibrate", "compare", "where", "explain", "changed", "trend", "add", "remove", "history"),
-    *(
-        "learn",
-        "report",
-        "replay",
-        "counterfactual",
-        "export",
-        "design",
-        "simulate",
-        "convert",
-        "batch",
-        "view",
-        "demo",
-    ),
+COMMANDS = (
+    *(analysis.inspect, learning.calibrate, analysis.compare, analysis.where, analysis.explain),
+    *(between_flights.changed, between_flights.trend, model.add, model.remove, model.history),
+    *(learning.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
+    *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),
 )
-"""Order in the help; commands that are not listed come last."""
+"""In the order of the help; `GROUPS` of further ones follow."""
+GROUPS = {
+    "model": ("Make a model file from what is known of a vehicle, and look at one.", (model.new, model.show)),
+    "batch": (
+        "One command over thousands of logs, in parallel on this machine or on a Dask cluster (docs/batch.md).",
+        (batch.inspect, batch.compare, batch.explain, batch.changed),
+    ),
+}
+SEVERAL = frozenset(
+    f"--{name}"
+    for name in ("from", "validate", "healthy", "against", "value", "hide", "with", "without", "gains", "also")
+)
+"""Options that take all values up to the next option: `--from a.mcap b.mcap`."""
 
 
 class Commands(TyperGroup):
@@ -169,21 +179,39 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
 
 
-def _add_commands(group: typer.Typer, package: ModuleType) -> None:
-    """Every module of a package as a command, every package in it as a group of commands."""
-    found = {module.name: module.ispkg for module in pkgutil.iter_modules(package.__path__)}
-    for name in sorted(found, key=lambda name: (*ORDER, name).index(name)):
-        module = importlib.import_module(f"{package.__name__}.{name}")
-        if found[name]:
-            below = typer.Typer(name=name, no_args_is_help=True, help=_unwrapped(module.__doc__ or ""))
-            _add_commands(below, module)
-            group.add_typer(below)
+class Command(TyperCommand):
+    """A command in which the options of `SEVERAL` may have more than one value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As typer, which wants an option before each value."""
+        listed = {name for one in self.params if getattr(one, "multiple", False) for name in one.opts}
+        return super().parse_args(ctx, list(_repeated(args, SEVERAL & listed)))
+
+
+def _repeated(args: Sequence[str], options: Collection[str]) -> Iterator[str]:
+    """`--from a b -m c` as `--from a --from b -m c`."""
+    current, fresh = "", False
+    for arg in args:
+        if arg.startswith("-") and len(arg) > 1:
+            current, fresh = (arg if arg in options else ""), True
+            yield arg
+        elif current and not fresh:
+            yield from (current, arg)
         else:
-            command, options = getattr(module, name), getattr(module, "MANY", ())
-            group.command(name, cls=many(*options), help=_unwrapped(command.__doc__ or ""))(grouped(command))
+            fresh = False
+            yield arg
 
 
-_add_commands(app, commands)
+def _add_commands(group: typer.Typer, commands: Sequence[Callable[..., None]]) -> None:
+    for command in commands:
+        group.command(command.__name__, cls=Command, help=_unwrapped(command.__doc__ or ""))(flat_command(command))
+
+
+_add_commands(app, COMMANDS)
+for name, (words, commands) in GROUPS.items():
+    below = typer.Typer(name=name, no_args_is_help=True, help=words)
+    _add_commands(below, commands)
+    app.add_typer(below)
 
 
 def main() -> None:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import inspect
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, wraps
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
+import typer
+
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli import values
 from wrenchgap.replay.cli.console import Report, console, progress
 
 if TYPE_CHECKING:
@@ -37,15 +42,19 @@ class Reading:
         from wrenchgap.learn.data.read_options import ReadOptions
 
         self.options = ReadOptions(
-            topics=o.parse_topics(self.topic),
-            shifts=o.parse_shifts(self.shift),
-            cutoff_hz=o.parse_cutoff(self.cutoff),
-            between=o.parse_between(self.between),
-            unmeasured=o.parse_unmeasured(self.unmeasured),
-            accept=o.parse_accept(self.accept),
-            keep=o.parse_keep(self.keep),
-            budget=o.parse_budget(self.budget),
+            topics=values.parse_topics(self.topic),
+            shifts=values.parse_shifts(self.shift),
+            cutoff_hz=values.parse_cutoff(self.cutoff),
+            between=values.parse_between(self.between),
+            unmeasured=values.parse_unmeasured(self.unmeasured),
+            accept=values.parse_accept(self.accept),
+            keep=values.parse_keep(self.keep),
+            budget=values.parse_budget(self.budget),
         )
+
+
+COMMON = (*(one.name for one in fields(Reading)), "own")
+"""Options that say how flights are read, by the names of their parameters."""
 
 
 class Omit:
@@ -59,6 +68,7 @@ class Omit:
 class Run:
     """One run of a command: notes what is read, for the JSON result; prints, unless `quiet`; writes."""
 
+    ctx: typer.Context = None  # type: ignore[assignment]
     own: o.OwnEffects = None
     json: o.JsonFile = None
     force: o.Force = False
@@ -145,11 +155,11 @@ class Run:
             for part in parts:
                 show(self._console, part)
 
-    def result(self, result: Any) -> None:
-        """Print a result."""
+    def result(self, result: Any, **how: Any) -> None:
+        """Print a result; `how` as `parts` of its module in `replay.present` has it."""
         from wrenchgap.replay.present import parts
 
-        self.show(*parts(result))
+        self.show(*parts(result, **how))
 
     def line(self, text: str = "", style: str = "") -> None:
         """Print one text as it is, without markup."""
@@ -167,9 +177,9 @@ class Run:
     def draw(self, result: Any, path: Path | None) -> None:
         """Write a result's picture, where one is asked for."""
         if path is not None:
-            from wrenchgap.replay.present.figures import save
+            from wrenchgap.replay.present import save_figure
 
-            save(result, path, force=self.force)
+            save_figure(result, path, force=self.force)
 
     @property
     def read(self) -> list[Mapping[str, Any]]:
@@ -178,32 +188,62 @@ class Run:
 
         return [*(log_input(one.flight, role) for one, role in self._logs), *self.inputs]
 
-    def write(self, command: str, body: Mapping[str, Any]) -> None:
-        """Write the JSON of a command with what went in, where it is asked for."""
+    def write(self, command: str, body: Mapping[str, Any], **files: Any) -> None:
+        """Write the JSON of a command with what went in, where it is asked for; say which files were written."""
         if self.json is not None:
             from wrenchgap.replay.present.documents import document, write_json
 
             write_json(self.json, document(command, body, self.read), force=self.force)
-
-    def wrote(self, **files: Any) -> None:
-        """Say which files were written."""
         for what, path in {**files, "result": self.json}.items():
             if path is not None:
                 self.line(f"wrote {what.replace('_', ' ')} {path}")
 
+    def command_line(self) -> str:
+        """The command that is running, as a user would type it; without options that do not change its result."""
+        words = self.given(lambda name: name not in ("json", "force", "quiet")).values()
+        return shlex.join(["wrenchgap", *self.ctx.command_path.split()[1:], *chain(*words)])
 
-def grouped(function: Callable[..., None]) -> Callable[..., None]:
+    def common_options(self, *without: str) -> str:
+        """Options of the running command that others need to read the same flights, with a space before them."""
+        words = shlex.join(chain(*self.given(lambda name: name in COMMON and name not in without).values()))
+        return f" {words}" if words else ""
+
+    def given(self, wanted: Callable[[str], bool]) -> dict[str, list[str]]:
+        """Options that were typed with another value than their own, and the words of each; arguments are under ""."""
+        found: dict[str, list[str]] = {"": []}
+        for parameter in self.ctx.command.params:
+            value = self.ctx.params.get(parameter.name or "")
+            if not wanted(parameter.name or "") or value in (None, [], (), parameter.default):
+                continue
+            listed = value if isinstance(value, list | tuple) else [value]
+            name = max(parameter.opts, key=len)
+            if parameter.param_type_name == "argument":
+                found[""] += [str(v) for v in listed]
+            elif isinstance(value, bool):
+                found[name] = [name if value else max(parameter.secondary_opts or [name], key=len)]
+            else:
+                found[name] = [word for v in listed for word in (name, str(v))]
+        return found
+
+
+def flat_command(function: Callable[..., None]) -> Callable[..., None]:
     """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
-    hints = get_type_hints(function, include_extras=True)
-    groups = {name: found for name, kind in hints.items() if (found := _group(kind)) is not None}
+    groups: dict[str, tuple[Any, list[str]]] = {}
     options: list[inspect.Parameter] = []
+    hints = get_type_hints(function, include_extras=True)
     for one in inspect.signature(function).parameters.values():
-        rows = [(one.name, hints[one.name], one.default)]
-        if one.name in groups:
-            group, names = groups[one.name]
-            own = get_type_hints(group, include_extras=True)
-            rows = [(f.name, own[f.name], f.default) for f in fields(group) if f.name in names]
-        options += [inspect.Parameter(n, one.KEYWORD_ONLY, default=d, annotation=kind) for n, kind, d in rows]
+        annotation = hints[one.name]
+        kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+        if not is_dataclass(kind):
+            options.append(one.replace(kind=one.KEYWORD_ONLY, annotation=annotation))
+            continue
+        own = get_type_hints(kind, include_extras=True)
+        without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
+        wanted = [f for f in fields(kind) if f.name not in without]
+        groups[one.name] = kind, [f.name for f in wanted]
+        options += [
+            inspect.Parameter(f.name, one.KEYWORD_ONLY, default=f.default, annotation=own[f.name]) for f in wanted
+        ]
 
     @wraps(function)
     def called(**values: Any) -> None:
@@ -213,12 +253,3 @@ def grouped(function: Callable[..., None]) -> Callable[..., None]:
     called.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     called.__annotations__ = {option.name: option.annotation for option in options}
     return called
-
-
-def _group(annotation: Any) -> tuple[Any, list[str]] | None:
-    """The dataclass of a group of options, and the names of those that the command has; None for a single option."""
-    kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
-    if not is_dataclass(kind):
-        return None
-    without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
-    return kind, [one.name for one in fields(kind) if one.name not in without]

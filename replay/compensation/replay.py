@@ -39,7 +39,15 @@ from wrenchgap.plant.state import State, joined
 from wrenchgap.plant.wrench_model import about_origin
 from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
 from wrenchgap.replay.compensation.compensators import compensator as made_for
-from wrenchgap.replay.compensation.source import Source, at_stamps, chosen, logged_command, pieces, starts, without
+from wrenchgap.replay.compensation.source import (
+    Source,
+    at_stamps,
+    input_wrench,
+    logged_command,
+    pieces,
+    starts,
+    without,
+)
 
 Progress = Callable[[float, str], None]
 
@@ -152,7 +160,7 @@ def replay(
     gp.check_vehicle(model.vehicle.name)
     flight = opened.flight
     logged = logged_command(flight, model)
-    series, name = chosen(flight, logged, source)
+    series, name = input_wrench(flight, logged, source)
     series, dt = without(series, opened.left_out), series.period
     settings = replace(settings or Settings(), dt=dt)
     compensator = made_for(gp, model, settings, lead=lead)

@@ -16,7 +16,7 @@ from wrenchgap.plant.model import Model
 Source = Literal["desired", "commanded"]
 
 
-def checked(source: str | None) -> Source | None:
+def source_by_name(source: str | None) -> Source | None:
     """The source by name; raises UsageError on another word."""
     if source is None or source in get_args(Source):
         return cast(Source | None, source)
@@ -38,7 +38,7 @@ def logged_command(flight: Flight, model: Model) -> WrenchSeries | None:
     return WrenchSeries(actuators.topic, actuators.time, wrench, gaps=actuators.gaps)
 
 
-def chosen(flight: Flight, logged: WrenchSeries | None, source: Source | None) -> tuple[WrenchSeries, Source]:
+def input_wrench(flight: Flight, logged: WrenchSeries | None, source: Source | None) -> tuple[WrenchSeries, Source]:
     """The series to compensate: by default the desired wrench where it is logged, else the command."""
     available: dict[Source, WrenchSeries | None] = {"desired": flight.desired, "commanded": logged}
     for name, series in available.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from wrenchgap.compensate import Settings
@@ -13,11 +13,33 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.replay.compensation import compensators as compensating
-from wrenchgap.replay.counterfactual.counterfactual import Change
 
 SETTABLE = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
 """Gains that a counterfactual may change."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is different in the re-simulation; nothing by default.
+
+    plant        effects and vehicle that fly
+    gains        of the control law
+    believed     vehicle that controller and allocation assume
+    compensator  in the loop
+    beside       others to compare it with, by name, each flown in its place
+    words        the same for tables and provenance
+    process      what the compensator was made of
+    """
+
+    plant: Model | None = None
+    gains: ControllerGains | None = None
+    believed: Vehicle | None = None
+    compensator: Compensating | None = None
+    beside: tuple[tuple[str, Compensating], ...] = ()
+    words: tuple[str, ...] = ()
+    process: GaussianProcess | None = None
 
 
 def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGains:

@@ -26,17 +26,17 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.inputs import process_inputs
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
-from wrenchgap.learn.data.recording import Recording, read_recording
+from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.identify.guarding import loop_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.plant import Model, Vehicle
+from wrenchgap.plant import Model
 from wrenchgap.plant.closed_loop import Lost
-from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.stability import Margin, of_model
 from wrenchgap.plant.tracking import Deviation, Tracking
+from wrenchgap.replay.counterfactual.change import Change
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
 Progress = Callable[[float, str], None]
@@ -50,28 +50,6 @@ EXPLAINED_GOAL = 0.5
 
 WORSE_FACTOR, WORSE_DEG = 1.1, 0.02
 """Growth of the attitude error (norm of the axes' means) from which a compensation counts as harmful: beyond both."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """What is different in the re-simulation; nothing by default.
-
-    plant        effects and vehicle that fly
-    gains        of the control law
-    believed     vehicle that controller and allocation assume
-    compensator  in the loop
-    beside       others to compare it with, by name, each flown in its place
-    words        the same for tables and provenance
-    process      what the compensator was made of
-    """
-
-    plant: Model | None = None
-    gains: ControllerGains | None = None
-    believed: Vehicle | None = None
-    compensator: Compensating | None = None
-    beside: tuple[tuple[str, Compensating], ...] = ()
-    words: tuple[str, ...] = ()
-    process: GaussianProcess | None = None
 
 
 @dataclass(frozen=True)
@@ -251,6 +229,3 @@ def _margin(recording: Recording, model: Model, process: GaussianProcess | None)
         return None
     lag = max(process.provenance.lags, default=0.0)
     return of_model(process, process_inputs(process.settings.inputs, recording.record), loop_of(model, lag))
-
-
-__all__ = ["Change", "Counterfactual", "counterfactual", "read_recording"]

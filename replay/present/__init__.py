@@ -2,19 +2,23 @@
 
     numbers      how a number is printed: digits, signs, units, per cent
     tables       lines and tables, the parts of which printed results are made
-    notes        typed notes as sentences
-    checks       what the checks of the flights said
+    notes        typed notes as sentences, and what the checks of the flights said
+    posterior    what a search over sets of effects found
     documents    JSON files with their schema, and files that are written whole or not at all
-    figures/     matplotlib
+    figures/     how pictures look
     report/      the HTML page
 
-and one module for each kind of result, with `parts` (what is printed), `to_json` and `to_frame`.
+and one module for each kind of result, with `parts` (what is printed), `to_json`, `frame` (of what `to_frame` makes its
+table) and `picture` (panels, size, what is drawn).
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 MODULES = {
     "Addition": "addition",
@@ -34,9 +38,7 @@ MODULES = {
     "Trend": "trend",
     "Where": "where",
 }
-"""Which module presents which result, by the name of its class; its figures are in the module of that name in
-figures/.
-"""
+"""Which module presents which result, by the name of its class: imported when one is printed, not before."""
 WIDTH = 132
 """Columns of printed text."""
 
@@ -56,17 +58,17 @@ def text(result: Any) -> str:
     return printed.rstrip()
 
 
-def parts(result: Any) -> Any:
-    """The lines and tables of a printed result; what its checks say stands above."""
-    from wrenchgap.replay.present.checks import banner
+def parts(result: Any, **how: Any) -> Any:
+    """The lines and tables of a printed result, with options of its module; what its checks say stands above."""
+    from wrenchgap.replay.present.notes import banner
 
-    return [*banner(result), *_module(result).parts(result)]
+    return [*banner(result), *_module(result).parts(result, **how)]
 
 
 def to_json(result: Any) -> dict[str, Any]:
     """The body of a result's JSON document, in plain types."""
-    from wrenchgap.replay.present.checks import checks_json
     from wrenchgap.replay.present.documents import plain
+    from wrenchgap.replay.present.notes import checks_json
 
     body: dict[str, Any] = plain({**checks_json(result), **_module(result).to_json(result)})
     return body
@@ -74,12 +76,36 @@ def to_json(result: Any) -> dict[str, Any]:
 
 def to_frame(result: Any) -> Any:
     """A result as a table of pandas."""
-    return _module(result).to_frame(result)
+    import pandas as pd
+
+    return pd.DataFrame(_module(result).frame(result))
 
 
 def plot(result: Any, axes: Any = None) -> Any:
-    """A result drawn into axes (new ones where none are given), which are returned."""
-    return import_module(f"{__name__}.figures").plot(result, axes)
+    """A result drawn into axes (new ones of pyplot where none are given), which are returned."""
+    from wrenchgap.replay.present.figures import style
+
+    return style.plot(_module(result).picture(result), axes)
+
+
+def save_figure(result: Any, path: Path, *, force: bool = False) -> None:
+    """Write a result's picture as PNG, all of it or nothing, without a window.
+
+    Raises UsageError for a file that exists (unless `force`) or that cannot be written.
+    """
+    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.replay.present.documents import claim
+    from wrenchgap.replay.present.figures import style
+
+    claim({"--figure": path}, force=force)
+    figure = style.figure_of(_module(result).picture(result))
+    with atomic(path) as partial:
+        figure.savefig(partial, dpi=110, format="png")
+
+
+def save_page(result: Any, path: Path, *, force: bool) -> None:
+    """Write the HTML page of a report; raises UsageError where the file exists and `force` is not given."""
+    _module(result).save(result, path, force=force)
 
 
 def _module(result: Any) -> Any:

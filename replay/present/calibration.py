@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate, Tried
+from wrenchgap.replay.present import addition
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FATES = {
     Fate.KEPT: "kept",
@@ -137,9 +137,14 @@ def to_json(found: Calibration) -> dict[str, Any]:
     }
 
 
-def to_frame(found: Calibration) -> pd.DataFrame:
+def frame(found: Calibration) -> dict[str, Any]:
     """One row for each parameter: effect, name, unit, value, std, scatter."""
-    import pandas as pd  # here: others need not wait for it
-
     keys = ("effect", "name", "unit", "value", "std", "scatter")
-    return pd.DataFrame([{key: getattr(p, key) for key in keys} for p in found.trimmed], columns=list(keys))
+    return {key: [getattr(p, key) for p in found.trimmed] for key in keys}
+
+
+def picture(found: Calibration) -> style.Picture:
+    """The error by axis before and after; raises UsageError where nothing was changed."""
+    if found.added is None:
+        raise UsageError("calibrate: nothing helped on held-out time, so there is nothing to draw; leave out --figure")
+    return addition.picture(found.added)

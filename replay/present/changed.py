@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +13,13 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Alone, Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
-from wrenchgap.replay.present import settle, timing, what_to_inspect
-from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present import timing, what_to_inspect
+from wrenchgap.replay.present.figures import changed as panels
+from wrenchgap.replay.present.figures import style, vehicle
+from wrenchgap.replay.present.notes import not_tried, reason, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
+from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
-from wrenchgap.replay.present.untried import not_tried, reason
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORTH_A_WORD = 1.0
 """Standard deviations from which on the nearest change is named although nothing changed."""
@@ -33,6 +31,8 @@ SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
 )
+SIZE_HEADS = ("effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+ALONE_HEADS = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
 ALONE_LEGEND = (
     "log odds: of this change alone against none, its prior included; above about 2 it is worth a name, in brackets "
     "where it is smaller than a fifth of what is typical of such changes, and no news"
@@ -50,13 +50,14 @@ def parts(found: Changed) -> list[Part]:
     out += note_lines(other_recordings(found), "warning")
     out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
-        out += [sizes(found), Line(SIZES_LEGEND, "dim"), Line()]
-    shown = [c for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
-    out += [Line(settle.in_words(c).replace(": nothing", ": nothing changed")) for c in shown]
-    out += [*settle.lines(found.settle), Line()]
-    out += [alone(found), Line(ALONE_LEGEND, "dim"), Line(), flights(found)]
+        out += [plain("changes", SIZE_HEADS, sizes(found), left=3), Line(SIZES_LEGEND, "dim"), Line()]
+    out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
+    out += [*settle_lines(found.settle), Line()]
+    out += [plain("each change by itself", ALONE_HEADS, alone(found), left=3), Line(ALONE_LEGEND, "dim"), Line()]
+    out.append(flights(found))
     if any(r.values for r in found.rows):
-        out.append(values(found))
+        heads, rows, left = by_flight(found)
+        out.append(plain("what changed, on each flight by itself", heads, rows, left))
     out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
     lacking = not_tried(found.untried).items()
     out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
@@ -156,7 +157,7 @@ def summary(found: Changed) -> str:
         words = name if first is None else in_words(found, first)
         said.append(f"{words}, confidence {share(found.confidence(name))}")
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
-    others = [" + ".join(s.names) for s in group[1:] if s.weight >= settle.LIGHT]
+    others = [" + ".join(s.names) for s in group[1:] if s.weight >= LIGHT]
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
     return f"Changed: {' and '.join(said)}.{alike}{firm}"
@@ -185,25 +186,24 @@ def in_words(found: Changed, size: Size) -> str:
     return f"{size.effect}{of} by {sign}{quantity(size.change, size.unit)}"
 
 
-def sizes(found: Changed) -> Table:
-    """Parameters of the likeliest set."""
-    numbers = ("healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
-    out = table("changes", "effect", "parameter", "where", *numbers, left=3)
-    for p in found.parameters:
-        values = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
-        texts = (p.effect, p.name, p.where)
-        out.add_row(*texts, *values, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
-    return out
+def sizes(found: Changed) -> list[tuple[str, ...]]:
+    """Rows under `SIZE_HEADS`: parameters of the likeliest set."""
+    return [
+        (
+            *(p.effect, p.name, p.where),
+            *(number(v) for v in (p.healthy, p.scatter, p.suspect, p.change)),
+            *(number(p.std, 2), unit(p.unit), f"{p.significance:.1f}"),
+        )
+        for p in found.parameters
+    ]
 
 
-def alone(found: Changed) -> Table:
-    """Each change by itself, likeliest first."""
-    rows = [
+def alone(found: Changed) -> list[tuple[str, ...]]:
+    """Rows under `ALONE_HEADS`: each change by itself, likeliest first."""
+    return [
         (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", _said(a))
         for a, s in ((a, a.largest) for a in found.alone[:MOST])
     ]
-    heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
-    return plain("each change by itself", heads, rows, left=3)
 
 
 def _said(change: Alone) -> str:
@@ -238,12 +238,6 @@ def by_flight(found: Changed) -> tuple[list[str], list[list[str]], int]:
     return ["effect", "parameter", "unit", *(f"{r.flight} ({r.role})" for r in flown)], rows, 3
 
 
-def values(found: Changed) -> Table:
-    """Values of what changed, on each flight alone."""
-    heads, rows, left = by_flight(found)
-    return plain("what changed, on each flight by itself", heads, rows, left)
-
-
 def to_json(found: Changed) -> dict[str, Any]:
     """The body of the `changed` schema."""
     return {
@@ -263,7 +257,7 @@ def to_json(found: Changed) -> dict[str, Any]:
             for a in found.alone
         ],
         "odd_because": [vars(o) for o in found.odd],
-        "settle": settle.to_json(found.settle),
+        "settle": settle_json(found.settle),
         "healthy": list(found.healthy),
         "suspect": list(found.suspect),
         "scatter": found.scatter,
@@ -292,13 +286,28 @@ def _flight(found: Changed, k: int) -> dict[str, Any]:
     return {"flight": r.flight, "role": r.role, "mean": r.mean, "rms": r.rms, "values": listed}
 
 
-def to_frame(found: Changed) -> pd.DataFrame:
+def frame(found: Changed) -> list[dict[str, Any]]:
     """One row for each parameter of each change by itself, the likeliest change first."""
-    import pandas as pd  # here: others need not wait for it
-
-    rows = [
+    return [
         {**_parameter(p), "change": p.change, "log_odds": a.odds, "named": a.effect in found.names}
         for a in found.alone
         for p in a.sizes
     ]
-    return pd.DataFrame(rows)
+
+
+def picture(found: Changed) -> style.Picture:
+    """Three panels side by side.
+
+    Left, every flight's signed mean on each axis, from the mean of the healthy ones: what lies within the band is what
+    healthy flights differ by. In the middle each change by itself: how many standard deviations it is. Right, the
+    vehicle from above, with what to inspect marked.
+    """
+    title = f"{found.model.name}: {', '.join(map(style.shortened, found.suspect))} against {len(found.healthy)} healthy"
+    return style.Picture((1, 3), (15.0, 4.4), lambda axes: _draw(found, np.ravel(axes)), title=title)
+
+
+def _draw(found: Changed, axes: Any) -> None:
+    panels.means(found, axes[0])
+    panels.changes(found, axes[1])
+    marks, moved_B = panels.vehicle_marks(found)
+    vehicle.draw(axes[2], found.model.vehicle, marks, moved_B=moved_B)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from wrenchgap.flight.flight import AXES
+import numpy as np
+
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import Comparison, Stretch
 from wrenchgap.learn.data.errors import force_and_torque
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
 from wrenchgap.replay.present.tables import Part, Table, note_lines, reductions, styled, table
@@ -111,7 +114,7 @@ def to_json(result: Comparison) -> dict[str, Any]:
     }
 
 
-def to_frame(result: Comparison) -> pd.DataFrame:
+def frame(result: Comparison) -> pd.DataFrame:
     """One row for each compared sample: flight, time, then `commanded.force_x`, `measured...`, `<model>...`."""
     import pandas as pd  # here: others need not wait for it
 
@@ -124,3 +127,191 @@ def to_frame(result: Comparison) -> pd.DataFrame:
             columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
         found.append(pd.DataFrame(columns))
     return pd.concat(found, ignore_index=True)
+
+
+NOISE_SIGMAS = 2.0
+"""Half-width of the noise band, in standard deviations."""
+PREDICTION_SIGMAS = 2.0
+"""Half-width of the band around the prediction of a process."""
+PAUSE = 0.015
+"""Gap between two flights, as a share of all the time that is shown."""
+MOST_LETTERS = 70
+"""Letters below the bars beyond which the names are turned."""
+SAME = 0.01
+"""Largest difference from the command, as a share of it, with which a prediction is not drawn beside it."""
+
+
+def picture(result: Comparison) -> style.Picture:
+    """Six pairs of panels with one legend, a model in one colour in both; bars where there are several flights.
+
+    Axes are (6, 2) for one flight, (7, 2) for several: forces on the left, torques on the right; rows in
+    turn wrench and residual of x, y, z. The last row, where there are several flights, is the rms by flight.
+    """
+    rows = 6 + (len(result.flights) > 1)
+    return style.Picture(
+        (rows, 2),
+        (14.0, 2.0 * rows),
+        lambda axes: _draw(result, axes),
+        title=_title(result),
+        split=lambda f: _split(f, rows),
+    )
+
+
+def _split(figure: Any, rows: int) -> Any:
+    """Axes (rows, 2), the first six of each column with one time axis."""
+    cells = figure.add_gridspec(rows, 2, height_ratios=([1.6, 1.1] * 3 + [1.6])[:rows])
+    axes: Any = np.empty((rows, 2), dtype=object)
+    for k, column in np.ndindex(rows, 2):
+        axes[k, column] = figure.add_subplot(cells[k, column], sharex=axes[0, column] if 0 < k < 6 else None)
+        axes[k, column].tick_params(labelbottom=k >= 5)
+    return axes
+
+
+def _title(result: Comparison) -> str:
+    flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
+    cutoff = result.records[0].cutoff_hz
+    return f"{flights}: wrench measured, commanded and predicted, and residual by model; filtered at {cutoff:g} Hz"
+
+
+def _draw(result: Comparison, axes: Any) -> None:
+    starts, shaded = _starts(result), False
+    for axis in range(6):
+        wrench, residual = axes[2 * (axis % 3) : 2 * (axis % 3) + 2, axis // 3]
+        shaded |= _wrenches(wrench, result, starts, axis) | _residuals(residual, result, starts, axis)
+        name, unit = style.QUANTITIES[axis]
+        for panel, label in ((wrench, name), (residual, "residual")):
+            style.labelled(panel, label, unit)
+            _flights(panel, result, starts, named=axis % 3 == 0 and panel is wrench)
+            panel.margins(x=0.005)
+    for column, panel in enumerate(axes[5]):
+        several = len(result.flights) > 1
+        style.labelled(panel, "time, flight after flight" if several else "time", "s", "x")
+        if shaded:
+            panel.set_xlabel(f"{panel.get_xlabel()}; shaded: from the smallest to the largest value")
+        style.legend(*axes[:6, column], above=several)
+    for panel, part in zip(axes[6:].ravel(), (0, 1), strict=False):
+        _bars(panel, result, part)
+    style.grid(axes)
+    axes[0, 0].get_figure(root=False).align_ylabels(list(axes.ravel()))
+
+
+def _starts(result: Comparison) -> list[float]:
+    """What to add to the time of each record so that flights follow one another."""
+    seconds = {name: _span(result, name) for name in result.flights}
+    pause = PAUSE * sum(stop - start for start, stop in seconds.values())
+    shift, end = {}, 0.0
+    for index, (name, (start, stop)) in enumerate(seconds.items()):
+        shift[name] = 0.0 if index == 0 else end + pause - start
+        end = stop + shift[name]
+    return [shift[record.flight] for record in result.records]
+
+
+def _span(result: Comparison, flight: str) -> tuple[float, float]:
+    """First and last time of a flight [s]."""
+    times = [r.time for r in result.records if r.flight == flight]
+    return float(min(t[0] for t in times)), float(max(t[-1] for t in times))
+
+
+def _share(result: Comparison, time: Array) -> float:
+    """Part of the panel's width that a record takes."""
+    whole = sum(stop - start for start, stop in (_span(result, name) for name in result.flights))
+    return float(time[-1] - time[0]) / max(whole, 1e-9)
+
+
+def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
+    """Commanded, measured, and what every model predicts; the first is left out where it is the command."""
+    hidden = {result.evaluations[0].name} if _is_command(result) else set()
+    last, shaded = result.evaluations[-1], False
+    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
+        time, share = record.time + start, _share(result, record.time)
+        drawn = [(record.commanded, style.COMMANDED, "commanded", 1.2)]
+        drawn.append((record.measured, style.MEASURED, "measured", 1.7))
+        for place, e in enumerate(result.evaluations):
+            if e.name not in hidden:
+                drawn.append((e.predictions[index], _colour(place), e.name, 0.9))
+        for values, colour, name, width in drawn:
+            if np.isnan(values[:, axis]).all():
+                continue
+            shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
+        if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
+            centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
+            words = None if index else f"± {PREDICTION_SIGMAS:g} sigma of {last.name}"
+            look = {"color": drawn[-1][1], "alpha": 0.15, "lw": 0, "zorder": 1}
+            panel.fill_between(time, centre - half, centre + half, **look, label=words)
+    return shaded
+
+
+def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
+    """Measured minus predicted of every model, the last on top, and the noise of the sensors as a band."""
+    shaded = False
+    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
+        time, share = record.time + start, _share(result, record.time)
+        for place, e in enumerate(result.evaluations):
+            if not record.measured_axes[axis]:
+                continue
+            residual = record.measured[:, axis] - e.predictions[index][:, axis]
+            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
+        words = "" if index else f"± {NOISE_SIGMAS:g} sigma of the sensor noise"
+        if not record.measured_axes[axis]:
+            panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
+            continue
+        style.band(panel, [float(time[0]), float(time[-1])], NOISE_SIGMAS * float(record.noise[axis]), words)
+    return shaded
+
+
+def _colour(place: int) -> str:
+    """Of a model by its place; the first is the one that all others are compared with."""
+    return "0.45" if place == 0 else style.MODELS[(place - 1) % len(style.MODELS)]
+
+
+def _is_command(result: Comparison) -> bool:
+    """Whether the first model predicts the command: force and torque each within `SAME` of its own size."""
+    pairs = [
+        (predicted[:, part], record.commanded[:, part])
+        for record, predicted in zip(result.records, result.evaluations[0].predictions, strict=True)
+        for part in (slice(0, 3), slice(3, 6))
+    ]
+    return all(np.max(np.abs(a - b)) <= SAME * np.max(np.abs(b)) for a, b in pairs)
+
+
+def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool) -> None:
+    """Where one flight ends and the next begins; above them the names, or where these are too long the numbers."""
+    if len(result.flights) == 1:
+        return
+    shift = dict(zip((r.flight for r in result.records), starts, strict=True))
+    spans = {name: _span(result, name) for name in result.flights}
+    begins = [start + shift[name] for name, (start, _) in spans.items()]
+    ends = [stop + shift[name] for name, (_, stop) in spans.items()]
+    for end, begin in zip(ends, begins[1:], strict=False):
+        panel.axvline(0.5 * (end + begin), color="0.4", lw=0.8, ls="--")
+    width = panel.get_position().width * panel.get_figure(root=True).get_size_inches()[0] * 72.0
+    letters = width / (ends[-1] - begins[0]) / (0.6 * style.SMALL) * (np.array(ends) - begins)
+    names = [str(k + 1) for k in range(len(spans))] if np.any(list(map(len, spans)) > letters) else list(spans)
+    for name, begin in zip(names if named else (), begins, strict=False):
+        place = {"xycoords": ("data", "axes fraction"), "va": "bottom", "fontsize": style.SMALL}
+        panel.annotate(name, (begin, 1.01), **place)
+
+
+def _bars(panel: Any, result: Comparison, part: int) -> None:
+    """Root mean square residual by flight, over the three axes of force (part 0) or torque (1), and the noise floor."""
+    place, count = np.arange(len(result.flights)), len(result.evaluations)
+    for index, one in enumerate(result.evaluations):
+        heights = [float(force_and_torque(e.rms)[part]) for e in one.by_flight]
+        shift = (index - (count - 1) / 2) * 0.8 / count
+        panel.bar(place + shift, heights, 0.75 / count, color=_colour(index), label=one.name)
+    noise = [_noise(result, flight)[part] for flight in result.flights]
+    panel.hlines(noise, place - 0.45, place + 0.45, color=style.NOISE, lw=2.0, label="sensor noise")
+    names = [f"{k + 1}: {style.shortened(name, 24)}" for k, name in enumerate(result.flights)]
+    turned = {"rotation": 20, "ha": "right"} if sum(map(len, names)) > MOST_LETTERS else {}
+    panel.set_xticks(place, names, fontsize=style.SMALL, **turned)
+    kind, unit = (("force", "N"), ("torque", "Nm"))[part]
+    panel.set_ylim(0.0, None)
+    style.labelled(panel, f"rms of the {kind}\nresidual, 3 axes", unit)
+    style.legend(panel)
+
+
+def _noise(result: Comparison, flight: str) -> Array:
+    """Sensor noise (2,) of force and torque in one flight, mean over its records."""
+    own = [r for r in result.records if r.flight == flight]
+    squares = np.average([r.noise**2 for r in own], axis=0, weights=[len(r) for r in own])
+    return force_and_torque(np.sqrt(squares))

@@ -13,7 +13,7 @@ from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.tracking import Tracking
+from wrenchgap.plant.tracking import Tracking, TrackingErrors
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.counterfactual.counterfactual import (
     ATTITUDE_GOAL_DEG,
@@ -32,6 +32,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import learning
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
@@ -165,3 +166,57 @@ def _tracking_json(one: Tracking) -> dict[str, Any]:
     attitude = entries(one, "mean_abs=attitude_mean", "median_abs=attitude_median", "rms=attitude_rms")
     position = entries(one, *(f"{name}=position_{name}" for name in ("mean", "median", "rms", "max")))
     return {"attitude_error": attitude, "position_error_m": position, "duration_s": one.duration}
+
+
+def frame(result: Counterfactual) -> list[dict[str, Any]]:
+    """One row for each run, baselines too: |e_R| by axis, a sine, and the distance from the reference [m]."""
+    rows = []
+    for name, one in {**result.tracking, **result.baselines}.items():
+        sines = {"mean": one.attitude_mean, "rms": one.attitude_rms}
+        axes = {f"attitude_{k}.{axis}": float(v[n]) for k, v in sines.items() for n, axis in enumerate("xyz")}
+        rows.append({"run": name, **axes, **entries(one, "position_mean", "position_rms", "position_max", "duration")})
+    return rows
+
+
+COLOURS = {"recorded": "0.6", "null run": style.MEASURED, "changed": "tab:blue", "not compensated": "tab:orange"}
+
+
+def picture(result: Counterfactual) -> style.Picture:
+    """Four panels over time.
+
+    Axes are (4, 1): attitude error about x, y, z of the body, and the distance from the reference.
+    """
+    words = "; ".join(result.change.words) or "nothing changed"
+    return style.Picture(
+        (4, 1),
+        (11.0, 8.2),
+        lambda axes: _draw(result, axes),
+        title=f"{result.inference.recording.flight.name}, re-simulated: {style.shortened(words, 90)}",
+        share=True,
+    )
+
+
+def _runs(result: Counterfactual) -> dict[str, TrackingErrors]:
+    """Errors of the runs that differ, by name; the last is drawn on top."""
+    runs = {"recorded": result.inference.recording.tracking_errors, "null run": result.null.tracking_errors}
+    if result.uncompensated is not None and result.uncompensated is not result.null:
+        runs["not compensated"] = result.uncompensated.tracking_errors
+    if result.changed is not result.null:
+        runs["changed"] = result.changed.tracking_errors
+    return runs
+
+
+def _draw(result: Counterfactual, axes: Any) -> None:
+    panels = axes[:, 0]
+    for name, errors in _runs(result).items():
+        angles = np.degrees(np.arcsin(np.clip(errors.attitude, -1.0, 1.0)))
+        width = 1.8 if name == "recorded" else 0.9
+        for panel, values in zip(panels, (*angles.T, errors.position), strict=True):
+            style.curve(panel, errors.time, values, COLOURS[name], name, width)
+    for panel, axis in zip(panels, "xyz", strict=False):
+        panel.axhline(0.0, color="0.5", lw=0.6)
+        style.labelled(panel, f"attitude error\nabout {axis}", "deg")
+    panels[3].set_ylim(0.0, None)
+    style.labelled(panels[3], "distance from\nthe reference", "m")
+    style.legend(panels[0])
+    style.over_time(axes, "time in flight")

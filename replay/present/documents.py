@@ -16,8 +16,7 @@ import numpy as np
 
 from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
-from wrenchgap.flight.atomic import atomic as atomic
-from wrenchgap.flight.atomic import check_writable
+from wrenchgap.flight.atomic import atomic, check_writable
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:
@@ -133,6 +132,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def write_parquet(frame: pd.DataFrame, path: Path) -> None:
+    """A table as Parquet, all of it or nothing."""
+    with atomic(path) as partial:
+        frame.to_parquet(partial, index=False)
 
 
 def write_csv(frame: pd.DataFrame, path: Path, digits: str | None = "%.9g") -> None:

@@ -4,29 +4,37 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.learn.identify.validation import Validation
-from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.table import Candidate
-from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import comparison, left, named, settle, timing
+from wrenchgap.replay.present import comparison, timing
 from wrenchgap.replay.present.design import design_command
-from wrenchgap.replay.present.notes import sentences, too_short
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.notes import not_tried, reason, sentences, too_short
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     entries,
     parameters_in_words,
     share,
-    unit_of,
     unmeasured,
     values_json,
+)
+from wrenchgap.replay.present.posterior import (
+    class_json,
+    classes_in_words,
+    largest_residual,
+    nearest,
+    nothing_missing,
+    residual_in_words,
+    residual_json,
+    settle_json,
+    settle_lines,
+    turbulence,
+    with_values,
 )
 from wrenchgap.replay.present.tables import (
     INTERVAL_LEGEND,
@@ -40,19 +48,9 @@ from wrenchgap.replay.present.tables import (
     styled,
     table,
 )
-from wrenchgap.replay.present.untried import not_tried, reason
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST = 10
 """Candidates shown."""
-HALF = 0.5
-"""Weight of nothing missing below which that is not said."""
-MUCH = 0.05
-"""Share of the weight that is left, as rms, from which on turbulence alone is not believed."""
-MOST_CLASSES = 3
-"""Classes that are put in words."""
 
 
 def parts(found: Explanation) -> list[Part]:
@@ -107,64 +105,25 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    fitted = (named.with_values(found.fit, found.model, m.name) for m in found.members)
+    fitted = (with_values(found.fit, found.model, m.name) for m in found.members)
     members = [
         f"{said}, confidence {100 * found.confidence(m):.0f} %" for said, m in zip(fitted, found.members, strict=True)
     ]
     names = " and ".join(members)
-    residual = _largest_residual(found)
+    residual = largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        return " ".join(filter(None, (_nothing(found), named.nearest(found), _turbulent(found), residual)))
+        return " ".join(filter(None, (nothing_missing(found), nearest(found), turbulence(found), residual)))
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
         if short(found) and not names:
-            return " ".join(
-                filter(None, ("Too short to tell what is missing.", named.nearest(found, at_all=True), residual))
-            )
+            return " ".join(filter(None, ("Too short to tell what is missing.", nearest(found, at_all=True), residual)))
         none = "Something is missing, but no effect of the catalogue explains it."
-        return " ".join(filter(None, (partly or none, left.clue(found), residual)))
+        return " ".join(filter(None, (partly or none, residual_in_words(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"Explained by {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
-    return " ".join(filter(None, (*first, _turbulent(found), residual)))
-
-
-def _nothing(found: Explanation) -> str:
-    """Nothing is named; but not that nothing is missing, where most of the weight says that something is."""
-    sets = found.posterior.sets
-    none = sum(s.weight for s in sets if not s.names)
-    likeliest = next((s for s in sets if s.names), None)
-    if none >= HALF or likeliest is None:
-        return "Nothing is missing that these logs can show."
-    small = "something" if found.open.any() else "something small"
-    names = " + ".join(likeliest.names)
-    return (
-        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or {small}, most "
-        f"likely {names} ({100 * likeliest.weight:.0f} %); fly longer, or with excitation, to tell."
-    )
-
-
-def _turbulent(found: Explanation) -> str:
-    """Axes on which more than noise is left that nothing predicts."""
-    axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
-    if not axes:
-        return ""
-    words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
-    force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
-    of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
-    if of_weight > MUCH:
-        words += (
-            f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
-        )
-    return f"Open: on {', '.join(axes)} {words}"
-
-
-def _largest_residual(found: Explanation) -> str:
-    after, noise = found.rms_after, found.noise
-    axis = int(np.nanargmax(after / np.maximum(noise, 1e-30)))
-    size = f"{after[axis]:.2g} {unit_of(axis)} rms"
-    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
+    return " ".join(filter(None, (*first, turbulence(found), residual)))
 
 
 def what_next(
@@ -202,8 +161,7 @@ RANKING_LEGEND = (
 
 def open_in_words(found: Explanation) -> tuple[str, ...]:
     """Classes of sets with their weights, and what would settle which of them is true, a sentence each."""
-    sets = [settle.in_words(c) for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
-    return (*sets, *(line.text for line in settle.lines(found.posterior.settle)))
+    return (*classes_in_words(found.classes), *(line.text for line in settle_lines(found.posterior.settle)))
 
 
 def members(found: Explanation) -> Table:
@@ -220,11 +178,6 @@ def members(found: Explanation) -> Table:
     return out
 
 
-def _together(candidate: Candidate) -> str:
-    """Its name, with those of its companions."""
-    return " + ".join(candidate.names)
-
-
 def ranking(found: Explanation) -> Table:
     """Candidates, each by itself, best first; those that are named or indistinguishable from a named one are marked."""
     out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
@@ -237,7 +190,7 @@ def ranking(found: Explanation) -> Table:
         limit = styled(" (implausible: at its limit)" if candidate.implausible else "", "red")
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
         words = styled(parameters_in_words(candidate.values, found.model.vehicle)) + limit
-        out.add_row(mark, _together(candidate), *numbers, words, style="bold" if mark == "*" else "")
+        out.add_row(mark, " + ".join(candidate.names), *numbers, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -245,19 +198,20 @@ def to_json(found: Explanation) -> dict[str, Any]:
     """The body of the `explain` schema."""
     fitted = {s.effect: s.values for s in found.fit.snapshot}
     ranked = [_candidate_json(c) for c in found.ranking]
+    first = next((c.name for c in found.ranking if c.name in found.effects), None)
     return {
         "verdict": str(found.verdict),
         "effects": list(found.effects),
         "groups": [list(group) for group in found.groups],
         "members": [_member_json(found, m) for m in found.members],
-        "left": left.to_json(found),
+        "left": residual_json(found),
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
-        "steps": [{"on": [], "chosen": _first(found), "alike": [], "candidates": ranked}],
+        "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
-        "settle": settle.to_json(found.posterior.settle),
+        "settle": settle_json(found.posterior.settle),
         "firm": list(found.firm),
         "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
@@ -270,21 +224,6 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
         "notes": sentences(note for f in found.flights for note in f.notes),
-    }
-
-
-def _first(found: Explanation) -> str | None:
-    """The best candidate by itself that is named."""
-    return next((c.name for c in found.ranking if c.name in found.effects), None)
-
-
-def class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
-    """One entry of `classes`."""
-    return {
-        "weight": one.weight,
-        "sets": [{"effects": list(s.names), "weight": s.weight} for s in one.sets],
-        "established": [{"effect": name, "parameters": one.sets[0].values(vehicle)[name]} for name in one.established],
-        "settle": settle.to_json(one.settle),
     }
 
 
@@ -311,14 +250,73 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
     return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
 
 
-def to_frame(found: Explanation) -> pd.DataFrame:
+def frame(found: Explanation) -> list[dict[str, Any]]:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
-    import pandas as pd  # here: others need not wait for it
-
     rows = []
     for c in found.ranking:
         numbers = entries(c, "score", "t=significance", "evidence")
         axes = {f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)}
         words = {"parameters": parameters_in_words(c.values)}
         rows.append({"effect": c.name, "named": c.name in found.effects, **numbers, **axes, **words})
-    return pd.DataFrame(rows)
+    return rows
+
+
+MOST_DRAWN = 20
+"""Candidates drawn at most, those that are named always."""
+NAMED, ALIKE, OTHER, IMPLAUSIBLE = "tab:blue", "#8fb3dc", "0.8", "#e3b5b5"
+
+
+def picture(found: Explanation) -> style.Picture:
+    """Bars, the longest on top.
+
+    One panel. Held-out time, on top of the model as given; the named effects are dark, with their confidence.
+    """
+    flights = ", ".join(f.records[0].flight for f in found.flights)
+    return style.Picture(
+        (),
+        (9.0, 1.5 + 0.27 * max(1, len(_shown(found)))),
+        lambda panel: _draw(found, panel),
+        title=f"{found.model.name}: what each effect alone explains" + (f" of {flights}" if flights else ""),
+    )
+
+
+def _shown(found: Explanation) -> list[Candidate]:
+    return [c for k, c in enumerate(found.ranking) if k < MOST_DRAWN or c.name in found.effects]
+
+
+def _draw(found: Explanation, panel: Any) -> None:
+    shown = _shown(found)[::-1]
+    if not shown:
+        style.nothing(panel, "no effect of the catalogue could be tried")
+        return
+    kinds = [_kind(found, c) for c in shown]
+    for word, colour in (
+        ("named", NAMED),
+        ("indistinguishable from a named one", ALIKE),
+        ("not named", OTHER),
+        ("implausible: at its limit", IMPLAUSIBLE),
+    ):
+        rows = [k for k, kind in enumerate(kinds) if kind == word]
+        if rows:
+            panel.barh(rows, [100.0 * max(shown[k].score, 0.0) for k in rows], 0.75, color=colour, label=word)
+    for row, c in enumerate(shown):
+        sure = [f"confidence {100 * found.confidence(m):.0f} %" for m in found.members if m.name == c.name]
+        words = ", ".join([share(c.score), *sure])
+        place = (100.0 * max(c.score, 0.0), row)
+        panel.annotate(words, place, (4, 0), textcoords="offset points", va="center", fontsize=8)
+    panel.set_yticks(range(len(shown)), [c.name for c in shown], fontsize=style.SMALL)
+    panel.set_ylim(-0.6, len(shown) - 0.4)
+    panel.set_xlim(0.0, 125.0)
+    style.labelled(panel, "error energy explained on held-out time", "%", "x")
+    panel.set_xticks(range(0, 101, 20))
+    style.grid(panel)
+    panel.grid(visible=False, axis="y")
+    style.legend(panel)
+
+
+def _kind(found: Explanation, candidate: Candidate) -> str:
+    if candidate.name in found.effects:
+        return "named"
+    if any(candidate.name in group for group in found.groups):
+        return "indistinguishable from a named one"
+    return "implausible: at its limit" if candidate.implausible else "not named"

@@ -111,7 +111,7 @@ def _too_fast(made: Export) -> list[str]:
     ]
 
 
-def to_frame(made: Export) -> pd.DataFrame:
+def frame(made: Export) -> pd.DataFrame:
     """Operations of a step, one row each for the usual step and the worst."""
     import pandas as pd  # here: others need not wait for it
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wrenchgap.replay.export.flown import FlownExport
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SHOWN = 10
 """Periods that do not agree, in the table."""
@@ -99,18 +96,14 @@ def to_json(found: FlownExport) -> dict[str, Any]:
     }
 
 
-def to_frame(found: FlownExport) -> pd.DataFrame:
+def frame(found: FlownExport) -> dict[str, Any]:
     """One row a record."""
-    import pandas as pd  # here: others need not wait for it
-
-    return pd.DataFrame(
-        {
-            "number": found.flown["number"],
-            "time": found.flown["time"],
-            "status": found.flown["status"],
-            "identical": found.identical,
-            "agrees": found.agrees,
-            "continues": found.continues,
-            "difference": found.apart,
-        }
-    )
+    return {
+        "number": found.flown["number"],
+        "time": found.flown["time"],
+        "status": found.flown["status"],
+        "identical": found.identical,
+        "agrees": found.agrees,
+        "continues": found.continues,
+        "difference": found.apart,
+    }

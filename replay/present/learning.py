@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.process.alternatives import WORTH_IT, Alternative, Alternatives
+from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.compensation.compensators import (
     LearntFromThisFlight,
@@ -21,6 +22,8 @@ from wrenchgap.replay.compensation.compensators import (
     Refused,
 )
 from wrenchgap.replay.present import comparison
+from wrenchgap.replay.present.addition import bars_by_axis
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, reductions, styled, table
@@ -33,9 +36,6 @@ from wrenchgap.replay.present.verdicts import (
     verdicts,
     verdicts_json,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def parts(learnt: Learnt) -> list[Part]:
@@ -232,14 +232,67 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
     }
 
 
-def to_frame(learnt: Learnt) -> pd.DataFrame:
+def frame(learnt: Learnt) -> list[dict[str, Any]]:
     """One row for each predictor, flights (training, unseen) and axis: mean, std, rms and maximum of the error."""
-    import pandas as pd  # here: others need not wait for it
-
     rows = []
     for flights, result in (("training", learnt.training), ("unseen", learnt.validation)):
         for e in result.evaluations if result is not None else ():
             for k, axis in enumerate(AXES):
                 errors = {name: float(np.asarray(values)[k]) for name, values in e.pooled.__dict__.items()}
                 rows.append({"flights": flights, "model": e.name, "axis": axis, **errors})
-    return pd.DataFrame(rows)
+    return rows
+
+
+EXPECTED = ((95.0, "within_95", "o", "1.96 sigma"), (99.7, "within_3_sigma", "s", "3 sigma"))
+"""Expected share [%], its name in `Coverage`, marker, and interval."""
+
+
+def picture(learnt: Learnt) -> style.Picture:
+    """One or two rows of three panels.
+
+    Axes are (R, 3): a row for the training flights and, where there are some, one for unseen flights; forces, torques,
+    and the share of samples within the predicted intervals, before and after calibration.
+    """
+    rows = len(_tested(learnt))
+    return style.Picture(
+        (rows, 3),
+        (15.0, 3.6 * rows + 0.5),
+        lambda axes: _draw(learnt, axes),
+        title=f"Gaussian process of {len(learnt.gp.inputs)} points for {', '.join(learnt.gp.outputs)}, "
+        f"on top of {learnt.gp.provenance.physics}",
+    )
+
+
+def _tested(learnt: Learnt) -> dict[str, Comparison]:
+    both = {"training": learnt.training, "unseen": learnt.validation}
+    return {name: one for name, one in both.items() if one is not None}
+
+
+def _draw(learnt: Learnt, axes: Any) -> None:
+    for panels, (name, compared) in zip(axes, _tested(learnt).items(), strict=True):
+        colours = ("0.6", *style.MODELS)
+        rows = [(e.name, colours[k % len(colours)], e.pooled.rms) for k, e in enumerate(compared.evaluations)]
+        bars_by_axis(panels[:2], rows, compared.noise)
+        flights = style.shortened(", ".join(compared.flights), 40)
+        for panel, kind in zip(panels, ("force", "torque"), strict=False):
+            if not any(output.startswith(kind) for output in learnt.gp.outputs):
+                panel.set_xlabel("no output of this GP: as without it", fontsize=style.SMALL, color="0.4")
+            style.labelled(panel, f"{name} ({flights})\n{kind} error, rms", "N" if kind == "force" else "Nm")
+        _coverage_panel(panels[2], learnt, *learnt.coverage[name])
+
+
+def _coverage_panel(panel: Any, learnt: Learnt, before: Coverage, after: Coverage) -> None:
+    place = np.arange(len(learnt.gp.outputs))
+    for (expected, name, marker, words), colour in zip(EXPECTED, (style.MODELS[0], style.MODELS[1]), strict=True):
+        panel.axhline(expected, color=colour, lw=0.9, ls="--", label=f"{expected:g} % in {words}")
+        for one, shift, fill in ((before, -0.12, "none"), (after, 0.12, colour)):
+            panel.plot(place + shift, 100.0 * getattr(one, name), marker, ms=6, mec=colour, mfc=fill)
+    for fill, words in (("none", "before calibration"), ("0.4", "after")):
+        panel.plot([], [], "o", ms=6, mec="0.4", mfc=fill, label=words)
+    lowest = min(float(getattr(one, name).min()) for one in (before, after) for _, name, _, _ in EXPECTED)
+    panel.set_ylim(max(0.0, min(90.0, 100.0 * lowest - 3.0)), 101.0)
+    panel.set_xlim(-0.6, len(place) - 0.4)
+    style.labelled(panel, "measured within the interval", "%")
+    panel.set_xticks(place, [name.replace("_", " ") for name in learnt.gp.outputs], fontsize=style.SMALL)
+    style.grid(panel)
+    style.legend(panel)

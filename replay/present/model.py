@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +12,10 @@ from wrenchgap.plant.drafts.sheet import Sheet
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.addition import effects_json
+from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.figures.vehicle import hubs
 from wrenchgap.replay.present.numbers import number, quantity
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
 STEPS = 400
@@ -147,8 +145,11 @@ def to_json(sheet: Sheet) -> dict[str, Any]:
     }
 
 
-def to_frame(sheet: Sheet) -> pd.DataFrame:
+def frame(sheet: Sheet) -> list[dict[str, Any]]:
     """One row for each rotor."""
-    import pandas as pd  # here: others need not wait for it
+    return _rows(sheet.model.vehicle) if sheet.model.vehicle.has_rotors else []
 
-    return pd.DataFrame(_rows(sheet.model.vehicle) if sheet.model.vehicle.has_rotors else [])
+
+def picture(sheet: Sheet) -> style.Picture:
+    """Arms, rotors, the centre of mass, the IMU (`figures.vehicle`)."""
+    return vehicle.picture(sheet.model.vehicle)

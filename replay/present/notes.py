@@ -1,21 +1,24 @@
-"""Notes as sentences: what was assumed, left out or repaired, and what to do about it."""
+"""Notes as sentences: what was assumed, left out, repaired or not tried, what checks found, and what to do about it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from wrenchgap.compensate.not_compiled import NotCompiled
-from wrenchgap.flight.check import Finding, TimeLeftOut
+from wrenchgap.flight.check import Check, Finding, TimeLeftOut
+from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
+from wrenchgap.replay.present.tables import Line
 
 SHORT = 8.0
 """Flight [s] below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
-    """All of them, each once; what checks found and times left out stand elsewhere (`present.checks`)."""
+    """All of them, each once; what checks found and times left out are `warnings`."""
     told = (note for note in notes if not isinstance(note, Finding | TimeLeftOut))
     return list(dict.fromkeys(sentence(note) for note in told))
 
@@ -57,3 +60,78 @@ def too_short(seconds: float) -> list[str]:
         f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
         f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
     ]
+
+
+PLACES = ("flights", "unseen", "training", "validation", "inference", "recording", "explanation")
+"""Attributes of results in which their flights, or the notes of these, are found."""
+DEEPEST = 3
+SEVERAL = 3
+"""Flights of which one check is said by itself; of more, once for all."""
+
+
+def findings(result: Any, depth: int = 0) -> Iterator[Finding | TimeLeftOut]:
+    """What was found of the flights of a result, and the times that were left out."""
+    if isinstance(result, list | tuple):
+        for item in result:
+            yield from findings(item, depth)
+        return
+    for note in getattr(result, "notes", ()):
+        if isinstance(note, Finding | TimeLeftOut):
+            yield note
+    for place in PLACES if depth < DEEPEST else ():
+        if (inside := getattr(result, place, None)) is not None and not isinstance(inside, str):
+            yield from findings(inside, depth + 1)
+
+
+def warnings(found: Iterable[object]) -> list[str]:
+    """What a user should know before any number, as sentences; alike ones of many flights once."""
+    by_name: dict[str, dict[str, str]] = {}
+    for note in found:
+        if isinstance(note, Finding) and note.check.level != "ok":
+            by_name.setdefault(note.check.name, {}).setdefault(f"{note.flight}: {_words(note.check)}", note.flight)
+    out = []
+    for name, said in by_name.items():
+        flights = list(dict.fromkeys(said.values()))
+        if len(flights) > SEVERAL:
+            out.append(f"{name}: {len(flights)} flights, e.g. {next(iter(said))}")
+        else:
+            out += [f"{name}: {words}" for words in said]
+    return out
+
+
+def _words(check: Check) -> str:
+    if check.level == "bad":
+        return f"{check.words.rstrip('. ')} (accepted)"
+    return check.words + (f" Mend it with {check.mend}" if check.mend else "")
+
+
+def banner(result: Any) -> list[Line]:
+    """The warnings of a result, to stand above it."""
+    return [Line(f"check: {text}", "yellow") for text in warnings(findings(result))]
+
+
+def checks_json(result: Any) -> dict[str, Any]:
+    """The keys `checks` and `left_out` of every result."""
+    notes = list(dict.fromkeys(findings(result)))
+    keys = ("name", "level", "words", "mend", "accepted")
+    return {
+        "checks": [
+            {"flight": n.flight, **{key: getattr(n.check, key) for key in keys}}
+            for n in notes
+            if isinstance(n, Finding)
+        ],
+        "left_out": [vars(n) for n in notes if isinstance(n, TimeLeftOut)],
+    }
+
+
+def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
+    """Effects that these logs or this model do not allow, by reason."""
+    by_reason: dict[str, list[str]] = {}
+    for one in untried:
+        by_reason.setdefault(reason(one), []).append(one.effect)
+    return by_reason
+
+
+def reason(one: Untried) -> str:
+    """Why an effect is not tried, without its name."""
+    return f"could not be fitted ({one.detail})" if one.lack is Lack.FIT else one.reason

@@ -85,14 +85,14 @@ def separation(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}" if value < CAP else f"> {CAP:.0f}"  # + 0.0: no minus before a zero
 
 
-def called(name: str, vehicle: Vehicle | None) -> str:
+def user_name(name: str, vehicle: Vehicle | None) -> str:
     """A parameter in a sentence: the user's name of the rotor or arm that it belongs to, where there is one."""
     return name if vehicle is None else vehicle.called(name)
 
 
 def label(name: str, vehicle: Vehicle | None) -> str:
     """A parameter in a table: "M3 (rotor_2)" where the user has a name for its rotor or arm, else its own."""
-    own = called(name, vehicle)
+    own = user_name(name, vehicle)
     return name if own == name else f"{own} ({name})"
 
 
@@ -100,11 +100,11 @@ def parameters_in_words(values: Sequence[Value], vehicle: Vehicle | None = None)
     """Parameters in a few words: all of up to three, else the two clearest; one alone with its interval."""
     if len(values) == 1:
         (one,) = values
-        return f"{called(one.name, vehicle)} {number(one.value)} +- {number(one.std, 2)} {unit(one.unit)}".rstrip()
+        return f"{user_name(one.name, vehicle)} {number(one.value)} +- {number(one.std, 2)} {unit(one.unit)}".rstrip()
     clearest = sorted(values, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
     shown = values if len(values) <= 3 else clearest[:2]
     more = f", ... ({len(values)})" if len(values) > 3 else ""
-    return ", ".join(f"{called(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in shown) + more
+    return ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in shown) + more
 
 
 def entries(found: object, *names: str) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from wrenchgap.learn.identify import staircase as steps
 from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
+from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import parameters_in_words, row, share, unit_of
 from wrenchgap.replay.present.staircase import label
-from wrenchgap.replay.present.untried import not_tried
 from wrenchgap.replay.present.where import dependence_in_words
 from wrenchgap.viewer.analysis import (
     Candidate,

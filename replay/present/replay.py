@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,96 @@ from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.compensation.summary import Summary, summarise
-from wrenchgap.replay.present.documents import atomic, write_csv
-from wrenchgap.replay.present.figures import save
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
 
-if TYPE_CHECKING:
-    import pandas as pd
+HELD_BACK = 0.5
+"""beta above which the uncertainty filter counts as holding the correction back."""
+PERCENTILES = (5, 50, 95, 100)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A replay in numbers. Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm.
+
+    `sigma` and `beta` are the `PERCENTILES`; `held_back`, `accepted` and `near_singular` are shares of the steps.
+    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors behind the
+    filter on both sides, nan where nothing was measured.
+    """
+
+    source: str
+    steps: int
+    duration: float
+    restarts: int
+    correction_mean_abs: Array
+    correction_max_abs: Array
+    accepted: float
+    iterations_mean: float
+    sigma: Array
+    sigma_threshold: float
+    beta: Array
+    held_back: float
+    outputs: tuple[str, ...]
+    error_before_mean_abs: Array
+    error_after_mean_abs: Array
+    error_before_max_abs: Array
+    error_after_max_abs: Array
+    measured_minus_logged: Array
+    measured_minus_predicted: Array
+    eigenvalue_min: float
+    near_singular: float
+    saturation: dict[str, int] | None
+    saturation_logged: dict[str, int] | None
+    solve_mean_ms: float
+    solve_p99_ms: float
+    solve_max_ms: float
+    trouble: dict[str, int]
+
+
+def summarise(replay: Replay) -> Summary:
+    """The numbers of a replay."""
+    steps = replay.steps
+    size = np.abs(steps.correction)
+    before, after = np.abs(steps.mismatch_before), np.abs(steps.mismatch_after)
+    solve = 1e3 * steps.solve_time
+    return Summary(
+        source=replay.source,
+        steps=len(replay),
+        duration=float(replay.time[-1] - replay.time[0]),
+        restarts=replay.restarts,
+        correction_mean_abs=size.mean(axis=0),
+        correction_max_abs=size.max(axis=0),
+        accepted=float(steps.accepted.mean()),
+        iterations_mean=float(steps.iterations.mean()),
+        sigma=np.percentile(steps.sigma, PERCENTILES),
+        sigma_threshold=replay.sigma_threshold,
+        beta=np.percentile(steps.beta, PERCENTILES),
+        held_back=float((steps.beta > HELD_BACK).mean()),
+        outputs=replay.outputs,
+        error_before_mean_abs=before.mean(axis=0),
+        error_after_mean_abs=after.mean(axis=0),
+        error_before_max_abs=before.max(axis=0),
+        error_after_max_abs=after.max(axis=0),
+        measured_minus_logged=_mean_abs(replay.measured - replay.logged_filtered),
+        measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
+        eigenvalue_min=float(replay.conditioning.real_min.min()),
+        near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),
+        saturation=None if replay.saturation is None else asdict(replay.saturation),
+        saturation_logged=None if replay.saturation_logged is None else asdict(replay.saturation_logged),
+        solve_mean_ms=float(solve.mean()),
+        solve_p99_ms=float(np.percentile(solve, 99)),
+        solve_max_ms=float(solve.max()),
+        trouble=steps.trouble,
+    )
+
+
+def _mean_abs(residual: Array) -> Array:
+    """Mean absolute value (6,) of what is known; nan where nothing is, and on axes that were not measured."""
+    known = np.isfinite(residual).any(axis=1)
+    return np.abs(residual[known]).mean(axis=0) if known.any() else np.full(residual.shape[1], np.nan)
 
 
 def parts(replay: Replay) -> list[Part]:
@@ -135,33 +215,16 @@ def notes(replay: Replay) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
 
 
-def to_frame(replay: Replay) -> pd.DataFrame:
+def frame(replay: Replay) -> dict[str, Any]:
     """One row for each step: time, wrenches as `desired.force_x` etc., then sigma, beta, cost, iterations, accepted.
 
     `desired` is the wrench that went in, `commanded` the one that would have come out, `logged` the command of the
     log, `predicted` and `predicted_new` the model with the GP at `logged` and at `commanded`.
     """
-    import pandas as pd  # here: others need not wait for it
-
     columns: dict[str, Any] = {"time": replay.time}
     for name, values in _wrenches(replay).items():
         columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
-    return pd.DataFrame(columns | _scalars(replay))
-
-
-def write_files(
-    replay: Replay, log: Path | None, csv: Path | None, parquet: Path | None, figure: Path | None, *, force: bool
-) -> None:
-    """Log, tables and figure, where they are asked for."""
-    if log is not None:
-        write_log(replay, log, force=force)
-    if csv is not None:
-        write_csv(to_frame(replay), csv, digits=None)
-    if parquet is not None:
-        with atomic(parquet) as partial:
-            to_frame(replay).to_parquet(partial, index=False)
-    if figure is not None:
-        save(replay, figure, force=force)
+    return columns | _scalars(replay)
 
 
 def write_log(replay: Replay, path: Path, *, force: bool) -> Path:
@@ -199,3 +262,83 @@ def _wrenches(replay: Replay) -> dict[str, Array]:
 def _scalars(replay: Replay) -> dict[str, Any]:
     steps = replay.steps
     return {name: getattr(steps, name) for name in ("sigma", "beta", "cost", "iterations", "accepted")}
+
+
+REPLAYED, AS_FLOWN, WITH, SIGMA = "tab:orange", "tab:blue", "tab:green", "tab:red"
+
+
+def picture(replay: Replay) -> style.Picture:
+    """A row for each output, and one for the uncertainty filter.
+
+    Axes are (L + 1, 2) for the L outputs of the Gaussian process. Rows of outputs: wrenches on the left, the correction
+    with its band on the right. Last row: sigma with its threshold, and beta.
+    """
+    rows = len(replay.outputs) + 1
+    return style.Picture(
+        (rows, 2),
+        (14.0, 2.1 * rows + 0.8),
+        lambda axes: _draw(replay, axes),
+        title=f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}; "
+        "*: filtered",
+        share=True,
+    )
+
+
+def _draw(replay: Replay, axes: Any) -> None:
+    bands = _std(replay)
+    for place, k in enumerate(output_indices(replay.outputs)):
+        _wrench_panel(axes[place, 0], replay, int(k))
+        _correction(axes[place, 1], replay, int(k), None if bands is None else bands[:, place])
+    _sigma(axes[-1, 0], replay)
+    _beta(axes[-1, 1], replay)
+    for panel in (*axes[0], axes[-1, 0]):
+        style.legend(panel)
+    style.over_time(axes)
+
+
+def _wrench_panel(panel: Any, replay: Replay, k: int) -> None:
+    drawn = (
+        (replay.wrench, style.COMMANDED, replay.source),
+        (replay.steps.commanded, REPLAYED, "with correction"),
+        (replay.measured, style.MEASURED, "measured*"),
+        (replay.predicted, AS_FLOWN, "predicted*"),
+        (replay.predicted_new, WITH, "predicted with correction*"),
+    )
+    for values, colour, name in drawn:
+        if np.isfinite(values[:, k]).any():
+            style.curve(panel, replay.time, values[:, k], colour, name)
+    style.labelled(panel, *style.QUANTITIES[k])
+
+
+def _correction(panel: Any, replay: Replay, k: int, std: Array | None) -> None:
+    """The optimum, and what the filter lets through of it with the standard deviation of the prediction."""
+    correction = replay.steps.correction[:, k]
+    style.curve(panel, replay.time, replay.steps.optimum[:, k], "0.3", "optimum", 1.4)
+    style.curve(panel, replay.time, correction, REPLAYED, "correction (optimum after the uncertainty filter)")
+    if std is not None:
+        low, high = correction - std, correction + std
+        panel.fill_between(replay.time, low, high, color=SIGMA, alpha=0.25, lw=0, label="± sigma of the GP", zorder=1)
+    name, unit = style.QUANTITIES[k]
+    style.labelled(panel, f"correction of\n{name}", unit)
+
+
+def _std(replay: Replay) -> Array | None:
+    """Standard deviation (K, L) at each command; None for a process that looks at more than the command."""
+    gp = replay.gp
+    return None if gp.settings.inputs else gp.std(replay.wrench + replay.steps.optimum)
+
+
+def _sigma(panel: Any, replay: Replay) -> None:
+    """The number that decides: largest standard deviation of the outputs, in their unit or relative to the prior."""
+    style.curve(panel, replay.time, replay.steps.sigma, style.MEASURED, "sigma, the largest of the outputs")
+    if np.isfinite(replay.sigma_threshold):
+        label = "threshold: half of the optimum is withheld"
+        panel.axhline(replay.sigma_threshold, color=style.WARNING, lw=1.0, ls="--", label=label)
+    panel.set_ylim(min(0.0, float(replay.steps.sigma.min())), None)
+    style.labelled(panel, "sigma", sigma_unit(replay))
+
+
+def _beta(panel: Any, replay: Replay) -> None:
+    style.curve(panel, replay.time, 100.0 * replay.steps.beta, style.MEASURED)
+    panel.set_ylim(-3.0, 103.0)
+    style.labelled(panel, "beta: share of the\noptimum that is withheld", "%")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +14,10 @@ from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
-from wrenchgap.replay.present.documents import atomic
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import called, entries, label, number, quantity, unit, unmeasured
+from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MANY_STEPS = 3
 """Steps from which on a sentence tells the clearest, and the line through all flights where that is significant."""
@@ -70,7 +68,7 @@ def summary(found: Trend) -> list[str]:
 
 def sentence(p: ParameterTrend, found: Trend) -> str:
     """What one parameter did."""
-    name = f"{p.effect} {called(p.name, found.model.vehicle)}"
+    name = f"{p.effect} {user_name(p.name, found.model.vehicle)}"
     if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
         return f"{name} drifts by {_slope(p.course.drift, p.unit)}."
     steps, line = p.course.steps, p.course.drift
@@ -163,7 +161,7 @@ def notes(found: Trend) -> list[str]:
     for p in found.parameters:
         if p.at_limit and p.course.verdict is not Verdict.OPEN:
             flights = ", ".join(found.names[k] for k in p.at_limit)
-            name = f"{p.effect}.{called(p.name, found.model.vehicle)}"
+            name = f"{p.effect}.{user_name(p.name, found.model.vehicle)}"
             out.append(f"{name} ended at the limit of what is plausible on {flights}")
     return [*out, *sentences(found.model.notes), *_of_flights(found)]
 
@@ -221,10 +219,8 @@ def _parameter_json(p: ParameterTrend, found: Trend) -> dict[str, Any]:
     }
 
 
-def to_frame(found: Trend) -> pd.DataFrame:
+def frame(found: Trend) -> list[dict[str, Any]]:
     """One row for each flight and parameter."""
-    import pandas as pd  # here: others need not wait for it
-
     rows = []
     for p in found.parameters:
         segment = np.zeros(len(found.names), dtype=int)
@@ -237,19 +233,13 @@ def to_frame(found: Trend) -> pd.DataFrame:
             sizes = {"value": float(p.values[k]), "std": float(p.std[k]), "error": float(p.errors[k])}
             course = {"segment": int(segment[k]), "level": float(p.course.level[k]), "scatter": p.course.scatter}
             rows.append({**about, **which, **sizes, **course, "verdict": str(p.course.verdict)})
-    return pd.DataFrame(rows)
+    return rows
 
 
 def check_table(path: Path | None) -> None:
     """Raise UsageError where the name of the table is not that of a Parquet file."""
     if path is not None and path.suffix.lower() != ".parquet":
         raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
-
-
-def save_table(found: Trend, path: Path) -> None:
-    """Write `to_frame` as Parquet, all of it or nothing."""
-    with atomic(path) as partial:
-        to_frame(found).to_parquet(partial, index=False)
 
 
 def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:
@@ -265,3 +255,75 @@ def from_fit_json(body: dict[str, Any]) -> tuple[FollowedFlight, FlightValues]:
     theta, std, left, noise = (np.array(body[k], dtype=float) for k in ("theta", "std", "left", "noise"))
     values = FlightValues(tuple(body["effects"]), theta, std, tuple(body["at_bound"]), left)
     return FollowedFlight(flight, (), noise, float(body["cutoff_hz"])), values
+
+
+SIGMAS = 2.0
+"""Half-width of intervals and of the band of scatter, in standard deviations."""
+MOST_NAMES = 40
+"""Flights that are named below the panels; more are numbered."""
+
+
+def picture(found: Trend) -> style.Picture:
+    """One panel for each parameter, over the flights.
+
+    Axes are (P, 1), one panel for each parameter that the flights show; flights from left to right in the order given,
+    numbered from 1.
+    """
+    shown = _shown(found)
+    named = len(found.flights) <= MOST_NAMES
+    size = (max(8.0, min(16.0, 4.0 + 0.3 * len(found.flights))), 1.9 * len(shown) + (1.9 if named else 0.8))
+    title = f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights, each fitted by itself"
+    return style.Picture((len(shown), 1), size, lambda axes: _draw(found, axes), title=title, share=True)
+
+
+def _shown(found: Trend) -> list[ParameterTrend]:
+    shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
+    return shown or list(found.parameters)
+
+
+def _draw(found: Trend, axes: Any) -> None:
+    panels, shown = np.ravel(axes), _shown(found)
+    for panel, p in zip(panels, shown, strict=True):
+        _panel(panel, p)
+        name = f"{p.effect}\n{label(p.name, found.model.vehicle)}"
+        style.labelled(panel, name, "" if p.unit == "1" else p.unit)
+    bottom, count = panels[-1], len(found.flights)
+    if count <= MOST_NAMES:
+        names = [f"{k + 1} {style.shortened(name)}" for k, name in enumerate(found.names)]
+        bottom.set_xticks(np.arange(1, count + 1), names, rotation=60, ha="right", fontsize=style.SMALL)
+    bottom.set_xlabel("flight, in the order given", fontsize=style.USUAL)
+    bottom.set_xlim(0.5, count + 0.5)
+    style.grid(panels)
+    style.legend(panels[0], *panels[1:])
+    panels[0].get_figure(root=False).align_ylabels(list(panels))
+
+
+def _panel(panel: Any, p: ParameterTrend) -> None:
+    """Values with intervals over the level with the scatter about it; every step a line with its size."""
+    flight = np.arange(1, len(p.values) + 1)
+    ends = [0, *(step.flight for step in p.course.steps), len(flight)]
+    for first, last in pairwise(ends):
+        x = np.array([first + 0.5, last + 0.5])
+        part = p.course.level[first:last]
+        level = np.interp(x, flight[first:last], part)
+        if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
+            level = part[0] + p.course.drift.slope * (x - flight[first])
+        half = SIGMAS * p.course.scatter
+        words = ("level", f"± {SIGMAS:g} scatter") if first == 0 else ("", "")
+        panel.fill_between(x, level - half, level + half, color=style.NOISE, alpha=0.25, lw=0, label=words[1] or None)
+        panel.plot(x, level, color=style.NOISE, lw=1.6, label=words[0] or None)
+    bars = {"fmt": "o", "ms": 4.0, "color": style.MEASURED, "ecolor": style.MEASURED, "elinewidth": 0.9, "capsize": 2.0}
+    panel.errorbar(flight, p.values, SIGMAS * p.errors, label=f"one flight, ± {SIGMAS:g} standard errors", **bars)
+    for step in p.course.steps:
+        _step_mark(panel, step, p.unit)
+
+
+def _step_mark(panel: Any, step: Step, unit: str) -> None:
+    """A line between the flights, and the size of the step beside it."""
+    place = step.flight + 0.5
+    panel.axvline(place, color=style.WARNING, lw=1.0, ls="--", label="step")
+    words = f"{'+' if step.size > 0 else ''}{quantity(step.size, unit, 2)}"
+    if unit in style.PREFIXED:
+        words = f"{'+' if step.size > 0 else ''}{style.written(step.size, unit)}"
+    look = {"fontsize": style.SMALL, "color": style.WARNING, "rotation": 90, "va": "top", "ha": "left"}
+    panel.annotate(words, (place, 1.0), (2, -2), ("data", "axes fraction"), textcoords="offset points", **look)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,11 @@ from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.figures import where as panels
 from wrenchgap.replay.present.notes import sentences, too_short
 from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 QUANTITIES = 3
 """Most quantities whose bins are printed."""
@@ -243,10 +242,8 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
     }
 
 
-def to_frame(where: Where) -> pd.DataFrame:
+def frame(where: Where) -> list[dict[str, Any]]:
     """One row for each bin of each quantity: low, high, time, rms and noise by axis, share of the error."""
-    import pandas as pd  # here: others need not wait for it
-
     rows = []
     for d in where.failure_map.dependences:
         b = d.binned
@@ -255,4 +252,34 @@ def to_frame(where: Where) -> pd.DataFrame:
             noise = {f"noise.{axis}": b.noise[i, k] for k, axis in enumerate(AXES)}
             own = {"quantity": d.name, "unit": d.unit, "significant": d.significant, "low": b.low[i], "high": b.high[i]}
             rows.append({**own, "time_share": b.time_share[i], "share": b.whole_share[i], **axes, **noise})
-    return pd.DataFrame(rows)
+    return rows
+
+
+def picture(where: Where) -> style.Picture:
+    """Error budget, map over two quantities, failure maps and correlations with their bands, on one page.
+
+    Axes are (3 + Q + 12,) in this order: the budget, the map over two quantities for force and torque, one for each of
+    the Q quantities (at most `panels.MOST`), autocorrelations of the six axes, and their correlations with the
+    strongest input.
+    """
+    count = len(panels.shown(where))
+    rows = max(1, -(-count // 4))
+
+    def split(figure: Any) -> Any:
+        heights = (3.6, 2.9 * rows, 5.4)
+        top, middle, bottom = figure.subfigures(3, 1, height_ratios=heights)
+        left, right = top.subfigures(1, 2, width_ratios=[1.0, 1.15])
+        maps = middle.subplots(rows, 4, squeeze=False).ravel()
+        for spare in maps[count:]:
+            spare.set_axis_off()
+        parts = ([left.subplots()], right.subplots(1, 2), maps[:count], bottom.subplots(2, 6, squeeze=False).ravel())
+        return np.concatenate([np.asarray(part, dtype=object) for part in parts])
+
+    def draw(axes: Any) -> None:
+        panels.draw_budget(axes[0], where)
+        panels.draw_grid(axes[1:3], where)
+        panels.draw_maps(axes[3 : 3 + count], where)
+        panels.draw_correlations(axes[3 + count :].reshape(2, 6), where)
+
+    title = f"where {where.name} fails: {', '.join(where.flights)}"
+    return style.Picture((15 + count,), (15.0, 9.0 + 2.9 * rows), draw, title=title, split=split)

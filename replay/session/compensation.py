@@ -99,7 +99,8 @@ class SessionCompensation:
         """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off."""
         from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
         from wrenchgap.replay.compensation.compensators import compensator
-        from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
+        from wrenchgap.replay.counterfactual.change import Change
+        from wrenchgap.replay.counterfactual.counterfactual import counterfactual
         from wrenchgap.replay.session.worker import apart
 
         with self.working.lock:

@@ -18,7 +18,7 @@ from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.wrench_model import Provenance
 from wrenchgap.replay.present import panels
 from wrenchgap.replay.present.addition import verdict
-from wrenchgap.replay.present.untried import not_tried
+from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.working_model import Revision, WorkingModel
 from wrenchgap.viewer.analysis import ModelState, NextFlight, Ranking, Report, Staircase

@@ -103,7 +103,7 @@ class LogSession:
         A GP belongs to the model that it was learnt on, and is left out once that has changed.
         """
         from wrenchgap.replay.present.report import Repetition, Request, page
-        from wrenchgap.replay.report.contents import report
+        from wrenchgap.replay.report import report
 
         working, model, one = self.working, self.model, self.working.flight(flight)
         others = [opened for name, opened in working.opened.items() if name != flight]

@@ -16,8 +16,7 @@ from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
-from wrenchgap.replay.present.checks import warnings
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import sentences, warnings
 from wrenchgap.viewer.scene import Scene, Series, Stretch
 
 RATE = 50.0

@@ -13,7 +13,7 @@ from wrenchgap.learn.posterior.bench import NO_CHECK, TRIALS
 from wrenchgap.learn.posterior.settle import MOST, settle, typical
 from wrenchgap.plant import effects, model_file
 from wrenchgap.plant.effects import catalogue
-from wrenchgap.replay.present import settle as words
+from wrenchgap.replay.present import posterior as words
 
 CATALOGUE = tuple(catalogue())
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "settle.md"
@@ -441,16 +441,16 @@ def test_the_page_has_every_check_with_its_cost_and_resolution():
 
 def test_checks_are_numbered_lines_and_json(checks):
     found = checks({"mass": {"added": 0.2}}, {"thrust_scale": None})
-    head, first, last = words.lines(found)
+    head, first, last = words.settle_lines(found)
     assert "cheapest first" in head.text
     assert first.text == f"  1. on the bench: {found[0].what}"
     assert last.text.startswith("  2. in flight: Fly what `wrenchgap design mass thrust_scale` writes")
-    assert words.to_json(found)[0] == {
+    assert words.settle_json(found)[0] == {
         "kind": "bench",
         "what": found[0].what,
         "separates": [[["mass"]], [["thrust_scale"]]],
     }
-    assert words.lines(()) == []
+    assert words.settle_lines(()) == []
 
 
 def test_checks_name_rotors_and_arms_as_the_user_does(checks, vehicle):

@@ -11,9 +11,9 @@ from typer.testing import CliRunner, Result
 
 from tests.replay import autopilot_logs
 from wrenchgap.learn.diagnose import budget, where
+from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli import console
 from wrenchgap.replay.cli.main import app
-from wrenchgap.replay.report import contents
 
 Run = Callable[..., Result]
 

@@ -132,9 +132,9 @@ def test_logs_of_an_object_store_are_read_and_rows_written_there(batch, logs):
 def test_lists_globs_and_folders_name_the_same_logs(logs, tmp_path):
     listed = tmp_path / "flights.txt"
     listed.write_text("# healthy\n" + "\n".join(map(str, sorted(logs.glob("*/*.mcap")))), encoding="utf-8")
-    by_folder = sources.found([str(logs)])
-    assert sources.found([str(listed)]) == by_folder == sources.found([f"{logs}/*/*.mcap"])
-    assert {s.vehicle for s in sources.found([str(logs)], "mine")} == {"mine"}
+    by_folder = sources.logs_named([str(logs)])
+    assert sources.logs_named([str(listed)]) == by_folder == sources.logs_named([f"{logs}/*/*.mcap"])
+    assert {s.vehicle for s in sources.logs_named([str(logs)], "mine")} == {"mine"}
 
 
 @pytest.mark.timeout(30)
@@ -142,18 +142,18 @@ def test_lists_and_links_that_lead_back_are_followed_once(logs, tmp_path, monkey
     """A list that names itself, thirty lists that name the next one twice, links to their own folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "round.txt").write_text(f"round.txt\n{logs}\n")
-    assert sources.found(["round.txt"]) == sources.found([str(logs)])
+    assert sources.logs_named(["round.txt"]) == sources.logs_named([str(logs)])
     for k in range(30):
         (tmp_path / f"{k}.txt").write_text(f"{k + 1}.txt\n" * 2)
     (tmp_path / "30.txt").write_text(f"{logs}\n")
-    assert sources.found(["0.txt"]) == sources.found([str(logs)])
+    assert sources.logs_named(["0.txt"]) == sources.logs_named([str(logs)])
     folder = tmp_path / "links"
     folder.mkdir()
     (folder / "one.mcap").write_bytes(b"x")
     for name in "xy":
         (folder / name).symlink_to(".")
-    assert [s.name for s in sources.found([str(folder)])] == ["one.mcap"]
-    assert {s.name for s in sources.found([f"{folder}/**/*.mcap"])} == {"one.mcap"}
+    assert [s.name for s in sources.logs_named([str(folder)])] == ["one.mcap"]
+    assert {s.name for s in sources.logs_named([f"{folder}/**/*.mcap"])} == {"one.mcap"}
 
 
 def test_an_etag_stands_for_the_content():
@@ -208,7 +208,7 @@ def test_a_store_that_lets_nobody_in_is_one_line(monkeypatch):
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UsageError, match=r"pip install 'wrenchgap\[batch\]'"):
-        driver.needed()
+        driver.dask_distributed()
 
 
 def test_help_does_not_import_dask():
@@ -224,7 +224,7 @@ def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
     lossy, alone = Store(str(tmp_path / "lossy")), Store(str(tmp_path / "alone"))
     for store in (lossy, alone):
         store.claim(plan.identity)
-    found = [s for s in sources.found([str(logs)]) if s.name != "twice.mcap"]
+    found = [s for s in sources.logs_named([str(logs)]) if s.name != "twice.mcap"]
     killed = []
     with driver.client(workers=2) as client:
         # what Dask would sample of each worker's stacks is kept for an hour: memory that grows with the logs

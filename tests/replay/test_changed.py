@@ -19,7 +19,7 @@ from wrenchgap.replay.present import changed as presented
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.figures import changed as drawn
-from wrenchgap.replay.present.report.changed import page
+from wrenchgap.replay.present.report.flights import changed_page as page
 
 MODEL = wg.load_model("tilt_hexarotor")
 TRIED = ("com_offset", "mass", "rotor_thrust")
@@ -142,10 +142,10 @@ def test_json_has_the_keys_that_are_documented_and_no_others(moved):
 
 
 def test_the_picture_marks_what_moved(moved, same):
-    marks, arrow = drawn.marked(moved)
+    marks, arrow = drawn.vehicle_marks(moved)
     assert marks == {"com": "moved"}
     np.testing.assert_allclose(arrow, [-0.004, 0.007, -0.005], atol=5e-4)
-    assert drawn.marked(same) == ({}, None)
+    assert drawn.vehicle_marks(same) == ({}, None)
     axes = moved.plot()
     assert np.size(axes) == 3
     plt.close("all")
@@ -164,7 +164,7 @@ def test_a_rotor_is_called_by_its_name(moved):
     found = rotor(moved, 0.97, 0.02)
     assert what_to_inspect.sentences(found)[0].startswith("Inspect M3: its propeller")
     assert "rotor_thrust of M3 by -12.0 %" in presented.summary(found)
-    assert list(drawn.marked(found)[0]) == ["rotor_2"]
+    assert list(drawn.vehicle_marks(found)[0]) == ["rotor_2"]
 
 
 def test_where_it_is_open_which_rotor_all_likely_ones_are_named(moved):

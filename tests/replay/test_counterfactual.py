@@ -12,6 +12,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.write import provenance
 from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.identify.disturbance import infer
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import ControllerGains
@@ -19,15 +20,13 @@ from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
-from wrenchgap.replay.counterfactual.change import believed_vehicle, changed_gains
+from wrenchgap.replay.counterfactual.change import Change, believed_vehicle, changed_gains
 from wrenchgap.replay.counterfactual.change import change as asked_change
 from wrenchgap.replay.counterfactual.counterfactual import (
     CHANGED,
-    Change,
     Counterfactual,
     WeakLaw,
     counterfactual,
-    read_recording,
 )
 from wrenchgap.replay.counterfactual.reflight import refly
 from wrenchgap.replay.present.counterfactual import _sentence, notes, to_json
@@ -192,6 +191,9 @@ def test_starting_later_knows_the_integral_and_the_lag_of_before(hidden):
     result = counterfactual(record(hidden, KNOWN, start=3.0, duration=2.0), KNOWN)
     assert result.null_run.duration_s == pytest.approx(2.0)
     assert to_json(result)["start_s"] == pytest.approx(3.0, abs=0.01)
+    frame = result.to_frame().set_index("run")
+    assert list(frame.index) == list(result.tracking)
+    assert frame.loc["null_run", "position_rms"] == result.tracking["null_run"].position_rms
     assert result.null_run.attitude_deg_max < 0.12
     # Were the integral forgotten, the residual torque would be off by k_i w^2 J q, here up to 0.02 Nm.
     assert np.abs(result.inference.pilot.offset[:, 3:].mean(axis=0)).max() < 2e-3

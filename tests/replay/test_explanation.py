@@ -25,9 +25,9 @@ from wrenchgap.learn.posterior.open_bands import OpenBand
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.explanation import members, short, summary, to_json, what_next
-from wrenchgap.replay.present.left import oscillation_in_words
+from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
-from wrenchgap.replay.present.untried import not_tried
+from wrenchgap.replay.present.posterior import oscillation_in_words
 
 NAME = "tilt_hexarotor"
 MODEL = wg.load_model(NAME)

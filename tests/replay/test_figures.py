@@ -11,7 +11,7 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.replay.present import figures
+from wrenchgap.replay.present import save_figure
 from wrenchgap.replay.present.figures import style
 
 MODEL = wg.load_model("tilt_hexarotor")
@@ -178,8 +178,8 @@ def test_a_log_shows_the_rate_of_every_role(logs):
 
 def test_files_are_written_without_pyplot_and_never_over_another(added, tmp_path):
     path = tmp_path / "added.png"
-    figures.save(added, path)
+    save_figure(added, path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert not plt.get_fignums()
     with pytest.raises(UsageError, match="exists already"):
-        figures.save(added, path)
+        save_figure(added, path)

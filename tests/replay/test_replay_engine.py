@@ -20,10 +20,9 @@ from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.compensation.source import checked
-from wrenchgap.replay.compensation.summary import summarise
+from wrenchgap.replay.compensation.source import source_by_name
 from wrenchgap.replay.present.documents import write_csv
-from wrenchgap.replay.present.replay import notes, to_json, warnings, write_log
+from wrenchgap.replay.present.replay import notes, summarise, to_json, warnings, write_log
 
 MODEL = model_file.load("tilt_hexarotor")
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -181,7 +180,7 @@ def test_refusals(flown, gp):
     with pytest.raises(LogError, match="no topic plays the role 'commanded' or 'actuators'"):
         replayed_on(replace(flown, desired=None, commanded=None, actuators=None), gp)
     with pytest.raises(UsageError, match="expected desired or commanded"):
-        checked("wanted")
+        source_by_name("wanted")
 
 
 def test_command_writes_everything(flown, gp, result, run, tmp_path):

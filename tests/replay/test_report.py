@@ -21,15 +21,15 @@ from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file, trajectory_file
 from wrenchgap.plant.moves import Moves, Turn
 from wrenchgap.plant.trajectory_file import TrajectoryFile
+from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.present import report as report_package
 from wrenchgap.replay.present import staircase
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
-from wrenchgap.replay.present.report import words as page_words
+from wrenchgap.replay.present.report import summary as page_words
 from wrenchgap.replay.present.report.elements import Image
-from wrenchgap.replay.report import contents
-from wrenchgap.replay.report.contents import NextFlight
+from wrenchgap.replay.report import NextFlight
 
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")

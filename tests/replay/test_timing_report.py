@@ -8,7 +8,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose import timing
 from wrenchgap.plant import model_file
-from wrenchgap.replay.cli.options import parse_between, parse_shifts
+from wrenchgap.replay.cli.values import parse_between, parse_shifts
 
 MODEL = model_file.load("tilt_hexarotor")
 LATE = 0.15

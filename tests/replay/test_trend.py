@@ -12,8 +12,9 @@ import wrenchgap as wg
 from wrenchgap.learn.identify.course import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.report.trend import marked, page
-from wrenchgap.replay.present.trend import notes, sentence, summary, to_frame, to_json
+from wrenchgap.replay.present.report.flights import trend_page as page
+from wrenchgap.replay.present.report.flights import vehicle_marks
+from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"
 SPIKY = "<b>M$3</b>"
@@ -64,7 +65,7 @@ def test_a_rotor_is_called_as_the_user_calls_it(weak):
     assert summary(weak)[-1] == f"Look at: {SPIKY}."
     (told,) = to_json(weak)["parameters"]
     assert (told["name"], told["where"]) == ("rotor_2", SPIKY)
-    marks, moved = marked(weak)
+    marks, moved = vehicle_marks(weak)
     assert marks == {"rotor_2": "rotor_thrust -0.050"}
     assert moved is None
 
@@ -91,7 +92,7 @@ def test_few_flights_say_so(season):
 
 
 def test_the_table_has_every_value(found):
-    frame = to_frame(found)
+    frame = found.to_frame()
     assert len(frame) == 5 * len(found.parameters)
     y = frame[(frame["effect"] == "com_offset") & (frame["parameter"] == "y")]
     assert y["segment"].tolist() == [0, 0, 0, 1, 1]

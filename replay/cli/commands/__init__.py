@@ -1,1 +1,1 @@
-"""One module per command, with a function of its name. A module is found by being here; nothing else lists them."""
+"""The commands, each a function: parse, call `replay.api`, present. `replay.cli.main` lists them."""

@@ -16,6 +16,7 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.values import usage_error
 
 HIDDEN = ("com_offset=x:0.005,y:-0.007,z:0.004", "arm_twist=twist:0.0015")
 """What the vehicle has and its model file does not: a centre of mass 9 mm away from where it should be, and arms that
@@ -121,9 +122,9 @@ def demo(
     import contextlib
 
     if output.exists() and not output.is_dir():
-        raise o.usage_error(f"{output}: is a file, expected a folder; choose another with -o")
+        raise usage_error(f"{output}: is a file, expected a folder; choose another with -o")
     if output.is_dir() and any(output.iterdir()) and not force:
-        raise o.usage_error(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
+        raise usage_error(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
     run, root = Run(json=json, force=force), ctx.find_root()
     run.claim({})
     output.mkdir(parents=True, exist_ok=True)
@@ -142,7 +143,6 @@ def demo(
     _result(run, found)
     run.line(f"figures: {output / 'effect.png'}, {output / 'torque.png'}; logs and results: {output}")
     run.write("demo", found)
-    run.wrote()
 
 
 def _result(run: Run, found: dict[str, Any]) -> None:

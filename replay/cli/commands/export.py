@@ -11,10 +11,10 @@ from typing import Annotated, Literal
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.commands.replay import DecayTime, DespiteVerdict, NoFilter, Slope, Threshold
+from wrenchgap.replay.cli.completion import complete_effects
 from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.values import usage_error
 
-MANY = ("--without",)
 Precision = StrEnum("Precision", ["double", "float"])
 
 Process = Annotated[
@@ -35,7 +35,7 @@ Evaluations = Annotated[
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        "--without", metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=o.complete_effects
+        "--without", metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=complete_effects
     ),
 ]
 Observer = Annotated[
@@ -67,11 +67,11 @@ def export(
     evaluations: Evaluations = 12,
     lead: o.Lead = None,
     without: Without = None,
-    no_filter: NoFilter = False,
-    sigma_threshold: Threshold = None,
-    kappa: Slope = None,
-    decay_time: DecayTime = 0.15,
-    despite_verdict: DespiteVerdict = False,
+    no_filter: o.NoFilter = False,
+    sigma_threshold: o.Threshold = None,
+    kappa: o.Slope = None,
+    decay_time: o.DecayTime = 0.15,
+    despite_verdict: o.DespiteVerdict = False,
     observer: Observer = None,
     observer_max: ObserverMax = None,
     *,
@@ -113,9 +113,8 @@ def export(
             observer=_bandwidth(observer),
             observer_max=observer_max,
         )
-    run.write("export", {**made.to_json(), "folder": str(output)})
     run.result(made)
-    run.wrote(folder=output)
+    run.write("export", {**made.to_json(), "folder": str(output)}, folder=output)
     run.line(f"next: make -C {shlex.quote(str(output))} test")
 
 
@@ -126,6 +125,4 @@ def _bandwidth(text: str | None) -> float | Literal["log"] | None:
     try:
         return float(text)
     except ValueError:
-        from wrenchgap.flight.errors import UsageError
-
-        raise UsageError(f"--observer {text}: expected a bandwidth in Hz, or log") from None
+        raise usage_error(f"--observer {text}: expected a bandwidth in Hz, or log") from None

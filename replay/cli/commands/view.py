@@ -12,8 +12,8 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.values import parse_cutoff, usage_error
 
-MANY = ("--against",)
 SavedView = Annotated[
     Path | None,
     typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
@@ -51,8 +51,7 @@ def view(
     *,
     reading: Annotated[Reading, Omit("cutoff")],
     cutoff: OwnCutoff = None,
-    own: o.OwnEffects = None,
-    quiet: o.Quiet = False,
+    run: Annotated[Run, Omit("json", "force")],
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
@@ -65,7 +64,6 @@ def view(
     import threading
 
     from wrenchgap._lazy import uncollected
-    from wrenchgap.flight.errors import UsageError
 
     with uncollected():
         from wrenchgap.flight import cache
@@ -77,11 +75,11 @@ def view(
         from wrenchgap.viewer.view_state import read
 
     if force and save_to is None:
-        raise UsageError("--force: the page writes no files; name a folder for them, --save-to FOLDER")
+        raise usage_error("--force: the page writes no files; name a folder for them, --save-to FOLDER")
     folder = None if save_to is None else SaveFolder(save_to, force=force)
-    run, opening = Run(quiet=quiet), None if saved is None else read(saved)
+    opening = None if saved is None else read(saved)
     base, others, process = run.model(model), list(map(run.model, against or ())), run.gp(gp)
-    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else o.parse_cutoff(cutoff))
+    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
     with run.progress("opening") as report:
         session = LogSession(
             logs,

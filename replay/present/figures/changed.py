@@ -1,9 +1,4 @@
-"""Picture of what changed: mean residuals by flight in units of what healthy flights differ by, and the changes.
-
-Left, every flight's signed mean on each axis, from the mean of the healthy ones: what lies within the band is what
-healthy flights differ by. In the middle each change by itself: how many standard deviations it is. Right, the vehicle
-from above, with what to inspect marked.
-"""
+"""Panels of what changed: means of the residual by flight, each change by itself, and what to mark on the vehicle."""
 
 from __future__ import annotations
 
@@ -14,7 +9,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.replay.present.figures import style, vehicle
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, quantity, share
 from wrenchgap.replay.present.what_to_inspect import LIKELY, SURE
 
@@ -25,20 +20,7 @@ BAND = 2.0
 """Half the width of the band, in standard deviations between healthy flights."""
 
 
-def picture(found: Changed) -> style.Picture:
-    """Three panels side by side."""
-    title = f"{found.model.name}: {', '.join(map(style.shortened, found.suspect))} against {len(found.healthy)} healthy"
-    return style.Picture((1, 3), (15.0, 4.4), lambda panels: _draw(found, np.ravel(panels)), title=title)
-
-
-def _draw(found: Changed, panels: Any) -> None:
-    _means(found, panels[0])
-    _changes(found, panels[1])
-    marks, moved_B = marked(found)
-    vehicle.draw(panels[2], found.model.vehicle, marks, moved_B=moved_B)
-
-
-def marked(found: Changed) -> tuple[dict[str, str], Array | None]:
+def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
     """Parts of the vehicle to mark, with a few words on each, and where the centre of mass moved (3,) [m], if it did.
 
     Of nothing that changed nothing is marked.
@@ -67,7 +49,8 @@ def _written(size: Size) -> str:
     return f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
 
 
-def _means(found: Changed, panel: Any) -> None:
+def means(found: Changed, panel: Any) -> None:
+    """Signed means of the residual by flight, in units of what healthy flights differ by."""
     known = np.flatnonzero(np.isfinite(found.scatter))
     usual = np.mean([r.mean for r in found.rows if r.role == "healthy"], axis=0)
     panel.axhspan(-BAND, BAND, color=style.NOISE, alpha=0.15, lw=0, label=f"{BAND:g} scatter of healthy flights")
@@ -82,7 +65,8 @@ def _means(found: Changed, panel: Any) -> None:
     style.legend(panel)
 
 
-def _changes(found: Changed, panel: Any) -> None:
+def changes(found: Changed, panel: Any) -> None:
+    """Each change by itself, in standard deviations."""
     shown = found.alone[:MOST][::-1]
     if not shown:
         style.nothing(panel, "no effect of the catalogue could be tried")

@@ -1,4 +1,4 @@
-"""Pictures of a report: the error step by step, the ranking of the effects, the residual before and after.
+"""Pictures of a report: the error step by step, the residual before and after.
 
 `picture` is the first of them; its axes are (7,): the error in all, then one for each axis of the wrench.
 """
@@ -12,16 +12,14 @@ import numpy as np
 
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.identify.staircase import Basis, Staircase
-from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
+AFTER = COLOURS[Basis.HELD_OUT]
 TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}
-NAMED, IMPLAUSIBLE, OTHER = "#4c72b0", "#d0b0b0", "#b8c4d8"
-"""Colours of the candidates."""
 
 
 def picture(report: Report) -> style.Picture:
@@ -83,23 +81,6 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
     style.grid(panel)
 
 
-def ranking(candidates: Sequence[Candidate], named: Sequence[str]) -> style.Picture:
-    """Share of the error energy on held-out time that is gone with each effect alone."""
-    shown = list(candidates)[::-1]
-
-    def draw(panel: Any) -> None:
-        values = [100.0 * max(c.score, 0.0) for c in shown]
-        colours = [NAMED if c.name in named else IMPLAUSIBLE if c.implausible else OTHER for c in shown]
-        bars = panel.barh([c.name for c in shown], values, color=colours)
-        marks = [f"{v:.1f}" + (" (implausible)" if c.implausible else "") for v, c in zip(values, shown, strict=True)]
-        panel.bar_label(bars, marks, fontsize=style.SMALL, padding=3)
-        panel.set_xlim(0.0, 118.0)
-        panel.set_xlabel("reduction of the error energy on held-out time [%]; dark: named")
-        style.grid(panel)
-
-    return style.Picture((), (8.0, 0.9 + 0.27 * len(shown)), draw)
-
-
 def residuals(comparison: Comparison, first: int, last: int) -> style.Picture:
     """Residual of two of the compared models over time on the first flight, all axes, with twice the noise."""
     flight = comparison.flights[0]
@@ -116,7 +97,10 @@ def residuals(comparison: Comparison, first: int, last: int) -> style.Picture:
             for k in parts:
                 record = comparison.records[k]
                 share = float(record.time[-1] - record.time[0]) / (ends[1] - ends[0])
-                for index, colour, name in ((first, "0.65", "nominal"), (last, NAMED, "with all steps")):
+                for index, colour, name in (
+                    (first, "0.65", "nominal"),
+                    (last, COLOURS[Basis.HELD_OUT], "with all steps"),
+                ):
                     residual = record.measured[:, axis] - comparison.evaluations[index].predictions[k][:, axis]
                     style.curve(panel, record.time, residual, colour, name, share=share)
             name, unit = style.QUANTITIES[axis]

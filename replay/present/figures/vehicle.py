@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.vehicle import PART, Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.figures import style
 
 ARM, ROTOR = "0.45", "0.85"
@@ -208,8 +208,3 @@ def _words(panel: Any, place: Array, text: str, half: float, side: tuple[float, 
         va="bottom" if out[0] >= 0 else "top",
         zorder=8,
     )
-
-
-def part_of(parameter: str) -> str | None:
-    """The part that a parameter of an effect belongs to: `rotor_2`, `arm_1`, None for one of the whole vehicle."""
-    return parameter if PART.fullmatch(parameter) else None

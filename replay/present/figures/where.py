@@ -1,8 +1,6 @@
-"""Pictures of where a model fails: error budget, map over two quantities, failure maps, correlations with their bands.
+"""Panels of where a model fails: error budget, map over two quantities, failure maps, correlations with their bands.
 
-`picture` is all of them on one page; its axes are (3 + Q + 12,) in this order: the budget, the map over two quantities
-for force and torque, one for each of the Q quantities (at most `MOST`), autocorrelations of the six axes, and their
-correlations with the strongest input. Each can be drawn alone as well: `budget_figure` and those after it.
+`present.where.picture` puts all of them on one page; `budget_figure` and those after it draw each alone.
 """
 
 from __future__ import annotations
@@ -29,44 +27,19 @@ HARMFUL = -100.0
 """Share [%] below which the budget's axis becomes logarithmic: effects that do great harm."""
 
 
-def picture(where: Where) -> style.Picture:
-    """All of it on one page."""
-    count = len(_shown(where))
-    rows = max(1, -(-count // 4))
-
-    def split(figure: Any) -> Any:
-        heights = (3.6, 2.9 * rows, 5.4)
-        top, middle, bottom = figure.subfigures(3, 1, height_ratios=heights)
-        left, right = top.subfigures(1, 2, width_ratios=[1.0, 1.15])
-        maps = middle.subplots(rows, 4, squeeze=False).ravel()
-        for spare in maps[count:]:
-            spare.set_axis_off()
-        parts = ([left.subplots()], right.subplots(1, 2), maps[:count], bottom.subplots(2, 6, squeeze=False).ravel())
-        return np.concatenate([np.asarray(part, dtype=object) for part in parts])
-
-    def draw(axes: Any) -> None:
-        _draw_budget(axes[0], where)
-        _draw_grid(axes[1:3], where)
-        _draw_maps(axes[3 : 3 + count], where)
-        _draw_correlations(axes[3 + count :].reshape(2, 6), where)
-
-    title = f"where {where.name} fails: {', '.join(where.flights)}"
-    return style.Picture((15 + count,), (15.0, 9.0 + 2.9 * rows), draw, title=title, split=split)
-
-
 def budget_figure(where: Where) -> Any:
     """Stacked bars: what the nominal error is made of, per axis and for the whole."""
-    return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: _draw_budget(panel, where)))
+    return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: draw_budget(panel, where)))
 
 
 def maps_figure(where: Where) -> Any:
     """One panel per quantity: rms of force and torque by bin, against the noise floor."""
-    count = len(_shown(where))
+    count = len(shown(where))
     columns = 4 if count > 2 else 2
     rows = max(1, -(-count // columns))
 
     def draw(panels: Any) -> None:
-        _draw_maps(panels.ravel()[:count], where)
+        draw_maps(panels.ravel()[:count], where)
         for spare in panels.ravel()[count:]:
             spare.set_axis_off()
 
@@ -75,19 +48,21 @@ def maps_figure(where: Where) -> Any:
 
 def grid_figure(where: Where) -> Any:
     """Map of the rms over two quantities, force and torque; an empty figure where the logs give none."""
-    return style.figure_of(style.Picture((1, 2), (8.6, 3.4), lambda panels: _draw_grid(panels[0], where)))
+    return style.figure_of(style.Picture((1, 2), (8.6, 3.4), lambda panels: draw_grid(panels[0], where)))
 
 
 def correlation_figure(where: Where) -> Any:
     """Autocorrelation of each axis, and its strongest correlation with an input, with bands."""
-    return style.figure_of(style.Picture((2, 6), (14.0, 5.4), lambda panels: _draw_correlations(panels, where)))
+    return style.figure_of(style.Picture((2, 6), (14.0, 5.4), lambda panels: draw_correlations(panels, where)))
 
 
-def _shown(where: Where) -> tuple[Dependence, ...]:
+def shown(where: Where) -> tuple[Dependence, ...]:
+    """The quantities that are drawn."""
     return where.failure_map.dependences[:MOST]
 
 
-def _draw_budget(panel: Any, where: Where) -> None:
+def draw_budget(panel: Any, where: Where) -> None:
+    """Shares of the nominal error energy, by axis and for the whole."""
     shares, whole, place = where.budget.shares(), where.budget.whole(), np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
     above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
@@ -112,11 +87,12 @@ def _draw_budget(panel: Any, where: Where) -> None:
     style.legend(panel)
 
 
-def _draw_maps(panels: Any, where: Where) -> None:
-    for panel, dependence in zip(panels, _shown(where), strict=True):
+def draw_maps(panels: Any, where: Where) -> None:
+    """One panel for each quantity."""
+    for panel, dependence in zip(panels, shown(where), strict=True):
         _draw_map(panel, dependence)
     for panel in panels[:1]:
-        if any(np.isnan(d.binned.low).any() for d in _shown(where)):
+        if any(np.isnan(d.binned.low).any() for d in shown(where)):
             panel.plot([], [], color="0.4", ls="--", lw=0.8, label="samples in no bin (level flight)")
         figure = panel.get_figure(root=False)
         entries = panel.get_legend_handles_labels()
@@ -166,7 +142,8 @@ def _title(dependence: Dependence) -> str:
     return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
 
 
-def _draw_grid(panels: Any, where: Where) -> None:
+def draw_grid(panels: Any, where: Where) -> None:
+    """The map over two quantities, or why there is none."""
     grid = where.failure_map.grid
     if grid is None:
         style.nothing(panels[0], "no map over two quantities: the logs lack them")
@@ -192,7 +169,8 @@ def _draw_grid(panels: Any, where: Where) -> None:
             _sides(panel)
 
 
-def _draw_correlations(panels: Any, where: Where) -> None:
+def draw_correlations(panels: Any, where: Where) -> None:
+    """Autocorrelations above, correlations with the strongest input below."""
     autos = {auto.axis: auto for auto in where.whiteness.autocorrelation}
     for k, axis in enumerate(AXES):
         panel, auto = panels[0][k], autos.get(axis)

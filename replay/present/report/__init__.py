@@ -4,8 +4,9 @@
 the page's own, `repetition` what is needed to come to the same numbers again, `summary` lines, JSON and frame.
 """
 
+from wrenchgap.replay.present.figures.report import picture
 from wrenchgap.replay.present.report.page import page, save
 from wrenchgap.replay.present.report.repetition import Repetition, Request
-from wrenchgap.replay.present.report.summary import parts, to_frame, to_json
+from wrenchgap.replay.present.report.summary import frame, parts, to_json
 
-__all__ = ["Repetition", "Request", "page", "parts", "save", "to_frame", "to_json"]
+__all__ = ["Repetition", "Request", "frame", "page", "parts", "picture", "save", "to_json"]

@@ -11,12 +11,13 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.replay.present import explanation, staircase
-from wrenchgap.replay.present.checks import raised, warnings
-from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.replay.present.documents import claim
+from wrenchgap.replay.present.notes import findings, warnings
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 
 def save(report: Report, path: Path, *, force: bool = False, repetition: Repetition | None = None) -> None:
@@ -42,7 +43,10 @@ def page(report: Report, repetition: Repetition) -> str:
             verdict=str(found.verdict),
             summary=explanation.summary(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
-            warnings=[*warnings(raised(report)), *([] if tested is None else explanation.validation_warnings(tested))],
+            warnings=[
+                *warnings(findings(report)),
+                *([] if tested is None else explanation.validation_warnings(tested)),
+            ],
             sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
         )
     )

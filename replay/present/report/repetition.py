@@ -13,7 +13,7 @@ from pathlib import Path
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.model_file import dumps, next_version, tool_version
 from wrenchgap.replay.present.documents import sha256
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 PACKAGES = ("numpy", "scipy", "GPy", "matplotlib", "mcap", "rosbags", "tomlkit", "pyclustering")
 """Packages whose versions may change numbers."""

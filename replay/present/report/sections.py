@@ -16,11 +16,11 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, untried, where
+from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import not_tried, sentences
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     UNIT_HEADS,
@@ -33,10 +33,10 @@ from wrenchgap.replay.present.numbers import (
     share,
     unit,
 )
-from wrenchgap.replay.present.report import words
+from wrenchgap.replay.present.report import summary
 from wrenchgap.replay.present.report.elements import Image, Saved, Table
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
-from wrenchgap.replay.report.contents import NextFlight, Report
+from wrenchgap.replay.report import NextFlight, Report
 
 INTERVAL = 1.96
 """Half-width of a 95 % interval in standard deviations."""
@@ -72,7 +72,7 @@ def of_error(report: Report, _: Repetition) -> Content:
     return {
         "chart": Image.of(style.figure_of(charts.picture(report)), f"Error step by step. {said}", caption, "svg"),
         "tables": [_steps(case) for case in report.staircases],
-        "rest": words.rest(report.rest),
+        "rest": summary.rest(report.rest),
         "residual": _residual(report),
         "absorbs": absorbs[:1].upper() + absorbs[1:],
     }
@@ -108,7 +108,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
-        "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
+        "chart": Image.of(style.figure_of(explanation.picture(found)), alt, caption, "svg"),
         "first": _candidates("Each effect alone", shown, found.model.vehicle),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
@@ -176,7 +176,7 @@ def of_where(report: Report, _: Repetition) -> Content:
     pair = [("Given model", report.before)]
     if report.after is not report.before:
         pair.append(("Fitted model", report.after))
-    return {"on": words.where_on(report), "models": [{"title": title, **_maps(found)} for title, found in pair]}
+    return {"on": summary.where_on(report), "models": [{"title": title, **_maps(found)} for title, found in pair]}
 
 
 def _maps(found: Where) -> dict[str, Any]:
@@ -195,7 +195,7 @@ def _maps(found: Where) -> dict[str, Any]:
         "grid": grid
         and not empty
         and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
-        "no_grid": words.no_grid(grid) if grid is not None and empty else "",
+        "no_grid": summary.no_grid(grid) if grid is not None and empty else "",
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 
@@ -248,22 +248,22 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
     title, shown_by = f"To separate {' from '.join(flight.names)}", _shown_by(flight.names)
     found = flight.design
     if found is None:
-        return {"title": title, "shown_by": shown_by, "file": None, "why_not": words.why_not(flight)}
+        return {"title": title, "shown_by": shown_by, "file": None, "why_not": summary.why_not(flight)}
     heads = ("effect in the vehicle", "effect in the model", "separation", "largest tilt [deg]", "speed [m/s]")
     caption = "The same flight on the simulated vehicle."
     return {
         "title": title,
         "shown_by": shown_by,
         "file": Saved(f"next-flight-{place}.toml", trajectory_file.dumps(found.file)),
-        "words": words.designed(found),
-        "table": Table(heads, words.rehearsal(found), left=2, caption=caption) if found.flown else None,
+        "words": summary.designed(found),
+        "table": Table(heads, summary.rehearsal(found), left=2, caption=caption) if found.flown else None,
         "advice": () if found.separable else design.advice(found),
     }
 
 
 def of_not_tried(report: Report, _: Repetition) -> Content:
     """Effects that these logs or this model do not allow, by reason."""
-    reasons = untried.not_tried(report.explanation.untried)
+    reasons = not_tried(report.explanation.untried)
     return {"reasons": [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]}
 
 

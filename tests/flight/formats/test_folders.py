@@ -6,7 +6,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import flights_in
-from wrenchgap.replay.cli.logs import flights
+from wrenchgap.replay.cli.options import logs_in
 
 
 def parts(logs, folder, starts, names, form="mcap-zstd"):
@@ -33,7 +33,7 @@ def test_files_that_do_not_are_several_flights_even_if_numbered(logs, tmp_path):
     with pytest.raises(LogError, match=r"do not follow one another.*name one of its files: flight_1\.mcap") as caught:
         flight.load(folder)
     assert "\n" not in str(caught.value)
-    assert [path.name for path in flights([folder])] == ["flight_1.mcap", "flight_2.mcap"]
+    assert [path.name for path in logs_in([folder])] == ["flight_1.mcap", "flight_2.mcap"]
 
 
 def test_formats_may_be_mixed_and_a_bag_folder_is_one(logs, tmp_path):
@@ -43,7 +43,7 @@ def test_formats_may_be_mixed_and_a_bag_folder_is_one(logs, tmp_path):
     logs.plain_flight(1.0).save(folder / "c", "folder-sqlite3")
     assert [path.name for path in flights_in(folder)] == ["a.csv", "b.mcap", "c"]
     assert flights_in(folder / "c") == [folder / "c"]
-    assert flights([folder / "a.csv"]) == [folder / "a.csv"]
+    assert logs_in([folder / "a.csv"]) == [folder / "a.csv"]
 
 
 def test_a_split_recording_among_others_is_refused(logs, tmp_path):

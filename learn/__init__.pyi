@@ -1,0 +1,14 @@
+from .data.comparison import Comparison as Comparison
+from .data.errors import Errors as Errors
+from .data.opening import OpenFlight as OpenFlight
+from .design.designed import Design as Design
+from .design.manoeuvres import Limits as Limits
+from .diagnose.model_checks import LogReport as LogReport
+from .diagnose.where import Where as Where
+from .identify.add import Addition as Addition
+from .identify.learning import Learnt as Learnt
+from .identify.trend import Trend as Trend
+from .posterior.explain import Explanation as Explanation
+from .posterior.explain import Verdict as Verdict
+from .process.gp import FitSettings as FitSettings
+from .process.gp import GaussianProcess as GaussianProcess

@@ -1,0 +1,12 @@
+from .effects import AirEffect as AirEffect
+from .effects import BodyEffect as BodyEffect
+from .effects import CommandEffect as CommandEffect
+from .effects import Context as Context
+from .effects import Parameter as Parameter
+from .effects import SensorEffect as SensorEffect
+from .effects import ThrustEffect as ThrustEffect
+from .effects import WrenchEffect as WrenchEffect
+from .effects import catalogue as catalogue
+from .model import Model as Model
+from .model import make_effect as make_effect
+from .vehicle import Vehicle as Vehicle

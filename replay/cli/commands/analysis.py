@@ -1,0 +1,206 @@
+"""`wrenchgap inspect`, `compare`, `where`, `explain`, `report`: what logs say about a model."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.completion import complete_models
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.values import parse_effects, usage_error
+
+FOUND_BAD = 3
+"""Exit code where the command did its work and the log is bad."""
+
+
+def inspect(
+    logs: o.Logs,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="MODEL",
+            help="Check the log against this model too.",
+            autocompletion=complete_models,
+        ),
+    ] = None,
+    *,
+    reading: Annotated[Reading, Omit("between")],
+    run: Run,
+) -> None:
+    """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
+
+    Each check that fails says what to do. With a model, its mass, rotors and actuation are checked as well. Then the
+    delays between the topics and, with a model, of the response behind its commands (docs/timing.md).
+
+    The exit code is 3 where a check is bad and not accepted, so that a script does not go on.
+
+    Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
+    """
+    from wrenchgap._lazy import uncollected
+
+    with uncollected():
+        from wrenchgap.learn.diagnose import model_checks
+
+    run.claim({}, *logs)
+    known = None if model is None else run.model(model)
+    bodies = []
+    for path in logs:
+        seen = model_checks.inspect(path, known, reading.options)
+        run.result(seen)
+        bodies.append(seen.to_json())
+    run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
+    run.write("inspect", {"logs": bodies})
+    found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]
+    if any(check["level"] == "bad" and not check["accepted"] for check in found):
+        raise typer.Exit(FOUND_BAD)
+
+
+def compare(
+    logs: o.Logs,
+    model: o.ModelOption,
+    against: o.Against = None,
+    gp: o.GpOption = None,
+    figure: o.Figure = None,
+    csv: o.Csv = None,
+    by_flight: Annotated[
+        bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
+    ] = False,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Errors of models on flights, per axis and per flight, and where they are worst.
+
+    Always shown first: "nominal", the vehicle without effects. Effects of MODEL, other models and a GP follow, with the
+    change of rms against it, and the noise of the sensors.
+
+    Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
+    """
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.documents import write_csv
+
+    run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
+    base, others = run.model(model), [run.model(name, "against") for name in against or ()]
+    process = run.gp(gp)
+    with run.progress("reading") as report:
+        flights, _ = run.open(reading.options, logs, base)
+        report(0.7, "comparing")
+        result = api.compare(flights, base, *others, gp=process)
+    run.result(result, signed=by_flight)
+    look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
+    run.line(f"why there: {look}{run.common_options()}", style="dim")
+    run.draw(result, figure)
+    if csv is not None:
+        write_csv(result.to_frame(), csv)
+    run.write("compare", result.to_json(), figure=figure, table=csv)
+
+
+def where(
+    logs: o.Logs,
+    model: o.ModelOption,
+    gp: o.GpOption = None,
+    figure: o.Figure = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
+
+    Prints an error budget (noise, effects in the model, what a Gaussian process would add, unexplained), the quantities
+    that the error depends on most, the worst stretches, whether the residual is white, and the inputs that predict it
+    on held-out time. docs/where.md says how to read it.
+
+    Example: `wrenchgap where flight.mcap -m tilt_hexarotor --figure where.png`
+    """
+    from wrenchgap.replay import api
+
+    run.claim({"--json": run.json, "--figure": figure}, *logs, model, gp)
+    base, process = run.model(model), run.gp(gp)
+    with run.progress("where") as report:
+        flights, _ = run.open(reading.options, logs, base)
+        result = api.where(flights, base, gp=process, progress=report)
+    run.result(result)
+    run.notes(base.notes)
+    run.draw(result, figure)
+    run.write("where", result.to_json(), figure=figure)
+
+
+def explain(
+    logs: o.Logs,
+    model: o.ModelOption,
+    validate: o.Validate = None,
+    effects_only: Annotated[
+        str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
+    ] = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Rank the effects that could explain what the model misses, by the reduction of the error on held-out time.
+
+    Effects already in MODEL stay, fitted together with each candidate. Effects that are indistinguishable on these logs
+    are reported as one group. Put the result into a model file with `wrenchgap add`.
+
+    Example: `wrenchgap explain train.mcap -m tilt_hexarotor --validate test.mcap`
+    """
+    from wrenchgap.learn.parallel import cores, get_ready
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.explanation import what_next
+
+    run.claim({}, *logs, *(validate or ()), model)
+    base, names = run.model(model), parse_effects(effects_only)
+    with run.progress("explaining") as report:
+        get_ready(cores())  # workers start while logs are read
+        flights, tests = run.open(reading.options, logs, base, validate)
+        found = api.explain(flights, base, names=names, validate=tests, progress=report)
+    run.result(found)
+    read = (run.common_options(), run.common_options("cutoff"))
+    run.show(*what_next(found, model, [str(p) for p in logs], *read))
+    run.notes([*base.notes, *(note for f in tests for note in f.notes)])
+    run.write("explain", found.to_json())
+
+
+def report(
+    logs: o.Logs,
+    model: o.ModelOption,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="HTML", help="Page to write (.html).", show_default=False)
+    ],
+    validate: o.Validate = None,
+    gp: o.GpOption = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Write one page that says which effect is missing, with what confidence, and how far the error is reduced.
+
+    The page needs nothing else: verdict, error step by step on held-out time and unseen flights, ranking, parameters,
+    where the model fails before and after, residual, what to fly next, and how to repeat it all.
+
+    Example: `wrenchgap report train.mcap -m tilt_hexarotor --validate test.mcap -o report.html`
+    """
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.report import Repetition, Request, save, to_json
+
+    run.claim({"--output": output}, *logs, *(validate or ()), model, gp)
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise usage_error(f"--output {output}: the report is a web page; expected a name that ends in .html")
+    base, process = run.model(model), run.gp(gp)
+    topics, shifts, between = (", ".join(t or []) for t in (reading.topic, reading.shift, reading.between))
+    said = {"between": between, "topics": topics, "shift": shifts, "unmeasured": reading.unmeasured}
+    options = {key: value for key, value in said.items() if value}
+    with run.progress("reporting") as told:
+        flights, tests = run.open(reading.options, logs, base, validate)
+        found = api.report(flights, base, validate=tests, gp=process, progress=told)
+        told(1.0, "writing the page")
+        request = Request(model, run.command_line(), run.common_options(), options, gp)
+        repetition = Repetition.of(found, request)
+        save(found, output, force=run.force, repetition=repetition)
+    run.result(found)
+    run.write("report", {**to_json(found, repetition), "page": str(output)}, report=output)

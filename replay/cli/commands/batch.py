@@ -1,0 +1,215 @@
+"""`wrenchgap batch`: one command over thousands of logs, here or on a Dask cluster (docs/batch.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.completion import complete_models
+from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.values import parse_effects, usage_error
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.batch.plan import Plan
+
+Sources = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOGS...",
+        help="Logs, folders (with all folders in them), globs, lists (.txt, a log in each line), s3://..., gs://...",
+        show_default=False,
+    ),
+]
+Models = Annotated[
+    list[str],
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
+        autocompletion=complete_models,
+        show_default=False,
+    ),
+]
+SomeModels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model", "-m", metavar="MODEL", help="Check logs against this model too, or VEHICLE=MODEL; repeat for more."
+    ),
+]
+Output = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Where rows are written, a folder or s3://...; the same command again goes on where it stopped.",
+        show_default=False,
+    ),
+]
+
+
+@dataclass
+class Where:
+    """Who does the work."""
+
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask cluster. Default: this machine."),
+    ] = None
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine. Default: its cores.")
+    ] = None
+    memory: Annotated[
+        str, typer.Option("--memory", metavar="SIZE", help="Most memory of each of them, e.g. 2GB; `auto`: its share.")
+    ] = "auto"
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
+    ] = None
+    again: Annotated[bool, typer.Option("--again", help="Try logs once more that have failed.")] = False
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None and (self.workers is not None or self.memory != "auto"):
+            raise usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
+
+
+def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> None:
+    """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
+    from wrenchgap.flight.errors import UsageError
+    from wrenchgap.replay.batch import driver, sources, words
+    from wrenchgap.replay.batch.store import Store
+
+    if run.own:
+        raise UsageError("--effects: workers have the effects of the catalogue only; leave the option out")
+    run.claim({})
+    driver.dask_distributed()
+    store = Store(output)
+    found = sources.logs_named(logs, where.vehicle)
+    store.claim(plan.identity)
+    with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
+        report(0.0, "starting workers")
+        with driver.client(where.scheduler, where.workers, where.memory) as client:
+            driver.agree(client, store)
+            run.line(f"Dask's dashboard: {client.dashboard_link}{_without_bokeh()}", style="dim")
+            result = driver.passes(client, found, plan, store, report, passes, again=where.again)
+    run.show(*words.parts(result))
+    for vehicle, text in plan.models.items():
+        run.inputs.append({"role": "model", "file": text.name, "sha256": text.sha256, "vehicle": vehicle or None})
+    run.write("batch", words.to_json(result))
+    if result.rows and len(result.failures) == len(result.rows):
+        raise UsageError(f"all {len(result.rows)} logs failed; the first: {result.failures[0]['reason']}")
+
+
+def _without_bokeh() -> str:
+    return "" if find_spec("bokeh") else " (its pages need bokeh: pip install bokeh)"
+
+
+def inspect(
+    logs: Sources, output: Output, model: SomeModels = None, *, reading: Reading, where: Where, run: Run
+) -> None:
+    """Check every log: a row with its worst check and all that `wrenchgap inspect --json` says.
+
+    Example: `wrenchgap batch inspect flights/ -o inspected`
+    """
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
+
+    _batch(Plan("inspect", models_by_vehicle(model or []), reading.options.to_json()), logs, output, where, run)
+
+
+def compare(
+    logs: Sources,
+    model: Models,
+    output: Output,
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            "--fit",
+            metavar="A,B",
+            help="Effects to fit to each flight, for `trend`. Default: those of MODEL, else thrust_scale,com_offset.",
+        ),
+    ] = None,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """Errors of the model on every flight, and each flight's own parameters: `wrenchgap trend FOLDER` follows them.
+
+    Example: `wrenchgap batch compare 'flights/*/*.mcap' -m my_quadrotor -o compared`
+    """
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
+
+    plan = Plan("compare", models_by_vehicle(model), reading.options.to_json(), parse_effects(fit))
+    _batch(plan, logs, output, where, run)
+
+
+def explain(
+    logs: Sources,
+    model: Models,
+    output: Output,
+    effects_only: Annotated[
+        str | None, typer.Option("--effects-only", metavar="A,B", help="Try these effects only.")
+    ] = None,
+    passes: Annotated[
+        int,
+        typer.Option(
+            "--passes",
+            metavar="N",
+            min=1,
+            help="Most passes over the logs: each linearises candidates where the last found them.",
+        ),
+    ] = 2,
+    each: Annotated[
+        bool, typer.Option("--each", help="Search every log by itself as well, as `wrenchgap explain` does.")
+    ] = False,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """Rank the effects that the model is missing, vehicle by vehicle, on all flights together.
+
+    Every log is read once a pass; its evidence is kept with its row, merged, and cross-validated by flight without
+    reading a log again.
+
+    Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
+    tcp://10.0.0.1:8786`
+    """
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
+
+    names = parse_effects(effects_only)
+    plan = Plan("explain", models_by_vehicle(model), reading.options.to_json(), names, each=each)
+    _batch(plan, logs, output, where, run, passes)
+
+
+def changed(
+    logs: Sources,
+    model: Models,
+    healthy: Annotated[
+        list[str],
+        typer.Option(
+            "--healthy", metavar="LOG...", help="Logs of the same vehicle when all was well.", show_default=False
+        ),
+    ],
+    output: Output,
+    effects_only: o.ChangesOnly = None,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """What changed on every flight, each by itself, against the same healthy flights of that vehicle.
+
+    Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
+    """
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
+    from wrenchgap.replay.batch.sources import logs_named
+
+    good = tuple(one.url for one in logs_named(healthy))
+    names = parse_effects(effects_only)
+    plan = Plan("changed", models_by_vehicle(model), reading.options.to_json(), names, good)
+    _batch(plan, [*logs], output, where, run)

@@ -1,0 +1,129 @@
+"""`wrenchgap changed` and `trend`: what differs between flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.values import parse_effects
+
+Suspects = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SUSPECT...",
+        help="Logs of flights with something wrong.",
+        show_default=False,
+        callback=o.existing_paths,
+    ),
+]
+Healthy = Annotated[
+    list[Path],
+    typer.Option(
+        "--healthy",
+        metavar="LOG...",
+        help="Logs of the same vehicle when all was well; several say what is usual.",
+        show_default=False,
+        callback=o.existing_paths,
+    ),
+]
+
+
+def changed(
+    suspects: Suspects,
+    model: o.ModelOption,
+    healthy: Healthy,
+    effects_only: o.ChangesOnly = None,
+    figure: o.Figure = None,
+    page: o.Page = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
+
+    What MODEL is wrong by in all of the flights drops out. A change must exceed what healthy flights differ by among
+    themselves. Changes that are indistinguishable on these flights are one class. MODEL may be poor; it stays as it is.
+
+    Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
+    """
+    from wrenchgap.learn.parallel import cores, get_ready
+    from wrenchgap.replay import between_flights
+    from wrenchgap.replay.present.report import flights as pages
+
+    run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
+    pages.check(page)
+    base, names = run.model(model), parse_effects(effects_only)
+    with run.progress("comparing") as report:
+        good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
+        get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
+        found = between_flights.changed(bad, good, base, names=names, progress=report)
+    run.result(found)
+    run.notes(base.notes)
+    run.draw(found, figure)
+    if page is not None:
+        pages.save(pages.changed_page(found, run.command_line()), page)
+    run.write("changed", found.to_json(), figure=figure, page=page)
+
+
+def trend(
+    logs: o.Logs,
+    model: o.ModelOption,
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            "--fit",
+            metavar="A,B",
+            help="Effects to fit to each flight. Default: those of MODEL, else thrust_scale,com_offset.",
+        ),
+    ] = None,
+    figure: o.Figure = None,
+    table: Annotated[
+        Path | None, typer.Option("--table", metavar="FILE", help="Every value as a table (.parquet).")
+    ] = None,
+    page: o.Page = None,
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
+    ] = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Fit each flight by itself and say which parameters stepped or drifted over the flights.
+
+    Give the logs in the order in which they were flown, or the folder of `wrenchgap batch compare`. A step is told with
+    its flight, its size with a 95 % interval, and its significance against the scatter between flights; with fewer than
+    four flights nothing is said of steps.
+
+    Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
+    """
+    from wrenchgap.replay import between_flights
+    from wrenchgap.replay.present import trend as words
+    from wrenchgap.replay.present.documents import write_parquet
+    from wrenchgap.replay.present.report import flights as pages
+
+    run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
+    words.check_table(table)
+    pages.check(page)
+    names = parse_effects(fit)
+    base = run.model(model)
+    with run.progress("following") as report:
+        if len(logs) == 1 and (logs[0] / "run.json").is_file():
+            from wrenchgap.replay.batch.fleet import trend_of_rows
+            from wrenchgap.replay.batch.store import Store
+
+            found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
+            run.note_input(logs[0] / "run.json", "batch")
+        else:
+            flights, _ = run.open(reading.options, logs, base)
+            found = between_flights.trend(flights, base, names, progress=report)
+    run.result(found)
+    run.draw(found, figure)
+    if table is not None:
+        write_parquet(found.to_frame(), table)
+    if page is not None:
+        pages.save(pages.trend_page(found, run.command_line()), page)
+    run.write("trend", found.to_json(), figure=figure, table=table, page=page)

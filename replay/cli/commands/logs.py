@@ -1,0 +1,261 @@
+"""`wrenchgap simulate`, `convert` and `design`: flights flown, converted and planned."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.completion import complete_effects, complete_trajectories
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.values import parse_effects, parse_room, usage_error
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.design.manoeuvres import Limits
+    from wrenchgap.plant.vehicle import Vehicle
+
+
+def _list(asked: bool) -> None:
+    if not asked:
+        return
+    from wrenchgap.plant.trajectory import TRAJECTORIES
+    from wrenchgap.replay.present.tables import plain
+
+    rows = [(name, f"{seconds:g} s", words) for name, (_, seconds, words) in TRAJECTORIES.items()]
+    Run().show(plain("trajectories", ("name", "length", "description"), rows, left=3))
+    raise typer.Exit()
+
+
+TrajectoryName = Annotated[
+    str,
+    typer.Option(
+        "--trajectory",
+        "-t",
+        metavar="NAME",
+        help="See --list; or a file of `wrenchgap design`.",
+        autocompletion=complete_trajectories,
+    ),
+]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")]
+Duration = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")]
+Excitation = Annotated[
+    float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of sensor noise and excitation.")]
+Integral = Annotated[bool | None, typer.Option("--integral/--no-integral", help="Integral action of the controller.")]
+Hide = Annotated[
+    list[str] | None,
+    typer.Option("--hide", metavar="EFFECT=P:V,...", help="Effect of the plant that MODEL does not have."),
+]
+Truth = Annotated[
+    Path | None, typer.Option("--truth", metavar="FILE", help="Write the true model, with the hidden effects.")
+]
+List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")]
+
+
+def simulate(
+    model: o.ModelOption,
+    trajectory: TrajectoryName,
+    output: Output,
+    duration: Duration = None,
+    excitation: Excitation = 0.0,
+    seed: Seed = 0,
+    integral: Integral = None,
+    hide: Hide = None,
+    truth: Truth = None,
+    list_: List = False,
+    *,
+    run: Run,
+) -> None:
+    """Fly a simulated vehicle along a trajectory and write its log.
+
+    The controller believes MODEL. With --hide the plant flies MODEL and the hidden effects, which the log does not
+    reveal: parameters by name, or all of them in order.
+
+    Example: `wrenchgap simulate -m voliro_x -t multi_axis --excitation 1 --hide com_offset=x:-0.004,y:0.007 -o a.mcap`
+    """
+    from wrenchgap.flight.write import write
+    from wrenchgap.plant import model_file
+    from wrenchgap.plant.flight_plan import Plan, fly, prepare, provenance, summary
+    from wrenchgap.replay.present import simulation
+
+    run.claim({"--output": output, "--truth": truth}, trajectory)
+    if output.suffix != ".mcap":
+        raise usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
+    plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
+    true, _, _ = prepare(plan)
+    with run.progress("flying", "flying") as report:
+        flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
+    write(flown, output, metadata=provenance(plan), force=run.force)
+    if truth is not None:
+        model_file.save(true, truth, force=run.force)
+    went = summary(flown)
+    run.line(simulation.line(output, plan, went))
+    run.notes(flown.notes, "warning")
+    run.write("simulate", simulation.to_json(output, plan, flown, went), log=output, true_model=truth)
+
+
+def convert(
+    logs: o.Logs,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.", show_default=False
+        ),
+    ],
+    *,
+    reading: Annotated[Reading, Omit("cutoff", "between", "accept", "keep")],
+    run: Run,
+) -> None:
+    """Write logs of any format as MCAP with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
+
+    Only what plays a role is written, in SI, FLU and ENU, on one clock, without what was left out. Several logs go into
+    a folder, under their own names. Reading the result gives the same flight.
+
+    Example: `wrenchgap convert flight.ulg -o flight.mcap`
+    """
+    from wrenchgap import flight
+    from wrenchgap.replay.present.documents import log_input
+
+    asked = reading.options
+    targets = _targets(logs, output)
+    run.claim({f"--output {log.name}": target for log, target in targets.items()}, *logs)
+    bodies = []
+    with run.progress("converting") as told:
+        for number, (log, target) in enumerate(targets.items()):
+            told(number / len(targets), f"reading {log.name}")
+            found = flight.load(log, asked.topics, unmeasured=asked.unmeasured, budget=asked.budget)
+            found = flight.shifted(found, asked.shifts or {})
+            source = {"source": str(log), "source_sha256": found.content_hash, "command": run.command_line()}
+            flight.write(found, target, metadata=source | {"notes": "\n".join(found.notes)}, force=run.force)
+            run.inputs.append(log_input(found))
+            played = found.series().items()
+            run.line(f"{log}: {', '.join(f'{role} ({len(series.time)})' for role, series in played)}")
+            run.notes(found.notes)
+            run.line(f"wrote log {target}")
+            roles = {role: {"topic": series.topic, "samples": len(series.time)} for role, series in played}
+            bodies.append({"log": str(log), "output": str(target), "roles": roles, "notes": list(found.notes)})
+    run.write("convert", {"logs": bodies})
+
+
+def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
+    """Where each log goes; raises UsageError for several logs and no folder."""
+    if output.is_dir():
+        return {log: output / f"{log.name if log.is_dir() else log.stem}.mcap" for log in logs}
+    if len(logs) > 1:
+        raise usage_error(f"--output {output}: {len(logs)} logs go into a folder; expected one that exists")
+    if output.suffix != ".mcap":
+        raise usage_error(
+            f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap, or a folder"
+        )
+    return {logs[0]: output}
+
+
+READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
+"""Options that say how logs are read: nothing that a simulation needs."""
+Trajectory = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
+]
+SizesFrom = Annotated[
+    list[Path] | None,
+    typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
+]
+DesignedDuration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight, in seconds.")]
+Room = Annotated[
+    str | None, typer.Option("--room", metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
+]
+Tilt = Annotated[
+    float | None,
+    typer.Option("--max-tilt", metavar="DEG", help="Largest tilt, in degrees; default: 60, or 30 for fixed rotors."),
+]
+Speed = Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed, in m/s.")]
+Also = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--also",
+        metavar="EFFECT...",
+        help="Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
+        autocompletion=complete_effects,
+    ),
+]
+Anyway = Annotated[bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")]
+Sampled = Annotated[
+    Path | None, typer.Option("--csv", metavar="FILE", help="The sampled reference, for other flight stacks.")
+]
+SeedOfNoise = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sensor noise.")]
+
+
+def design(
+    effects: o.Effects,
+    model: o.ModelOption,
+    output: Trajectory,
+    logs: SizesFrom = None,
+    duration: DesignedDuration = 30.0,
+    room: Room = None,
+    max_tilt: Tilt = None,
+    max_speed: Speed = 2.0,
+    also: Also = None,
+    anyway: Anyway = False,
+    csv: Sampled = None,
+    figure: o.Figure = None,
+    seed: SeedOfNoise = 0,
+    *,
+    reading: Annotated[Reading, Omit("cutoff")],
+    run: Run,
+) -> None:
+    """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
+
+    Sizes of the effects are those of MODEL, else fitted to the logs, else typical. Where no trajectory can separate
+    them, the result says what would, and no file is written. Fly the result with `wrenchgap simulate -t FLIGHT`.
+
+    Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
+    """
+    # Long because typer reads the options from the signature, one a line.
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present import design as present
+
+    run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
+    if output.suffix != ".toml":
+        raise usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
+    base = run.model(model)
+    along = None if also is None else parse_effects(",".join(n for n in also if n != "none"))
+    with run.progress("designing") as report:
+        found = api.design(
+            parse_effects(",".join(effects)),
+            base,
+            run.open(reading.options, logs or [], base)[0],
+            limits=_limits(base.vehicle, room, max_tilt, max_speed),
+            duration=duration,
+            also=along,
+            unmeasured=reading.options.unmeasured,
+            seed=seed,
+            progress=report,
+        )
+    written = found.separable or anyway
+    if written:
+        present.write(found, output, csv)
+        run.draw(found, figure)
+    run.result(found)
+    run.write(
+        "design",
+        {**found.to_json(), "trajectory": str(output) if written else None},
+        **({"trajectory": output, "csv": csv, "figure": figure} if written else {}),
+    )
+    if written:
+        fly = shlex.join(["wrenchgap", "simulate", "-m", model, "-t", str(output), "-o", "flight.mcap"])
+        run.line(f"next: {fly}{run.common_options(*READ)}, or fly it")
+
+
+def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from wrenchgap.learn.design.manoeuvres import usual
+
+    limits = usual(vehicle)
+    tilt = limits.tilt if tilt_deg is None else float(np.radians(tilt_deg))
+    return replace(limits, room=parse_room(room) or limits.room, tilt=tilt, speed=speed)

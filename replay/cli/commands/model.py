@@ -1,0 +1,231 @@
+"""`wrenchgap model new`, `model show`, `add`, `remove`, `history`: model files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.completion import complete_effects, complete_models
+from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.values import parse_budget, parse_effects, usage_error
+
+if TYPE_CHECKING:
+    from wrenchgap.plant.model import Model
+
+
+def new(
+    output: o.ModelOut,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="SOURCE",
+            help="PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.",
+            show_default=False,
+        ),
+    ] = None,
+    mass: Annotated[
+        float | None, typer.Option("--mass", metavar="KG", help="What the vehicle weighs, with its battery.")
+    ] = None,
+    mass_tolerance: Annotated[
+        float | None, typer.Option("--mass-tolerance", metavar="KG", help="How well that is known, e.g. 0.005.")
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the vehicle.")] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option("--frame", metavar="FRAME", help="Frame with --arm, e.g. quad_x."),
+    ] = None,
+    arm: Annotated[float | None, typer.Option("--arm", help="From the middle to a motor, in metres.")] = None,
+    radius: Annotated[float | None, typer.Option("--rotor-radius", help="Of the rotors, in metres.")] = None,
+    thrust_max: Annotated[
+        float | None, typer.Option("--thrust-max", metavar="N", help="Thrust of one rotor at full throttle.")
+    ] = None,
+    interactive: Annotated[bool, typer.Option("--interactive", "-i", help="Ask for what SOURCE does not say.")] = False,
+    figure: o.Figure = None,
+    budget: o.BudgetOption = None,
+    *,
+    run: Run,
+) -> None:
+    """Write a model file from what is known: every number in it carries a comment that says where it is from.
+
+    What nobody said is marked ASSUMED, in the file and on the screen: replace it where you know better. Inertia is
+    estimated from mass and geometry, with a tolerance, where nothing is known of it. The level of the thrust curve is
+    fitted where SOURCE is a log in which the vehicle flies.
+
+    Example: `wrenchgap model new --from flight.ulg --mass 1.52 --mass-tolerance 0.005 -o vehicle.toml`
+    """
+    from wrenchgap.plant.drafts.sources import Given
+    from wrenchgap.replay import modelling
+
+    run.claim({"--output": output, "--figure": figure}, source)
+    if source is None and not interactive:
+        raise usage_error("model new: nothing to start from; say --from SOURCE, or --interactive to be asked")
+    given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
+    ask = questions if interactive else None
+    allowed = parse_budget(budget)
+    sheet = modelling.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
+    saved = modelling.save_draft(sheet, output, force=run.force)
+    if source is not None:
+        run.note_input(source, "source")
+    run.result(saved)
+    run.draw(saved, figure)
+    run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
+
+
+def questions(question: str, kind: type, default: str | None, choices: Sequence[str]) -> str:
+    """The answer to one question as text, asked again until it is of its kind; "" where it may be left open.
+
+    `kind` is float or str; `default` None makes an answer necessary, "" makes it optional.
+    """
+    words = question + (f" ({', '.join(choices)})" if choices else "")
+    while True:
+        answer = str(typer.prompt(words, default=default, show_default=bool(default), err=True)).strip()
+        if answer == "" and default == "":
+            return ""
+        if choices and answer not in choices:
+            typer.echo(f"got {answer!r}, expected one of {', '.join(choices)}", err=True)
+        elif kind is float and not _positive(answer):
+            typer.echo(f"got {answer!r}, expected a positive number", err=True)
+        else:
+            return answer
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < float("inf")
+    except ValueError:
+        return False
+
+
+def show(
+    model: o.ModelFile,
+    figure: o.Figure = None,
+    *,
+    run: Run,
+) -> None:
+    """What a model file says, as it was understood: mass properties, rotors, the command curve, effects.
+
+    With --figure a top view is drawn: arms, rotors with their direction of turn, centre of mass, IMU.
+
+    Example: `wrenchgap model show vehicle.toml --figure vehicle.png`
+    """
+    from wrenchgap.plant.drafts.sheet import Sheet
+
+    run.claim({"--figure": figure}, model)
+    sheet = Sheet(run.model(model))
+    run.result(sheet)
+    run.draw(sheet, figure)
+    run.write("model", sheet.to_json(), figure=figure)
+
+
+def add(
+    model: o.ModelOption,
+    output: o.ModelOut,
+    effects: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="EFFECT...", help="Effects to fit.", autocompletion=complete_effects),
+    ] = None,
+    logs: o.FromLogs = None,
+    value: Annotated[
+        list[str] | None,
+        typer.Option("--value", metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
+    ] = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Fit effects to logs and write the model that has them; the model file's comments stay.
+
+    All effects of the new model are fitted together, those that MODEL had already too. Logs, hashes, date and version
+    are written beside the values, and the new file carries the history of all its versions (`wrenchgap history`).
+
+    Example: `wrenchgap add com_offset servo_lag -m tilt_hexarotor --from train.mcap -o fitted.toml`
+    """
+    run.claim({"--output": output}, *(logs or ()))
+    base, command = run.model(model), run.command_line()
+    if value and (effects or logs):
+        raise usage_error("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
+    if value:
+        _set(run, base, value, output, command)
+        return
+    if not effects:
+        raise usage_error("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
+    if not logs:
+        raise usage_error("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
+    parse_effects(",".join(effects))
+    from wrenchgap.replay import api
+
+    with run.progress("fitting") as report:
+        flights, _ = run.open(reading.options, logs, base)
+        added = api.add(base, effects, flights, progress=report)
+    saved = api.save_model(added, output, command=command, force=run.force)
+    run.result(added)
+    number = saved.history[-1].number
+    run.write(
+        "add",
+        {**added.to_json(), "model": str(output), "model_version": number},
+        **{f"model (version {number})": output},
+    )
+
+
+def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -> None:
+    from wrenchgap.plant.effect_values import set_by_hand
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.addition import effects_json, model_table
+
+    saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=run.force)
+    run.show(model_table(saved))
+    kept = {"model": str(output), "model_version": saved.history[-1].number}
+    run.write("add", {"effects": effects_json(saved.snapshot), "refitted": [], **kept}, model=output)
+
+
+def remove(
+    effects: o.Effects,
+    model: o.ModelOption,
+    output: o.ModelOut,
+    *,
+    run: Run,
+) -> None:
+    """Take effects out of a model; the others keep their values (fit them anew with `wrenchgap add`).
+
+    Example: `wrenchgap remove servo_lag -m fitted.toml -o without.toml`
+    """
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.addition import effects_json, model_table
+
+    run.claim({"--output": output})
+    base = run.model(model)
+    saved = api.save_model(base.without(effects), output, before=base, command=run.command_line(), force=run.force)
+    names = list(dict.fromkeys(effects))
+    run.line(f"removed {', '.join(names)} from {base.name}")
+    run.show(*([model_table(saved)] if saved.effects else []))
+    number = saved.history[-1].number
+    body = {"removed": names, "effects": effects_json(saved.snapshot), "model": str(output), "model_version": number}
+    run.write("remove", body, **{f"model (version {number})": output})
+
+
+def history(
+    model: Annotated[
+        str,
+        typer.Argument(metavar="MODEL", help="Model file (.toml).", autocompletion=complete_models, show_default=False),
+    ],
+    *,
+    run: Run,
+) -> None:
+    """Versions of a model: what each changed, from which flights, and what that did to the error.
+
+    The model file carries its history itself; the files that it came from need not exist any more. Errors are on
+    held-out time.
+
+    Example: `wrenchgap history fitted.toml`
+    """
+    from wrenchgap.replay.present import history as present
+
+    run.claim({}, model)
+    read = run.model(model)
+    run.show(*present.parts(read))
+    run.write("history", present.to_json(read))

@@ -1,0 +1,222 @@
+"""What a search over sets of effects found, in sentences: classes, what settles them, the nearest, the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.learn.diagnose.one_rotor import OneRotor
+from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.learn.identify.fit import Fit
+from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.open_bands import OpenBand
+from wrenchgap.learn.posterior.settle import Check
+from wrenchgap.plant.history import Value
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.present import where
+from wrenchgap.replay.present.numbers import quantity, share, unit_of, user_name
+from wrenchgap.replay.present.tables import Line
+
+MOST_CLASSES = 3
+"""Classes that are put in words."""
+HALF = 0.5
+"""Weight of nothing missing below which that is not said."""
+MUCH = 0.05
+"""Share of the weight that is left, as rms, from which on turbulence alone is not believed."""
+MOST_SETS, LIGHT = 5, 0.02
+"""Sets of a class that are put in words; those of less weight than that are not."""
+KINDS = {"bench": "on the bench", "flight": "in flight"}
+
+
+def settle_lines(checks: Sequence[Check]) -> list[Line]:
+    """One numbered line for each check, the cheapest first; none where nothing is open."""
+    if not checks:
+        return []
+    head = Line("What would settle it, cheapest first:", "bold")
+    return [head, *(Line(f"  {k}. {KINDS[check.kind]}: {check.what}") for k, check in enumerate(checks, 1))]
+
+
+def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
+    """The `settle` key of a class: groups of sets of effects, every set a list of names."""
+    return [
+        {"kind": c.kind, "what": c.what, "separates": [[list(names) for names in group] for group in c.separates]}
+        for c in checks
+    ]
+
+
+def class_in_words(one: Class) -> str:
+    """The sets of a class with their weights, and on what all of them agree."""
+    shown = [s for s in one.sets[:MOST_SETS] if s.weight >= LIGHT or s is one.sets[0]]
+    listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
+    if len(listed) == 1:
+        return f"{share(one.weight)} of the weight: {listed[0]}"
+    common = f"; in all of them: {', '.join(one.established)}" if one.established else ""
+    return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
+
+
+def classes_in_words(classes: Sequence[Class]) -> list[str]:
+    """The heaviest classes, a sentence each."""
+    return [class_in_words(c) for c in classes[:MOST_CLASSES] if c.weight >= LIGHT]
+
+
+def class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
+    """One entry of `classes`."""
+    return {
+        "weight": one.weight,
+        "sets": [{"effects": list(s.names), "weight": s.weight} for s in one.sets],
+        "established": [{"effect": name, "parameters": one.sets[0].values(vehicle)[name]} for name in one.established],
+        "settle": settle_json(one.settle),
+    }
+
+
+def nothing_missing(found: Explanation) -> str:
+    """Nothing is named; but not that nothing is missing, where most of the weight says that something is."""
+    sets = found.posterior.sets
+    none = sum(s.weight for s in sets if not s.names)
+    likeliest = next((s for s in sets if s.names), None)
+    if none >= HALF or likeliest is None:
+        return "Nothing is missing that these logs can show."
+    small = "something" if found.open.any() else "something small"
+    names = " + ".join(likeliest.names)
+    return (
+        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or {small}, most "
+        f"likely {names} ({100 * likeliest.weight:.0f} %); fly longer, or with excitation, to tell."
+    )
+
+
+def turbulence(found: Explanation) -> str:
+    """Axes on which more than noise is left that nothing predicts."""
+    axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
+    if not axes:
+        return ""
+    words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
+    force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
+    of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
+    if of_weight > MUCH:
+        words += (
+            f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
+        )
+    return f"Open: on {', '.join(axes)} {words}"
+
+
+def largest_residual(found: Explanation) -> str:
+    """The axis on which most is left, in units of the noise."""
+    after, noise = found.rms_after, found.noise
+    axis = int(np.nanargmax(after / np.maximum(noise, 1e-30)))
+    size = f"{after[axis]:.2g} {unit_of(axis)} rms"
+    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
+
+
+PROMINENT = 0.3
+"""Parameters of this share of the largest, in typical sizes, are named."""
+WORTH_A_WORD, UNLIKELY = 0.1, 1.5
+"""Share of the error energy and t above which the best single effect is told where nothing is established."""
+ALIKE, MOST_ALIKE = 0.9, 3
+"""Others of that share of its score are told with it, so many in all."""
+
+
+def nearest(found: Explanation, *, at_all: bool = False) -> str:
+    """What would take off a good part of the error, and is not established; nothing in turbulence, which fits much, and
+    nothing unlikely, except `at_all`.
+    """  # noqa: D205
+    fair = [c for c in found.ranking if at_all or (c.significance > UNLIKELY and not c.implausible)]
+    near = [] if found.open.any() and not at_all else sorted(fair, key=lambda c: -c.score)
+    if not near or near[0].score < WORTH_A_WORD:
+        return ""
+    best = near[0]
+    alike = [c.name for c in near[1:MOST_ALIKE] if c.score > ALIKE * best.score]
+    first = with_values(best.fit, found.model, best.name)
+    names = " or ".join([first, *alike])
+    return f"Nearest, and not established: {names}, which would take off {share(best.score)} of the error energy."
+
+
+def with_values(fit: Fit, model: Model, name: str) -> str:
+    """The effect with its parameters, or of many the three largest, as far as they are comparable with the largest."""
+    shown: Sequence[Value] = fit.values(name)
+    if len(shown) > 3:
+        typical = {p.name: p.scale for owner, p in fit.parameters if owner == name}
+        by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
+        largest = abs(by_size[0].value) / typical[by_size[0].name]
+        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
+    if not shown:
+        return name
+    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
+
+
+CONCENTRATED = 0.7
+"""Share of the residual in the worst tenth of the time that is worth saying."""
+
+
+def residual_in_words(found: Explanation) -> str:
+    """Sentences on what nothing explains."""
+    clues = [f"{bands_in_words(found.bands)}."] if found.bands else []
+    if found.oscillation is not None:
+        words = oscillation_in_words(found.oscillation)
+        clues.append(f"{words[:1].upper()}{words[1:]}.")
+    if found.one_rotor is not None:
+        words = one_rotor_in_words(found.one_rotor, found.model.vehicle)
+        clues.append(f"{words[:1].upper()}{words[1:]}.")
+    if found.depends is not None and found.depends.chosen:
+        inputs = " and ".join(g.label for g in found.depends.chosen[:3])
+        clues.append(
+            f"The residual depends on {inputs} ({100 * found.depends.explained:.0f} % of it can be predicted from them "
+            "on held-out time)."
+        )
+    if found.concentrated > CONCENTRATED:
+        clues.append(
+            f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
+        )
+    return " ".join(clues)
+
+
+def bands_in_words(bands: Sequence[OpenBand]) -> str:
+    """One clause: on each axis the frequencies at which more than the noise is left, the loudest axis first."""
+    said = []
+    for axis in dict.fromkeys(b.axis for b in bands):
+        own = [b for b in bands if b.axis == axis]
+        low, high = min(b.low_hz for b in own), max(b.high_hz for b in own)
+        times = max(b.over_noise for b in own)
+        said.append(f"{AXES[axis]} at {low:.2g} to {high:.2g} Hz ({times:.2g} times the noise)")
+    return f"What is named leaves more than noise in {', '.join(said)}"
+
+
+def oscillation_in_words(found: Oscillation) -> str:
+    """One clause."""
+    where = {
+        "E": "fixed in the inertial frame, as a load on a rope is",
+        "B": "body-fixed",
+        None: "whether it is fixed in the inertial frame, like a load on a rope, or body-fixed is not clear",
+    }[found.frame]
+    return (
+        f"a lightly damped mode at {found.frequency_hz:.2g} Hz (damping {found.damping:.2g}, {100 * found.share:.0f} % "
+        f"of the residual): {where}"
+    )
+
+
+def one_rotor_in_words(found: OneRotor, vehicle: Vehicle) -> str:
+    """One clause."""
+    rotors = " or ".join(vehicle.rotor_name(k) for k in found.rotors)
+    return (
+        f"{100 * found.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing logged "
+        "tells: a propeller or hub that slips, a motor or its controller that stutters"
+    )
+
+
+def residual_json(found: Explanation) -> dict[str, Any]:
+    """The same for machines."""
+    mode, depends, rotor = found.oscillation, found.depends, found.one_rotor
+    name = found.model.vehicle.rotor_name
+    return {
+        "over_noise": found.left,
+        "in_worst_tenth": found.concentrated,
+        "bands": [{**b.__dict__, "axis": AXES[b.axis]} for b in found.bands],
+        "swing": None if mode is None else {**mode.__dict__, "words": oscillation_in_words(mode)},
+        "one_rotor": None if rotor is None else {"rotors": [name(k) for k in rotor.rotors], "share": rotor.share},
+        "depends_on": None if depends is None else where.relevance_json(depends),
+    }

@@ -1,1 +1,0 @@
-"""Everything about some flights and a model, put together for one page."""
