@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.host import Host
@@ -39,19 +39,9 @@ class Part:
 
 
 class Panel(Part):
-    """A tab of the page, constructed once. A subclass adds its controls in `__init__`, `with host.tab("Name"):`.
+    """A tab of the page, constructed once. A subclass adds its controls in `__init__`, `with host.tab("Name"):`."""
 
-    `asks` is the entry of `Capabilities` that it is constructed with.
-    """
-
-    asks: ClassVar[str]
     _looking: Job | None = None
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel, or None where the session lacks what it asks for: then the page has no such tab."""
-        found = getattr(host.session.capabilities, cls.asks)
-        return None if found is None else cls(host, found)  # type: ignore[call-arg]
 
     def look_up(self, of: Callable[[], T], show: Callable[[T], None], *, beside: bool) -> None:
         """`show(of())` at once, or `beside` the page as soon as it stands. What was asked before is given up."""

@@ -36,9 +36,9 @@ from benchmarks.attacks._page import (
     update,
     web_page,
 )
+from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.viewer.background import told
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.panels.effects import EffectsPanel
 
 AREA = "The viewer's page"
 

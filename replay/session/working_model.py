@@ -7,7 +7,7 @@ is computed from the present model is kept until the model changes.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -48,13 +48,13 @@ class Revision:
 class WorkingModel:
     """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened."""
 
-    def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
-        self.opened, self.gp, self.cutoff_hz = dict(opened), gp, cutoff
+    def __init__(self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None):
+        self.opened, self.gp = {one.records[0].flight: one for one in flights}, gp
         self.lock = threading.RLock()
         self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
         self._undone: list[Revision] = []
         self._saved = model
-        found, self.notes = predictors(model, (), gp, cutoff)
+        found, self.notes = predictors(model, (), gp, flights[0].records[0].cutoff_hz)
         self.given, self._given_predictor = model, found[-1]
         self._data: dict[tuple[str, ...], Dataset] = {}
         self._kept: dict[tuple[str, ...], object] = {}
