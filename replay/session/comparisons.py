@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -11,10 +10,9 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.worker import apart
-from wrenchgap.replay.session.working_model import Revision, WorkingModel
+from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
 from wrenchgap.viewer.background import Report
 
 SOURCE = "what changed between flights, in the viewer"
@@ -51,7 +49,6 @@ def with_changes(model: Model, found: Changed) -> Model:
     """The model with the effects of the likeliest set, changed by what the suspect flights show."""
     if found.verdict is Verdict.NOTHING:
         return model
-    stamp = Provenance(fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=SOURCE)
     effects = {e.name: e for e in model.effects}
     for name in found.names:
         effect = find(name)
@@ -64,5 +61,5 @@ def with_changes(model: Model, found: Changed) -> Model:
                 k = index[size.name]
                 theta[k] = np.clip(theta[k] + size.change, parameters[k].low, parameters[k].high)
         made = ModelEffect(effect, theta, None) if own is None else replace(own, theta=theta, std=None)
-        effects[name] = replace(made, provenance=stamp)
+        effects[name] = replace(made, provenance=provenance(SOURCE))
     return model.with_effects(tuple(effects.values()))

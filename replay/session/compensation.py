@@ -11,6 +11,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentence
+from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.background import Report
 from wrenchgap.viewer.scene import Series
@@ -75,7 +76,6 @@ class SessionCompensation:
     def replay(self, flight: str, report: Report) -> Replay:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
         from wrenchgap.replay import api  # here: others need not wait for them
-        from wrenchgap.replay.session.worker import apart
 
         with self.working.lock:
             gp, setting = self._known()
@@ -92,7 +92,6 @@ class SessionCompensation:
         from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
         from wrenchgap.replay.compensation.compensators import compensator
         from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
-        from wrenchgap.replay.session.worker import apart
 
         with self.working.lock:
             gp, setting = self._known()

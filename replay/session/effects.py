@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +15,10 @@ from wrenchgap.plant import model_file, trajectory_file
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
-from wrenchgap.replay.session.working_model import Revision, WorkingModel
+from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
 from wrenchgap.viewer.background import Report
 
 if TYPE_CHECKING:
@@ -125,10 +124,7 @@ class SessionEffects:
                 )
             theta = old.theta.copy()
             theta[k] = value
-            source = Provenance(
-                fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=BY_HAND
-            )
-            new = replace(old, theta=theta, std=None, provenance=source)
+            new = replace(old, theta=theta, std=None, provenance=provenance(BY_HAND))
             model = working.model.with_effects((*(e for e in working.model.effects if e.name != effect), new))
             model.wrench_model.body  # noqa: B018 - raises where no body can be like that
             words = f"set {effect} by hand"
@@ -231,7 +227,6 @@ class SessionEffects:
     def explain(self, flight: str, report: Report) -> Explanation:
         """What is missing in the current model; searched for in a process of its own, for long."""
         from wrenchgap.replay import api
-        from wrenchgap.replay.session.worker import apart
 
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
@@ -240,7 +235,6 @@ class SessionEffects:
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> Design:
         """The flight that separates these effects; searched for in a process of its own, for long."""
         from wrenchgap.replay import api
-        from wrenchgap.replay.session.worker import apart
 
         for name in names:
             find(name)

@@ -17,6 +17,7 @@ from wrenchgap.learn.diagnose.budget import Budget, Source, budget, held_out_pro
 from wrenchgap.learn.diagnose.error_grid import Grid
 from wrenchgap.learn.diagnose.failure_map import Binned, FailureMap, failure_map
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
+from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.background import Report
 
@@ -90,8 +91,6 @@ class SessionFailures:
         with self.working.lock:
             data, left = self.working.data(flight), self.working.left_of(self.working.model, flight)
             nominal = self.working.left_of(self.working.model.nominal, flight)
-
-        from wrenchgap.replay.session.worker import apart  # here: others need not wait for it
 
         bare = replace(data)  # without what its evaluators remember
 

@@ -27,7 +27,7 @@ from wrenchgap.replay.session.panels.compensation import CompensationPanel
 from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.replay.session.panels.failure import FailurePanel
 from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.replay.session.scene import Prediction, predicted, recorded
+from wrenchgap.replay.session.scene import predicted, recorded
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.session import Capabilities, MakePanel
@@ -123,14 +123,14 @@ class LogSession:
             self._recorded[name] = recorded(one, self.vehicle)
         result = compare([one], self.model, [predictor, *self._against])
         evaluation, *others = result.evaluations
-        predictions = {other.name: Prediction.of(other) for other in others}
+        models = {other.name: other for other in others}
         trivial = not predictor.model.effects and predictor.gp is None  # the nominal model predicts the command
         if not trivial:
-            predictions = {PREDICTED: Prediction.of(evaluation), **predictions}
+            models = {PREDICTED: evaluation, **models}
         return predicted(
             self._recorded[name],
             one,
-            predictions,
+            models,
             residual_of="commanded" if trivial else PREDICTED,
             worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
             notes=sentences((*self._notes, *result.notes)),

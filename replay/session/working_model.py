@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TypeVar
 
 import numpy as np
@@ -23,7 +24,8 @@ from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.wrench_model import WrenchModel
+from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.wrench_model import Provenance, WrenchModel
 
 T = TypeVar("T")
 
@@ -185,3 +187,8 @@ class WorkingModel:
         if self.model.effect(name) is None:
             have = ", ".join(e.name for e in self.model.effects) or "none"
             raise ModelError(f"{self.name}: has no effect {name!r}; its effects: {have}")
+
+
+def provenance(method: str) -> Provenance:
+    """Of values that are put into the model now, without a fit to logs."""
+    return Provenance(fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=method)

@@ -18,10 +18,8 @@ from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspec
 from wrenchgap.replay.session.comparisons import SessionComparisons
 from wrenchgap.replay.session.panels import html
 from wrenchgap.viewer.host import Host
-from wrenchgap.viewer.html_links import Links
-from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.markup import sentences
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panel import JobControls, Links, Panel
 from wrenchgap.viewer.scene import Scene
 
 DARKEST = 6.0

@@ -11,8 +11,7 @@ from wrenchgap.replay.present.numbers import row, unit_of
 from wrenchgap.replay.session.compensation import Compensation, SessionCompensation
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.host import Host
-from wrenchgap.viewer.job_controls import JobControls
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import tidy
 
@@ -32,9 +31,6 @@ SECONDS = 20.0
 """Length of a re-flight unless the user says otherwise [s]."""
 GHOST_RATE = 50.0
 """Instants per second of a ghost [Hz], about."""
-STEPS = 300
-MOST_SIGMA, MOST_KAPPA, MOST_DECAY = 3.0, 5.0, 1.0
-"""Where the sliders end: times the usual threshold, times the usual slope, time constant [s]."""
 
 
 class CompensationPanel(Panel):
@@ -64,21 +60,21 @@ class CompensationPanel(Panel):
             "withhold where uncertain", gate.filter_uncertain, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
         )
         hint = "Standard deviation at which half of the correction is withheld."
-        self.threshold = self._slider(f"sigma_th [{setting.unit}]", threshold, MOST_SIGMA, hint)
+        self.threshold = self._slider(f"sigma_th [{setting.unit}]", threshold, 3.0 * threshold, hint)
         hint = "Gate slope: how sharply the correction fades around sigma_th."
-        self.kappa = self._slider(f"kappa [1/{setting.unit}]", kappa, MOST_KAPPA, hint)
+        self.kappa = self._slider(f"kappa [1/{setting.unit}]", kappa, 5.0 * kappa, hint)
         hint = "Time constant with which a withheld correction fades; a = exp(-dt / tau_d) per step."
-        self.decay = gui.add_slider("tau_d [s]", 0.01, MOST_DECAY, 0.01, gate.decay_time, hint=hint)
+        self.decay = gui.add_slider("tau_d [s]", 0.01, 1.0, 0.01, gate.decay_time, hint=hint)
         self._controls = (self.on, self.gated, self.threshold, self.kappa, self.decay)
         for handle in self._controls:
             handle.on_update(self.host.guarded(self._moved))
         reset = gui.add_button("Defaults of the process", color="gray")
         reset.on_click(self.host.guarded(lambda _: self._reset()))
 
-    def _slider(self, label: str, usual: float, times: float, hint: str) -> Any:
-        """A slider in round steps up to some times the usual value."""
-        step = tidy(times * usual / STEPS)
-        return self.host.gui.add_slider(label, step, step * round(times * usual / step), step, usual, hint=hint)
+    def _slider(self, label: str, usual: float, largest: float, hint: str) -> Any:
+        """A slider of about 300 round steps."""
+        step = tidy(largest / 300.0)
+        return self.host.gui.add_slider(label, step, step * round(largest / step), step, usual, hint=hint)
 
     def _replay(self) -> None:
         gui = self.host.gui

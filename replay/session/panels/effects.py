@@ -8,26 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.staircase import Staircase
-from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.present.addition import verdict
-from wrenchgap.replay.present.numbers import number, parameters_in_words
-from wrenchgap.replay.present.staircase import heading, label
 from wrenchgap.replay.present.untried import not_tried
 from wrenchgap.replay.session.effects import ModelState, SessionEffects
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.panels.sliders import EffectSliders
 from wrenchgap.viewer.host import Host, download
-from wrenchgap.viewer.html_links import Links
-from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.markup import sentences
-from wrenchgap.viewer.panel import Panel, is_long
+from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
 from wrenchgap.viewer.scene import Motion, Scene
 
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
-    from wrenchgap.learn.posterior.table import Candidate
 
 VERDICTS = {
     "effect": "this is missing",
@@ -122,9 +114,7 @@ class EffectsPanel(Panel):
         self.choice.options = state.available or ("-",)
         lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in not_tried(state.untried).items()]
         self.lacking.content = sentences(*lacking, look="wg-pale")
-        self.inside.content = html.render(
-            "installed", effects=[(e.name, _source(e), self._values(e)) for e in state.installed]
-        )
+        self.inside.content = html.render("installed", effects=state.installed, vehicle=self.host.session.vehicle)
         self.sliders.show(state.installed)
         self.refit.visible = bool(state.installed)
         found = self.searches.get(scene.name)
@@ -134,27 +124,8 @@ class EffectsPanel(Panel):
             self._climb((), f"looking at {scene.name} ...")
         self.look_up(partial(self.effects.staircases, scene.name), self._climb, beside=beside)
 
-    def _values(self, effect: ModelEffect) -> list[str]:
-        parameters = effect.effect.parameters(self.host.session.vehicle)
-        std = [None] * len(parameters) if effect.std is None else map(float, effect.std)
-        return [html.parameter_in_words(*row) for row in zip(parameters, map(float, effect.theta), std, strict=True)]
-
     def _climb(self, staircases: tuple[Staircase, ...], words: str = "") -> None:
-        state = self.state
-        self.stairs.content = html.render(
-            "model",
-            state=state,
-            staircases=[
-                (
-                    heading(case),
-                    case,
-                    [(label(s), s, _by_axis(s.rms), _norms(s.rms)) for s in (*case.stairs, case.noise)],
-                )
-                for case in staircases
-            ],
-            last_fit="" if state is None or state.trial is None else verdict(state.trial),
-            words=words,
-        )
+        self.stairs.content = html.render("model", state=self.state, staircases=staircases, words=words)
 
     def _search_html(self, found: Explanation, model: str, state: ModelState) -> str:
         """Verdict and candidates, with links that add effects and lead to the flight that separates a group."""
@@ -163,39 +134,25 @@ class EffectsPanel(Panel):
         inside = {i.name for i in state.installed}
         names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
         rest = [n for n in found.effects if n not in inside]
-        alike = {r.name for m in found.members for r in m.alike}
-        fitted = zip(found.fit.parameters, map(float, found.fit.theta), map(float, found.fit.std), strict=True)
-        values = [(name, html.parameter_in_words(p, v, std)) for (name, p), v, std in fitted]
-        marks = [
-            (c, "chosen" if c.name in found.effects else "alike" if c.name in alike else "") for c in found.ranking
-        ]
+        fitted = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
         return html.render(
             "search",
             found=found,
             summary=explanation.summary(found),
-            members=[
-                (m, found.confidence(m), [text for name, text in values if name == m.name]) for m in found.members
-            ],
+            values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
             open=explanation.open_in_words(found),
-            candidates=[
-                self._candidate(c, mark or ("implausible" if c.implausible else "")) for c, mark in marks[:MOST]
-            ],
-            not_tried=not_tried(found.untried),
+            alike={r.name for m in found.members for r in m.alike},
+            vehicle=self.host.session.vehicle,
             searched_on=model,
             model=state.name,
             inside=inside,
             meaning=VERDICTS.get(found.verdict, ""),
+            most=MOST,
             adding={name: self.links.to(partial(self.add, name)) for name in names if name not in inside},
             rest=rest if len(rest) > 1 else [],
             adding_rest=self.links.to(partial(self.add, *rest)),
             groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.separable],
         )
-
-    def _candidate(self, found: Candidate, mark: str) -> tuple[Candidate, str, str]:
-        """With its mark, and a title: its values, and by how much it changes the rms of every axis."""
-        changes = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, found.reduction, strict=True))
-        values = parameters_in_words(found.values, self.host.session.vehicle)
-        return found, mark or "plain", f"{values}; {mark + '; ' if mark else ''}rms: {changes}"
 
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""
@@ -268,19 +225,3 @@ class EffectsPanel(Panel):
         words = self.effects.save(name)
         self.host.refresh()
         self.host.notify(words)
-
-
-def _source(effect: ModelEffect) -> str:
-    """Where the values of an effect come from, in a few words."""
-    logs = [file for file, _ in effect.provenance.logs]
-    return f"fitted on {', '.join(logs)}" if logs else effect.provenance.method or "as given"
-
-
-def _norms(rms: Array) -> list[float]:
-    """Of the force [N] and of the torque [Nm], over the axes that were measured; nan where none was."""
-    parts = [part[np.isfinite(part)] for part in (rms[:3], rms[3:])]
-    return [float(np.linalg.norm(part)) if part.size else np.nan for part in parts]
-
-
-def _by_axis(rms: Array) -> str:
-    return ", ".join(f"{axis} {number(value)}" for axis, value in zip(AXES, rms, strict=True))

@@ -13,15 +13,12 @@ from wrenchgap.learn.data.comparison import Stretch
 from wrenchgap.learn.data.errors import whole
 from wrenchgap.learn.diagnose.budget import Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
-from wrenchgap.replay.present.comparison import stretch_in_words
-from wrenchgap.replay.present.where import dependence_in_words, depends_on
+from wrenchgap.replay.present.where import dependence_in_words
 from wrenchgap.replay.session.failure import UNITS, VIEWS, Cell, Failure, SessionFailures
 from wrenchgap.replay.session.panels import html
 from wrenchgap.viewer.host import Host
-from wrenchgap.viewer.html_links import Links
-from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.markup import sentences
-from wrenchgap.viewer.panel import Panel, is_long
+from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
 from wrenchgap.viewer.scene import Scene
 
 COLOURS = (
@@ -105,15 +102,12 @@ class FailurePanel(Panel):
         upwards = [] if grid is None else zip(reversed(grid.y_words), reversed(grid.rows), strict=True)
         self.map.content = html.render(
             "failure",
-            found=failure.map,
-            depends_on=depends_on(failure.map),
-            left_out=[f"left out on {failure.flight}: {reason}" for reason in failure.left_out],
+            failure=failure,
             shown=self.shown.value,
             unit=scale.unit,
             quantities=[(d, _title(d, own), cells(own)) for d, own in rows],
-            grid=grid,
             rows=[(words, cells(row)) for words, row in upwards],
-            worst=[(s.start, stretch_in_words(s), to(s)) for s in failure.worst],
+            worst=[(s, to(s)) for s in failure.worst],
         )
         self.parts.content = budget_html(self.budget)
 

@@ -1,18 +1,30 @@
-"""HTML of the panels that show results, from `templates/`: colours of cells, and numbers as `present` writes them."""
+"""HTML of the panels that show results: templates take the results, filters are the words of `replay.present`."""
 
 from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jinja2 import Environment
 
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.plant.effects.effect import Parameter
-from wrenchgap.replay.present.numbers import number, share
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect
+from wrenchgap.replay.present.addition import verdict
+from wrenchgap.replay.present.comparison import stretch_in_words
+from wrenchgap.replay.present.numbers import number, parameters_in_words, share
+from wrenchgap.replay.present.staircase import heading, label
+from wrenchgap.replay.present.untried import not_tried
+from wrenchgap.replay.present.where import depends_on
 from wrenchgap.replay.session.panels.sliders import finer
 from wrenchgap.viewer import markup
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.posterior.table import Candidate
 
 HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 10, 40))
 """Colours from nothing to the most, evenly spaced."""
@@ -28,7 +40,9 @@ def render(template: str, **values: Any) -> str:
 @cache
 def _environment() -> Environment:
     made = markup.environment(Path(__file__).parent / "templates")
-    made.filters.update(number=number, percent=percent)
+    numbers = (number, percent, by_axis, force_and_torque, values_of, title)
+    words = (source, verdict, heading, label, not_tried, depends_on, stretch_in_words)
+    made.filters.update({function.__name__: function for function in numbers + words})
     return made
 
 
@@ -53,3 +67,27 @@ def parameter_in_words(parameter: Parameter, value: float, std: float | None) ->
     unit, factor = finer(parameter)
     spread = "" if std is None else f" +- {number(factor * std, 2)}"
     return f"{parameter.name} {number(factor * value)}{spread} {'' if unit == '1' else unit}".rstrip()
+
+
+def values_of(effect: ModelEffect, vehicle: Vehicle) -> list[str]:
+    """Its parameters, each in words."""
+    parameters = effect.effect.parameters(vehicle)
+    std = [None] * len(parameters) if effect.std is None else effect.std
+    return [parameter_in_words(*row) for row in zip(parameters, effect.theta, std, strict=True)]
+
+
+def source(effect: ModelEffect) -> str:
+    """Where the values of an effect come from, in a few words."""
+    logs = [file for file, _ in effect.provenance.logs]
+    return f"fitted on {', '.join(logs)}" if logs else effect.provenance.method or "as given"
+
+
+def by_axis(rms: Array) -> str:
+    """The rms of every axis in words."""
+    return ", ".join(f"{axis} {number(value)}" for axis, value in zip(AXES, rms, strict=True))
+
+
+def title(candidate: Candidate, mark: str, vehicle: Vehicle) -> str:
+    """Values of a candidate, and by how much it changes the rms of every axis."""
+    changes = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, candidate.reduction, strict=True))
+    return f"{parameters_in_words(candidate.values, vehicle)}; {mark + '; ' if mark else ''}rms: {changes}"
