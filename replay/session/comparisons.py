@@ -11,7 +11,7 @@ from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
 from wrenchgap.viewer.background import Report
 
@@ -32,7 +32,7 @@ class SessionComparisons:
         with self.working.lock:
             model = self.working.model
             one, others = self.working.flight(suspect), [self.working.flight(h) for h in healthy]
-        return apart(lambda tell: replace(changed(one, others, model, progress=tell), flights=()), report)
+        return worker_result(lambda tell: replace(changed(one, others, model, progress=tell), flights=()), report)
 
     def add(self, found: Changed, name: str) -> None:
         """Put what changed into the model. Raises UsageError unless the model is the one called `name` still."""

@@ -11,7 +11,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentence
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.background import Report
 from wrenchgap.viewer.scene import Series
@@ -41,7 +41,7 @@ class SessionCompensation:
 
     def __init__(self, working: WorkingModel, name: str) -> None:
         self.working = working
-        self.setting = None if working.gp is None else _setting(working.gp, working.given, name)
+        self.setting = None if working.gp is None else _setting(working.gp, working.opened_model, name)
         """The compensation as it is set, None without a GP."""
         self._replayed: dict[str, Replay] = {}
 
@@ -79,8 +79,8 @@ class SessionCompensation:
 
         with self.working.lock:
             gp, setting = self._known()
-            log, model = self.working.flight(flight), self.working.given
-        found = apart(lambda tell: api.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
+            log, model = self.working.flight(flight), self.working.opened_model
+        found = worker_result(lambda tell: api.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
         found = replace(found, flight=log.flight, model=model, gp=gp)  # in place of the copies of the other process
         with self.working.lock:
             if setting is self.setting:  # not changed meanwhile
@@ -95,7 +95,7 @@ class SessionCompensation:
 
         with self.working.lock:
             gp, setting = self._known()
-            log, model, given = self.working.flight(flight), self.working.model, self.working.given
+            log, model, given = self.working.flight(flight), self.working.model, self.working.opened_model
 
         def work(tell: Report) -> Counterfactual:
             recording = read_recording(log, model.vehicle, start=start, duration=duration)
@@ -105,7 +105,7 @@ class SessionCompensation:
                 change = Change(compensator=compensator(gp, given, gate), process=gp)
             return counterfactual(recording, model, change, progress=tell)
 
-        return apart(work, report)
+        return worker_result(work, report)
 
     def _known(self) -> tuple[GaussianProcess, Compensation]:
         if self.working.gp is None or self.setting is None:

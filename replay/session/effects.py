@@ -17,7 +17,7 @@ from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
 from wrenchgap.viewer.background import Report
 
@@ -58,7 +58,7 @@ class SessionEffects:
 
     def state(self, flight: str) -> ModelState:
         """The current model, seen from a flight."""
-        return self.working.kept(("state", flight), lambda: self._state(flight))
+        return self.working.cached(("state", flight), lambda: self._state(flight))
 
     def _state(self, flight: str) -> ModelState:
         working = self.working
@@ -77,7 +77,7 @@ class SessionEffects:
 
     def staircases(self, flight: str) -> tuple[Staircase, ...]:
         """Down to the current model, on this flight and on those that it was not fitted to."""
-        return self.working.kept(("staircases", flight), lambda: self._staircases(flight))
+        return self.working.cached(("staircases", flight), lambda: self._staircases(flight))
 
     def add(self, names: tuple[str, ...], flight: str) -> None:
         """Put effects in, fitted on the flight together with those that are in."""
@@ -102,7 +102,7 @@ class SessionEffects:
     def remove(self, name: str) -> None:
         """Take one out; the others keep their values."""
         with self.working.lock:
-            self.working.checked(name)
+            self.working.require_effect(name)
             order = tuple(n for n in self.working.revisions[-1].order if n != name)
             self.working.change(Revision(self.working.model.without([name]), f"remove {name}", order))
 
@@ -110,7 +110,7 @@ class SessionEffects:
         """Set a parameter by hand; several in a row of one effect are one change."""
         working = self.working
         with working.lock:
-            working.checked(effect)
+            working.require_effect(effect)
             old = working.model.effect(effect)
             assert old is not None
             parameters = {p.name: (k, p) for k, p in enumerate(old.effect.parameters(working.model.vehicle))}
@@ -186,7 +186,7 @@ class SessionEffects:
         fitted, effects = self._fitted_flights(), working.model.effects
         basis = Basis.FITTED if flight in fitted else Basis.UNSEEN if effects else Basis.RAW
         here = self._raw(basis, [flight])
-        others = [n for n in working.opened if n != flight and n not in fitted]
+        others = [n for n in working.flights if n != flight and n not in fitted]
         if others:
             return here, self._raw(Basis.UNSEEN, others)
         held_out = self._held_out(flight) if flight in fitted or not effects else None
@@ -194,7 +194,7 @@ class SessionEffects:
 
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
         working = self.working
-        residuals = (np.concatenate([working.left_of(model, f) for f in flights]) for model in self._models())
+        residuals = (np.concatenate([working.model_residual(model, f) for f in flights]) for model in self._models())
         return staircase(basis, working.data(*flights), residuals, working.revisions[-1].order)
 
     def _models(self) -> list[Model]:
@@ -209,7 +209,7 @@ class SessionEffects:
 
     def _fitted_flights(self) -> set[str]:
         used = {sha for e in self.working.model.effects for _, sha in e.provenance.logs}
-        return {name for name, one in self.working.opened.items() if one.flight.content_hash in used}
+        return {name for name, one in self.working.flights.items() if one.flight.content_hash in used}
 
     def _held_out(self, flight: str) -> Staircase | None:
         """Blocks of time of the only flight, each predicted by parameters that were fitted without it.
@@ -230,7 +230,7 @@ class SessionEffects:
 
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
-        return apart(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
+        return worker_result(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> Design:
         """The flight that separates these effects; searched for in a process of its own, for long."""
@@ -240,4 +240,4 @@ class SessionEffects:
             find(name)
         with self.working.lock:
             model, opened, seconds = self.working.model, self.working.flight(flight), NEXT_SECONDS
-        return apart(lambda tell: api.design(names, model, opened, duration=seconds, progress=tell), report)
+        return worker_result(lambda tell: api.design(names, model, opened, duration=seconds, progress=tell), report)

@@ -17,7 +17,7 @@ from wrenchgap.learn.diagnose.budget import Budget, Source, budget, held_out_pro
 from wrenchgap.learn.diagnose.error_grid import Grid
 from wrenchgap.learn.diagnose.failure_map import Binned, FailureMap, failure_map
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.background import Report
 
@@ -84,20 +84,19 @@ class SessionFailures:
 
     def of(self, flight: str) -> Failure:
         """Where the current model fails on a flight."""
-        return self.working.kept(("failure", flight), lambda: self._made(flight))
+        return self.working.cached(("failure", flight), lambda: self._made(flight))
 
     def full_budget(self, flight: str, report: Report) -> Budget:
         """The budget with what a Gaussian process of the command would explain on blocks that it has not seen."""
         with self.working.lock:
-            data, left = self.working.data(flight), self.working.left_of(self.working.model, flight)
-            nominal = self.working.left_of(self.working.model.nominal, flight)
+            data, (nominal, left) = self.working.data(flight), self._residuals(flight)
 
         bare = replace(data)  # without what its evaluators remember
 
         def work(tell: Report) -> Array | None:
             return held_out_process(bare, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
 
-        return budget(data, nominal, left, apart(work, report), Source.FITTED)
+        return budget(data, nominal, left, worker_result(work, report), Source.FITTED)
 
     def _made(self, flight: str) -> Failure:
         working = self.working
@@ -114,14 +113,18 @@ class SessionFailures:
             None if mapped.grid is None else _grid(mapped.grid, values, sizes),
             self._quick_budget(flight, residual),
             worst_stretches(data.records, parts, data.weights),
-            working.lacking(flight, working.model),
+            working.inapplicable_effects(working.model, flight),
         )
 
     def _quick_budget(self, flight: str, residual: Array) -> Budget:
-        working, data = self.working, self.working.data(flight)
-        left, nominal = working.left_of(working.model, flight), working.left_of(working.model.nominal, flight)
-        process = None if working.predictor.gp is None else left - residual
-        return budget(data, nominal, left, process, Source.GIVEN)
+        nominal, left = self._residuals(flight)
+        process = None if self.working.predictor.gp is None else left - residual
+        return budget(self.working.data(flight), nominal, left, process, Source.GIVEN)
+
+    def _residuals(self, flight: str) -> tuple[Array, Array]:
+        """Of the nominal vehicle and of the current model (K, 6), without any GP."""
+        model = self.working.model
+        return self.working.model_residual(model.nominal, flight), self.working.model_residual(model, flight)
 
 
 class _Sizes:

@@ -62,7 +62,7 @@ class LogSession:
     ) -> None:
         self.working = WorkingModel(listed(flights), model, gp)
         self._budget = budget
-        self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
+        self.vehicle, self.flights = model.vehicle, tuple(self.working.flights)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.working.notes, *notes)
@@ -92,7 +92,7 @@ class LogSession:
     def scene(self, flight: str) -> Scene:
         """The flight of this name, with what the current model says of it, and the last replay on it."""
         with self.working.lock:
-            made = self.working.kept(("scene", flight), lambda: self._made(flight))
+            made = self.working.cached(("scene", flight), lambda: self._made(flight))
             return replace(made, series=(*made.series, *self.compensations.series(flight)))
 
     def channels(self, flight: str) -> Mapping[str, Channel]:
@@ -109,11 +109,11 @@ class LogSession:
         from wrenchgap.replay.present.report import Repetition, Request, page
 
         working, model, one = self.working, self.model, self.working.flight(flight)
-        others = [opened for name, opened in working.opened.items() if name != flight]
+        others = [opened for name, opened in working.flights.items() if name != flight]
         name = str(model.path) if working.saved and model.path is not None else UNSAVED
         words = ["wrenchgap", "report", str(one.flight.path), "-m", name]
         words += ["--validate", *(str(o.flight.path) for o in others)] if others else []
-        gp = working.gp if model is working.given else None
+        gp = working.gp if model is working.opened_model else None
         made = api.report(one, model, validate=others, gp=gp, progress=progress)
         return page(made, Repetition.of(made, Request(name, shlex.join([*words, "-o", "report.html"]))))
 

@@ -26,7 +26,7 @@ def session(logs, tmp_path, monkeypatch):
         return changed(*arguments, **more | {"names": ("com_offset", "mass", "rotor_thrust"), "jobs": 1})
 
     monkeypatch.setattr(between_flights.changing, "changed", quick)
-    monkeypatch.setattr(comparisons, "apart", lambda work, report: work(report))
+    monkeypatch.setattr(comparisons, "worker_result", lambda work, report: work(report))
     return LogSession(open_flights([logs.ideal, logs.train], MODEL), MODEL, folder=SaveFolder(tmp_path))
 
 

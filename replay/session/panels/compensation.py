@@ -40,7 +40,7 @@ class CompensationPanel(Panel):
         super().__init__(host)
         self.compensations = compensations
         setting = compensations.setting
-        self.ready, self.name = setting is not None, setting.name if setting is not None else ""
+        self.ready = setting is not None
         with host.tab("Compensation"):
             if setting is None:
                 host.gui.add_html(markup.sentences(*NO_PROCESS))
@@ -53,7 +53,8 @@ class CompensationPanel(Panel):
         gui, gate = self.host.gui, setting.gate
         threshold, kappa = float(gate.sigma_threshold or 0.0), float(gate.kappa or 0.0)
         self.usual = setting.on, gate.filter_uncertain, threshold, kappa, gate.decay_time
-        title = f"process: {setting.name}"
+        self.name = setting.name
+        title = f"process: {self.name}"
         gui.add_html(markup.render("table", heading=title, head=(), rows=(), sentences=setting.notes, look="wg-warn"))
         self.on = gui.add_checkbox("compensate", setting.on)
         self.gated = gui.add_checkbox(

@@ -40,7 +40,7 @@ def render(template: str, **values: Any) -> str:
 @cache
 def _environment() -> Environment:
     made = markup.environment(Path(__file__).parent / "templates")
-    numbers = (number, percent, by_axis, force_and_torque, values_of, title)
+    numbers = (number, percent, by_axis, force_and_torque, values_of, candidate_title)
     words = (source, verdict, heading, label, not_tried, depends_on, stretch_in_words)
     made.filters.update({function.__name__: function for function in numbers + words})
     return made
@@ -87,7 +87,7 @@ def by_axis(rms: Array) -> str:
     return ", ".join(f"{axis} {number(value)}" for axis, value in zip(AXES, rms, strict=True))
 
 
-def title(candidate: Candidate, mark: str, vehicle: Vehicle) -> str:
+def candidate_title(candidate: Candidate, mark: str, vehicle: Vehicle) -> str:
     """Values of a candidate, and by how much it changes the rms of every axis."""
     changes = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, candidate.reduction, strict=True))
     return f"{parameters_in_words(candidate.values, vehicle)}; {mark + '; ' if mark else ''}rms: {changes}"
