@@ -100,7 +100,8 @@ class SessionFailures:
 
     def _made(self, flight: str) -> Failure:
         working = self.working
-        data, residual = working.data(flight), working.residual(flight)
+        data, residual, (nominal, left) = working.data(flight), working.residual(flight), self._residuals(flight)
+        process = None if working.predictor.gp is None else left - residual
         mapped = failure_map(data, residual, permutations=PERMUTATIONS)
         values = {q.name: q for q in quantities(data)[0]}
         sizes = _Sizes(data, residual)
@@ -111,15 +112,10 @@ class SessionFailures:
             mapped,
             tuple(_cells(d.binned, values[d.name], sizes) for d in mapped.dependences),
             None if mapped.grid is None else _grid(mapped.grid, values, sizes),
-            self._quick_budget(flight, residual),
+            budget(data, nominal, left, process, Source.GIVEN),
             worst_stretches(data.records, parts, data.weights),
             working.inapplicable_effects(working.model, flight),
         )
-
-    def _quick_budget(self, flight: str, residual: Array) -> Budget:
-        nominal, left = self._residuals(flight)
-        process = None if self.working.predictor.gp is None else left - residual
-        return budget(self.working.data(flight), nominal, left, process, Source.GIVEN)
 
     def _residuals(self, flight: str) -> tuple[Array, Array]:
         """Of the nominal vehicle and of the current model (K, 6), without any GP."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -50,16 +49,16 @@ class ChangedPanel(Panel):
         with host.tab("Changed"):
             self.suspect = gui.add_html("")
             with gui.add_folder("healthy flights"):
-                names = tuple(host.session.flights)
-                self.healthy = {n: self._tick(n, label) for n, label in zip(names, labels(names), strict=True)}
+                names = host.session.flights
+                self.healthy = {
+                    name: gui.add_checkbox(label, True, hint=None if label == name else name)
+                    for name, label in zip(names, labels(names), strict=True)
+                }
             hint = "One flight against healthy ones; what the model is wrong by in all of them drops out."
             self.work = JobControls(host, "What changed?", self._ask, hint)
             self.answer = gui.add_html("")
             self.links = Links(host)
         host.command("Search for what changed on this flight", self._ask)
-
-    def _tick(self, name: str, label: str) -> Any:
-        return self.host.gui.add_checkbox(label, True, hint=None if label == name else name)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
