@@ -17,12 +17,13 @@ import tempfile
 import time
 from pathlib import Path
 
+import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly, provenance
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.panels.effects import EffectsPanel
 
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005", "thrust_scale=scale:-0.04", "servo_lag=tau:0.03")
 EFFECTS = ("com_offset", "thrust_scale", "servo_lag", "rotor_thrust")
@@ -56,7 +57,7 @@ def changes(page, panel, repeat):
             timed(found, f"add {name}", lambda name=name: panel.add(name))
         timed(found, "slider", lambda: panel.sliders.on_set("com_offset", "x", 0.001))
         timed(found, "remove", lambda: panel.sliders.on_remove("thrust_scale"))
-        while page.session.bench.undoable:
+        while page.session.working.undoable:
             timed(found, "undo", lambda: (effects.undo(), page.refresh()))
         timed(found, "another flight", lambda: page.open("test"))
         page.open("train")
@@ -83,7 +84,9 @@ def main():
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        page = Page(LogSession(logs(Path(folder), arguments.seconds), model_file.load("tilt_hexarotor")), port=0)
+        model = wg.load_model("tilt_hexarotor")
+        flights = wg.open_flights(logs(Path(folder), arguments.seconds), model)
+        page = Page(LogSession(flights, model), port=0)
         try:
             panel = next(p for p in page.panels if isinstance(p, EffectsPanel))
             panel.add("com_offset")  # what is loaded once

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.replay.session.log_session import LogSession
@@ -50,7 +51,7 @@ def main() -> int:
             first_picture(long, chosen.browser, "new", NEW),
             first_picture(long, chosen.browser, "known", KNOWN),
         ]
-        page = Page(LogSession([long], model_file.load(MODEL)), port=0)
+        page = opened(long)
         try:
             verdicts += [moves(page, "whole flight"), moves(page, "10 s"), bytes_per_move(page), playing(page)]
         finally:
@@ -170,9 +171,15 @@ def playing(page: Page, seconds: float = 5.0) -> bool:
     return said("updates while playing", rate, "per second", 0.95 * RATE, least=True)
 
 
+def opened(path: Path) -> Page:
+    """The page of one log."""
+    model = model_file.load(MODEL)
+    return Page(LogSession(open_flights([path], model), model), port=0)
+
+
 def loops(path: Path, number: int) -> bool:
     """Megabytes that many loops over a second of flight leave behind, after as many as warm everything up."""
-    page = Page(LogSession([path], model_file.load(MODEL)), port=0)
+    page = opened(path)
     try:
         page.transport.set_marks({"A": 10.0, "B": 11.0}, True)
 

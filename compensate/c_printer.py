@@ -5,6 +5,7 @@ The functions say little that C does not say in the same words: assignments, `fo
 (`wg_...`) and macros (`WG_...`), and vanish from the arguments; tuples that change become structs, handed over by
 pointer. Anything else raises `Unprintable`, with the line.
 """
+# Long because every kind of statement and expression has its few lines here.
 
 from __future__ import annotations
 

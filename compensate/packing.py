@@ -56,6 +56,7 @@ def views_module() -> str:
         "from wrenchgap.compensate.compiling import cube, matrix, opening, vector\n\n\n"
         "@opening\ndef opened(numbers, counts):\n"
         '    """`Everything` as it lies in the two arrays, what is remembered as one array (M,), and as much room."""\n'
+        "    # Long because every array has a line.\n"
     )
     lines = [f"    {name} = counts[{k}]" for k, name in enumerate(SIZES)]
     lines += ["    f, i = 0, " + str(len(SIZES))]

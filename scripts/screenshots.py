@@ -69,7 +69,7 @@ def session(folder: Path) -> LogSession:
         paths.append(folder / f"{name}.mcap")
         flight.write(fly(plan, name=name), paths[-1])
     learnt = learning.learn_process(open_flights(paths[:1], model), model, TORQUES, FitSettings(points=120))
-    return LogSession(paths, model, learnt.gp, gp_name="torque.gp")
+    return LogSession(open_flights(paths, model), model, learnt.gp, gp_name="torque.gp")
 
 
 def overview(page: Page, tab: Any) -> None:

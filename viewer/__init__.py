@@ -1,4 +1,4 @@
-"""Shows flights and asks for work through a protocol of its own; knows neither learn nor compensate."""
+"""Shows flights, and the tabs that a session brings, through a protocol of its own; knows no learn or compensate."""
 
 import lazy_loader
 

@@ -53,7 +53,7 @@ def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
     return Scale(1.7 * size / weight, 1.4 * size / largest if largest > 0 else size, 0.5 * size * rotors / weight)
 
 
-def components(vector: Array, spread: float) -> Array:
+def component_arrows(vector: Array, spread: float) -> Array:
     """A vector (3,) as a frame: three arrows (3, 2, 3) along x, y and z, moved aside by `spread` [m].
 
     The spread keeps the frames of several wrenches, whose arrows lie along the same axes, side by side.
@@ -62,7 +62,7 @@ def components(vector: Array, spread: float) -> Array:
     return np.stack((aside, aside + np.diag(vector)), axis=1)
 
 
-def beside(vector: Array, spread: float) -> Array:
+def single_arrow(vector: Array, spread: float) -> Array:
     """A vector (3,) as one arrow (1, 2, 3), moved aside by `spread` [m], so that arrows that agree can be compared."""
     other = np.eye(3)[0 if abs(vector[0]) < 0.9 * np.linalg.norm(vector) else 1]
     across = np.cross(vector, other)
@@ -102,7 +102,7 @@ class Arrows:
             seen = (kind, name) in shown and self._worth(vector)
             if seen:
                 spread = SPREAD * self._size * (rank // len(KINDS))
-                points = components(vector, spread) if frames else beside(vector, spread)
+                points = component_arrows(vector, spread) if frames else single_arrow(vector, spread)
                 handle.points = (points + self._vehicle.body.com_B).astype(np.float32)
             set_visible(handle, seen)
             if (kind, name) in self.clouds:

@@ -75,7 +75,7 @@ def start(
     return job
 
 
-def told(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """An error in one line for whoever sees the page: files by their name, and only the kind of an internal one.
 
     What an internal error says stands in the terminal: it may hold paths and values that are not a visitor's.

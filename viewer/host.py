@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol, TypeVar
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.viewer.background import Job, Report, start, told
+from wrenchgap.viewer.background import Job, Report, error_text, start
 from wrenchgap.viewer.cursor import Cursor
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.session import Session
@@ -126,7 +126,7 @@ class Host(Protocol):
 
     def fail(self, error: Exception, client: Any = None) -> None:
         """Tell a client, or all of them, what went wrong."""
-        self.notify(told(error), "error", 15.0, client)
+        self.notify(error_text(error), "error", 15.0, client)
 
 
 def download(client: Any, name: str, content: bytes) -> None:

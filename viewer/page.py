@@ -10,7 +10,6 @@ All clients see one state: controls, cursor and scene are the server's, only the
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +22,6 @@ from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
 from wrenchgap.viewer.host import WAITING, Host
 from wrenchgap.viewer.panel import Panel, Part
-from wrenchgap.viewer.panels import PANELS
 from wrenchgap.viewer.panels.export import Caption, ExportPanel
 from wrenchgap.viewer.panels.notes import NotesPanel
 from wrenchgap.viewer.panels.scene import ScenePanel
@@ -45,9 +43,7 @@ ENDING = 2.0
 class Page(Host):
     """The page of one session, served from construction to `stop`."""
 
-    def __init__(
-        self, session: Session, host: str = "127.0.0.1", port: int = 8080, panels: Sequence[type[Panel]] = PANELS
-    ) -> None:
+    def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 8080) -> None:
         self.session = session
         self.server, self.gate = serve(host, port)
         self.gui = self.server.gui
@@ -61,7 +57,7 @@ class Page(Host):
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
             self.drawing.open(self.scene)
-            self._build(panels)
+            self._build()
             self.cursor.listeners.append(lambda _: self._show())
             self.open(session.flights[0])
             self.scene_panel.look("oblique")
@@ -149,7 +145,7 @@ class Page(Host):
         self.cursor.close()
         self.server.stop()
 
-    def _build(self, panels: Sequence[type[Panel]]) -> None:
+    def _build(self) -> None:
         """Controls that do not depend on the flight: time above, tabs below, plots on the left, legend in the scene."""
         gui, names = self.gui, self.session.flights
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 105, 220))
@@ -165,7 +161,7 @@ class Page(Host):
         self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
         self.tabs = gui.add_tab_group()
         self.scene_panel = ScenePanel(self, self.drawing, self.cameras)
-        of_session = [found for panel in panels if (found := panel.of(self)) is not None]
+        of_session = [make(self) for make in self.session.capabilities.panels]
         last = (ExportPanel(self, self.board, self._caption), NotesPanel(self))
         self.panels: list[Panel] = [self.scene_panel, *of_session, *last]
         self._parts: tuple[Part, ...] = (self.transport, *self.panels)

@@ -1,10 +1,16 @@
-"""What a panel of the page is: a tab with controls of its own that follows flight, view and cursor."""
+"""What a panel of the page is: a tab with controls of its own that follows flight, view and cursor; what it is made of.
+
+viser 1.1 tells of clicks on buttons, but not of clicks on plots, images or HTML. An HTML label, though, presses the
+button that it is for, and viser's buttons carry their id: every link in HTML is a label for a button that is not seen.
+So the page needs no script of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, TypeVar
+from typing import Any, TypeVar
 
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.scene import Scene
@@ -14,6 +20,10 @@ T = TypeVar("T")
 
 LONG = 120.0
 """Flights longer than this are looked at beside the page [s]."""
+LAST = 1e6
+"""Order of the buttons in their tab: behind everything that is seen."""
+HIDDEN = "<span class='wrenchgap-links'></span>"
+"""Hides whatever follows in the same tab, by the style sheet."""
 
 
 def is_long(scene: Scene) -> bool:
@@ -39,19 +49,9 @@ class Part:
 
 
 class Panel(Part):
-    """A tab of the page, constructed once. A subclass adds its controls in `__init__`, `with host.tab("Name"):`.
+    """A tab of the page, constructed once. A subclass adds its controls in `__init__`, `with host.tab("Name"):`."""
 
-    `asks` is the entry of `Capabilities` that it is constructed with.
-    """
-
-    asks: ClassVar[str]
     _looking: Job | None = None
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel, or None where the session lacks what it asks for: then the page has no such tab."""
-        found = getattr(host.session.capabilities, cls.asks)
-        return None if found is None else cls(host, found)  # type: ignore[call-arg]
 
     def look_up(self, of: Callable[[], T], show: Callable[[T], None], *, beside: bool) -> None:
         """`show(of())` at once, or `beside` the page as soon as it stands. What was asked before is given up."""
@@ -67,3 +67,99 @@ class Panel(Part):
             return of()
 
         self._looking = self.host.background(look, lambda *_: None, show)
+
+
+class Links:
+    """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.tab = host.gui.add_folder(None, order=LAST)
+        with self.tab:
+            host.gui.add_html(HIDDEN, order=LAST)
+        self._buttons: list[Any] = []
+        self._actions: list[Callable[[], None]] = []
+
+    def start(self) -> None:
+        """Forget the links that were there; their buttons are used again."""
+        self._actions = []
+
+    def to(self, action: Callable[[], None]) -> str:
+        """The id for a label; a click on that calls `action` under the page's lock."""
+        k = len(self._actions)
+        self._actions.append(action)
+        if k == len(self._buttons):
+            with self.tab:
+                button = self.host.gui.add_button(f"link {k}", order=LAST + 1 + k)
+            button.on_click(self.host.guarded(lambda _: self.follow(k)))
+            self._buttons.append(button)
+        return str(self._buttons[k]._impl.uuid)  # viser has no public way to the id of an element
+
+    def follow(self, k: int) -> None:
+        """Do what the k-th link does."""
+        if k < len(self._actions):
+            self._actions[k]()
+
+
+class JobControls:
+    """Controls of one kind of long work; at most one is running. `ask` is called when the button is pressed."""
+
+    def __init__(self, host: Host, label: str, ask: Callable[[], None], hint: str | None = None):
+        gui = host.gui
+        self.host, self.label = host, label
+        self.button = gui.add_button(label, hint=hint)
+        self.button.on_click(host.guarded(lambda _: ask()))
+        self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
+        self.words = gui.add_html("", visible=False)
+        self.stop = gui.add_button("Cancel", visible=False, color="gray")
+        self.stop.on_click(host.guarded(lambda _: self.cancel()))
+        self._job: Job | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether work is under way."""
+        return self._job is not None
+
+    def start(self, function: Callable[[Report], T], on_done: Callable[[T], None]) -> None:
+        """Run it beside the page; what was running is cancelled, the last one asked for wins."""
+        self.host.make_room()
+        self.cancel()
+        self._showing(True)
+        self._progress(0.0, "starting")
+
+        def done(result: T) -> None:
+            try:
+                on_done(result)
+            except Exception as error:  # what comes of it is shown; that must not end the page either
+                self.host.fail(error)
+            finally:
+                self._ended()
+
+        def failed(error: Exception) -> None:
+            self._ended()
+            self.host.fail(error)
+
+        self._job = self.host.background(function, self._progress, done, failed)
+
+    def cancel(self) -> None:
+        """End what is running; nothing comes of it."""
+        if self._job is not None:
+            self._job.cancel()
+            self._ended()
+
+    def _progress(self, share: float, words: str) -> None:
+        done = round(100.0 * min(max(share, 0.0), 1.0))
+        if self.bar.value != done:
+            self.bar.value = done
+        said = markup.sentences(words)
+        if self.words.content != said:
+            self.words.content = said
+
+    def _ended(self) -> None:
+        self._job = None
+        self._showing(False)
+
+    def _showing(self, running: bool) -> None:
+        self.button.visible = not running
+        for handle in (self.bar, self.words, self.stop):
+            handle.visible = running

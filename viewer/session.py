@@ -6,31 +6,28 @@ with every quantity in the frames of `flight.flight`. `replay` implements it; a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.viewer.analysis import Compensations, Effects, Failures
 from wrenchgap.viewer.background import Report
-from wrenchgap.viewer.differences import Comparisons
 from wrenchgap.viewer.scene import Scene
 
 ReadChannels = Callable[[str], Mapping[str, tuple[Array, Array]]]
 """All channels of a flight by name: times (N,) [s] on its clock and values (N,). May take seconds."""
 WriteReport = Callable[[str, Report], str]
 """A self-contained HTML page about a flight. May take minutes."""
+MakePanel = Callable[[Any], Any]
+"""Called once with the page (`viewer.host.Host`), it makes a tab of its own there (`viewer.panel.Panel`)."""
 
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What only some sessions can do; what is None has no controls on the page."""
+    """What only some sessions can do: tabs of their own (`panels`); what is None has no controls on the page."""
 
-    failures: Failures | None = None
-    effects: Effects | None = None
-    compensations: Compensations | None = None
-    comparisons: Comparisons | None = None
+    panels: Sequence[MakePanel] = ()
     channels: ReadChannels | None = None
     report: WriteReport | None = None
 

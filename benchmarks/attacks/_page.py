@@ -24,6 +24,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.replay.session.log_session import LogSession
@@ -66,7 +67,8 @@ def shown(folder: Path, save_to: Path | None = None, *, force: bool = False) -> 
     path = folder / name
     path.write_bytes(content)
     saving = None if save_to is None else SaveFolder(save_to, force=force)
-    page = Page(LogSession([path], model_file.load(MODEL), folder=saving), port=0)
+    model = model_file.load(MODEL)
+    page = Page(LogSession(open_flights([path], model), model, folder=saving), port=0)
     try:
         yield page
     finally:

@@ -13,7 +13,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import sources
 from wrenchgap.replay.present.documents import claim
-from wrenchgap.viewer.background import told
+from wrenchgap.viewer.background import error_text
 from wrenchgap.viewer.view_state import parse
 
 AREA = "Names, links and lists"
@@ -99,7 +99,7 @@ def _pasted(_: Path) -> Outcome:
         parse('{"schema": "' + "/!" * 500_000 + '"}')
         said = ""
     except UsageError as error:
-        said = told(error)
+        said = error_text(error)
     took = perf_counter() - start
     return Outcome(0 < len(said) < 500 and took < 2.0, f"refused in {len(said)} characters and {took:.2f} s")
 

@@ -239,6 +239,7 @@ def looked_at(url: str, ready: Callable[[Any], None]) -> Outcome:
 
 def page(folder: Path) -> Outcome:
     """The page of `view`: a log, its topics, its notes and its warnings with nasty names."""
+    from wrenchgap.learn.data.opening import open_flights
     from wrenchgap.plant import model_file
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page
@@ -252,7 +253,8 @@ def page(folder: Path) -> Outcome:
 
     log = renamed(flown(folder), folder / file_name("<img src=x onerror=window.pwned=1>"))
     model = model_file.load(MODEL)
-    session = Noted([log], replace(model, vehicle=replace(model.vehicle, name=SCRIPTS[0])))
+    named = replace(model, vehicle=replace(model.vehicle, name=SCRIPTS[0]))
+    session = Noted(open_flights([log], named), named)
     shown = Page(session, port=0)
 
     def ready(tab: Any) -> None:

@@ -36,9 +36,9 @@ from benchmarks.attacks._page import (
     update,
     web_page,
 )
-from wrenchgap.viewer.background import told
+from wrenchgap.replay.session.panels.effects import EffectsPanel
+from wrenchgap.viewer.background import error_text
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.panels.effects import EffectsPanel
 
 AREA = "The viewer's page"
 
@@ -178,7 +178,7 @@ def write_elsewhere(folder: Path) -> Outcome:
     with shown(folder, start) as page:
         del before[start]
         said: list[str] = []
-        page.fail = lambda error, client=None: said.append(told(error))  # type: ignore[method-assign]
+        page.fail = lambda error, client=None: said.append(error_text(error))  # type: ignore[method-assign]
         panel = next(one for one in page.panels if isinstance(one, EffectsPanel))
         with client(page) as connection:
             send(connection, **CAMERA)

@@ -11,6 +11,7 @@ from wrenchgap.compensate.compiling import cube, matrix, opening, vector
 @opening
 def opened(numbers, counts):
     """`Everything` as it lies in the two arrays, what is remembered as one array (M,), and as much room."""
+    # Long because every array has a line.
     WG_LIMITS = counts[0]
     WG_SINGLES = counts[1]
     WG_TILTING = counts[2]

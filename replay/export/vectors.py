@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Combined, Compensator
-from wrenchgap.compensate.state_row import rows_of
 from wrenchgap.compensate.run import run
+from wrenchgap.compensate.state_row import rows_of
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import output_indices

@@ -86,6 +86,12 @@ def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     return out
 
 
+def stretch_in_words(stretch: Stretch) -> str:
+    """On which axis the error is largest in a stretch, and what the vehicle was doing there."""
+    known = (("tilt {:.0f} deg", stretch.tilt_deg), ("{:.2f} rad/s", stretch.rate), ("{:.2f} m/s", stretch.speed))
+    return ", ".join([stretch.axis.replace("_", " "), *(form.format(v) for form, v in known if v is not None)])
+
+
 def to_json(result: Comparison) -> dict[str, Any]:
     """The body of the `compare` schema."""
     return {

@@ -124,6 +124,26 @@ def _errors(one: Tracking) -> Array:
     return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * one.position_mean, 1e3 * one.position_max])
 
 
+def null_run_in_words(result: Counterfactual) -> str:
+    """What the null run bounds."""
+    null = result.null_run
+    return (
+        f"With nothing changed the re-simulated flight is at most {null.attitude_deg_max:.2f} deg and "
+        f"{100 * null.position_m_max:.1f} cm off the recorded one: this null-run error bounds the accuracy of what "
+        "follows."
+    )
+
+
+def tracking_rows(result: Counterfactual) -> list[tuple[str, ...]]:
+    """Names and tracking errors of the recorded flight, the null run and the re-simulation, as the page has them."""
+    runs = [result.tracking[key] for key in ("recorded", NULL_RUN, CHANGED)]
+    attitude = np.degrees(np.arcsin(np.clip([r.attitude_rms for r in runs], 0.0, 1.0)))
+    numbers = {f"attitude {axis}, RMS [deg]": attitude[:, k] for k, axis in enumerate("xyz")}
+    numbers["position, RMS [cm]"] = np.array([100 * r.position_rms for r in runs])
+    numbers["position, max [cm]"] = np.array([100 * r.position_max for r in runs])
+    return [(name, *(f"{v:.2f}" for v in values)) for name, values in numbers.items()]
+
+
 def write_log(
     result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]] = (), *, force: bool = False
 ) -> None:

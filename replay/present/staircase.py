@@ -20,6 +20,14 @@ NEARLY_ALL = 0.99
 """Reduction from which on a whole per cent would round it to all."""
 
 
+HEADINGS = {
+    Basis.HELD_OUT: "{}, held-out time",
+    Basis.UNSEEN: "{} (held out)",
+    Basis.FITTED: "{} (fitted to it)",
+    Basis.RAW: "{}",
+}
+
+
 def label(stair: Stair) -> str:
     """A step's name."""
     return LABELS[stair.kind].format(stair.name)
@@ -30,6 +38,12 @@ def title(case: Staircase) -> str:
     if case.basis is Basis.HELD_OUT:
         return "held-out time of the given logs"
     return f"unseen flights ({', '.join(case.flights)})"
+
+
+def heading(case: Staircase) -> str:
+    """The same in a few words, as the page has it above each."""
+    flights = case.flights[0] if len(case.flights) == 1 else f"{len(case.flights)} other flights"
+    return HEADINGS[case.basis].format(flights)
 
 
 def remains(case: Staircase, stair: Stair) -> str:

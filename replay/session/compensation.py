@@ -8,114 +8,105 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentence
-from wrenchgap.replay.present.panels import compensated, reflown
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import WorkingModel
-from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
+from wrenchgap.viewer.background import Report
 from wrenchgap.viewer.scene import Series
 
 if TYPE_CHECKING:
     from wrenchgap.compensate import Settings
+    from wrenchgap.replay.compensation.replay import Replay
+    from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 
 GROUP = "Compensation"
 """Where the page shows what a replay did."""
-SLOWEST = 1.0
-"""Longest time constant of the fading that a slider offers [s]."""
 
 
 @dataclass(frozen=True)
-class _Replayed:
-    """What a replay did, on `time` (K,): correction (K, 6), sigma and beta (K,); the summary of it."""
+class Compensation:
+    """The compensation as it is set, for a GP called `name`: on or off, and its gate, whose sigma is in `unit`."""
 
-    time: Array
-    correction: Array
-    sigma: Array
-    beta: Array
-    summary: Compensated
+    name: str
+    gate: Settings
+    unit: str
+    notes: tuple[str, ...]
+    on: bool = True
 
 
 class SessionCompensation:
-    """Implements `viewer.analysis.Compensations` on a working model."""
+    """The compensation of a working model; without a GP there is none."""
 
     def __init__(self, working: WorkingModel, name: str) -> None:
         self.working = working
-        self.setting = None if working.gp is None else _setting(working.gp, working.given, name)
+        self.setting = None if working.gp is None else _setting(working.gp, working.opened_model, name)
         """The compensation as it is set, None without a GP."""
-        self._replayed: dict[str, _Replayed] = {}
+        self._replayed: dict[str, Replay] = {}
 
-    def set(self, gating: Gating) -> None:
-        """Change it; what was replayed with other settings is forgotten. Raises UsageError for impossible values."""
+    def set(self, gate: Settings, on: bool = True) -> None:
+        """Change it; what was replayed with other settings is forgotten."""
         with self.working.lock:
-            known = self._known()[1]
-            if gating != known.gating:
-                _settings(gating, 0.01)  # or it raises
-                self.setting = replace(known, gating=gating)
+            setting = replace(self._known()[1], gate=gate, on=on)
+            if setting != self.setting:
+                self.setting = setting
                 self._replayed.clear()
 
     def series(self, flight: str) -> tuple[Series, ...]:
         """What the last replay on a flight did, as plots; nothing where there was none, or it is switched off."""
         done = self._replayed.get(flight)
-        if done is None or self.setting is None or not self.setting.gating.on:
+        if done is None or self.setting is None or not self.setting.on:
             return ()
 
-        sigma = {"sigma": done.sigma}
-        if self.setting.gating.gated:
-            sigma["threshold"] = np.full(len(done.time), self.setting.gating.sigma_threshold)
-        force, torque = (dict(zip("xyz", part, strict=True)) for part in (done.correction.T[:3], done.correction.T[3:]))
+        sigma = {"sigma": done.steps.sigma}
+        if self.setting.gate.filter_uncertain:
+            sigma["threshold"] = np.full(len(done.time), self.setting.gate.sigma_threshold)
+        wrench = done.steps.correction.T
+        force, torque = (dict(zip("xyz", part, strict=True)) for part in (wrench[:3], wrench[3:]))
         plots = (
             ("correction, force", "N", force),
             ("correction, torque", "Nm", torque),
             ("sigma of the correction", self.setting.unit, sigma),
-            ("beta (1: correction withheld)", "", {"beta": done.beta}),
+            ("beta (1: correction withheld)", "", {"beta": done.steps.beta}),
         )
         shown = [one for one in plots if not one[0].startswith("correction") or np.any(list(one[2].values()))]
         return tuple(Series(title, unit, done.time, values, GROUP) for title, unit, values in shown)
 
-    def replay(self, flight: str, report: Report) -> Compensated:
+    def replay(self, flight: str, report: Report) -> Replay:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
-        from wrenchgap.replay.compensation.replay import replay  # here: others need not wait for them
-        from wrenchgap.replay.session.worker import apart
+        from wrenchgap.replay import api  # here: others need not wait for them
 
         with self.working.lock:
             gp, setting = self._known()
-            log, model = self.working.flight(flight), self.working.given
-            settings = _settings(setting.gating, 0.01)  # replay takes the period of the log
-
-        def work(tell: Report) -> _Replayed:
-            done = replay(log, model, gp, settings, progress=tell)
-            steps = done.steps
-            return _Replayed(done.time, steps.correction, steps.sigma, steps.beta, compensated(done))
-
-        found = apart(work, report)
+            log, model = self.working.flight(flight), self.working.opened_model
+        found = worker_result(lambda tell: api.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
+        found = replace(found, flight=log.flight, model=model, gp=gp)  # in place of the copies of the other process
         with self.working.lock:
             if setting is self.setting:  # not changed meanwhile
                 self._replayed[flight] = found
-        return found.summary
+        return found
 
-    def refly(self, flight: str, start: float, duration: float, report: Report) -> Reflown:
+    def refly(self, flight: str, start: float, duration: float, report: Report) -> Counterfactual:
         """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off."""
         from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
         from wrenchgap.replay.compensation.compensators import compensator
         from wrenchgap.replay.counterfactual.change import Change
         from wrenchgap.replay.counterfactual.counterfactual import counterfactual
-        from wrenchgap.replay.session.worker import apart
 
         with self.working.lock:
             gp, setting = self._known()
-            log, gating = self.working.flight(flight), setting.gating
-            model, given = self.working.model, self.working.given
+            log, model, given = self.working.flight(flight), self.working.model, self.working.opened_model
 
-        def work(tell: Report) -> Reflown:
+        def work(tell: Report) -> Counterfactual:
             recording = read_recording(log, model.vehicle, start=start, duration=duration)
             change = Change()
-            if gating.on:
-                change = Change(compensator=compensator(gp, given, _settings(gating, recording.dt)), process=gp)
-            return reflown(counterfactual(recording, model, change, progress=tell), setting.name)
+            if setting.on:
+                gate = replace(setting.gate, dt=recording.dt)
+                change = Change(compensator=compensator(gp, given, gate), process=gp)
+            return counterfactual(recording, model, change, progress=tell)
 
-        return apart(work, report)
+        return worker_result(work, report)
 
     def _known(self) -> tuple[GaussianProcess, Compensation]:
         if self.working.gp is None or self.setting is None:
@@ -123,16 +114,8 @@ class SessionCompensation:
         return self.working.gp, self.setting
 
 
-def _settings(gating: Gating, dt: float) -> Settings:
-    from wrenchgap.compensate import Settings  # here: others need not wait for it
-
-    threshold, slope, decay = gating.sigma_threshold, gating.kappa, gating.decay_time
-    gate = Settings(sigma_threshold=threshold, kappa=slope, decay_time=decay)
-    return replace(gate, dt=dt, filter_uncertain=gating.gated)
-
-
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
-    """The defaults that the GP suggests, and ranges around them."""
+    """The defaults that the GP suggests."""
     from wrenchgap.compensate import Settings  # here: others need not wait for them
     from wrenchgap.replay.compensation.compensators import caveats, compensator
     from wrenchgap.replay.present.learning import of_process
@@ -143,7 +126,6 @@ def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     threshold = float(usual.threshold) if gated else float(np.max(gp.sigma_prior))
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
-    gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
+    gate = Settings(filter_uncertain=gated, sigma_threshold=threshold, kappa=float(usual.kappa))
     slow = () if made.not_compiled is None else (sentence(made.not_compiled),)
-    notes = (*of_process(caveats(gp, model)), *slow)
-    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes)
+    return Compensation(name, gate, unit, (*of_process(caveats(gp, model)), *slow))

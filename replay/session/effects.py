@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.data.applicable import inapplicable
-from wrenchgap.learn.identify.staircase import Basis, Steps, staircase, steps
-from wrenchgap.plant import model_file
+from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
+from wrenchgap.plant import model_file, trajectory_file
 from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import Provenance
-from wrenchgap.replay.present import panels
-from wrenchgap.replay.present.addition import verdict
-from wrenchgap.replay.present.notes import not_tried
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
-from wrenchgap.replay.session.working_model import Revision, WorkingModel
-from wrenchgap.viewer.analysis import ModelState, NextFlight, Ranking, Report, Staircase
+from wrenchgap.replay.session.worker import worker_result
+from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
+from wrenchgap.viewer.background import Report
+
+if TYPE_CHECKING:
+    from wrenchgap.learn import Design, Explanation
 
 BY_HAND = "set by hand in the viewer"
 """How provenance in a model file says where such a value comes from."""
@@ -29,8 +30,26 @@ NEXT_SECONDS = 30.0
 """Length of a flight that is to separate effects [s]."""
 
 
+@dataclass(frozen=True)
+class ModelState:
+    """The current model seen from a flight; its effects in the order in which they came in.
+
+    `undo`, `redo` say what would be undone and done again, empty where there is nothing. `available` are names of
+    effects that can be added, `untried` those that cannot. `trial` is what the last fit did on held-out time.
+    """
+
+    name: str
+    installed: tuple[ModelEffect, ...]
+    available: tuple[str, ...]
+    untried: tuple[Untried, ...]
+    undo: str
+    redo: str
+    saved: bool
+    trial: Trial | None
+
+
 class SessionEffects:
-    """Implements `viewer.analysis.Effects` on a working model."""
+    """Effects of a working model. Whatever changes the model can be undone."""
 
     def __init__(self, working: WorkingModel, folder: SaveFolder | None) -> None:
         self.working, self.folder = working, folder
@@ -39,27 +58,26 @@ class SessionEffects:
 
     def state(self, flight: str) -> ModelState:
         """The current model, seen from a flight."""
-        return self.working.kept(("state", flight), lambda: self._state(flight))
+        return self.working.cached(("state", flight), lambda: self._state(flight))
 
     def _state(self, flight: str) -> ModelState:
         working = self.working
         model, records, last = working.model, working.flight(flight).records, working.revisions[-1]
         absent = {n: inapplicable(n, model, records) for n in catalogue() if n not in last.order}
-        lacking = not_tried([reason for reason in absent.values() if reason is not None])
         return ModelState(
             working.name,
-            tuple(panels.installed(e, model.vehicle) for name in last.order if (e := model.effect(name)) is not None),
+            tuple(effect for name in last.order if (effect := model.effect(name)) is not None),
             tuple(name for name, reason in absent.items() if reason is None),
-            tuple((reason, tuple(names)) for reason, names in lacking.items()),
+            tuple(reason for reason in absent.values() if reason is not None),
             working.undoable,
             working.redoable,
             working.saved,
-            "" if last.trial is None else verdict(last.trial),
+            last.trial,
         )
 
     def staircases(self, flight: str) -> tuple[Staircase, ...]:
         """Down to the current model, on this flight and on those that it was not fitted to."""
-        return self.working.kept(("staircases", flight), lambda: self._staircases(flight))
+        return self.working.cached(("staircases", flight), lambda: self._staircases(flight))
 
     def add(self, names: tuple[str, ...], flight: str) -> None:
         """Put effects in, fitted on the flight together with those that are in."""
@@ -74,17 +92,17 @@ class SessionEffects:
             self._fitted((), flight, f"fit on {flight}")
 
     def _fitted(self, names: tuple[str, ...], flight: str, words: str) -> None:
-        from wrenchgap.learn.identify import add as adding  # here: others need not wait for it
+        from wrenchgap.replay import api  # here: the page stands before it is there
 
         working = self.working
-        added = adding.add(working.model, names, [working.flight(flight)])
+        added = api.add(working.model, names, working.flight(flight))
         order = tuple(dict.fromkeys((*working.revisions[-1].order, *names)))
         working.change(Revision(added.model, words, order, added.logs, added.trial))
 
     def remove(self, name: str) -> None:
         """Take one out; the others keep their values."""
         with self.working.lock:
-            self.working.checked(name)
+            self.working.require_effect(name)
             order = tuple(n for n in self.working.revisions[-1].order if n != name)
             self.working.change(Revision(self.working.model.without([name]), f"remove {name}", order))
 
@@ -92,7 +110,7 @@ class SessionEffects:
         """Set a parameter by hand; several in a row of one effect are one change."""
         working = self.working
         with working.lock:
-            working.checked(effect)
+            working.require_effect(effect)
             old = working.model.effect(effect)
             assert old is not None
             parameters = {p.name: (k, p) for k, p in enumerate(old.effect.parameters(working.model.vehicle))}
@@ -106,10 +124,7 @@ class SessionEffects:
                 )
             theta = old.theta.copy()
             theta[k] = value
-            source = Provenance(
-                fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=BY_HAND
-            )
-            new = replace(old, theta=theta, std=None, provenance=source)
+            new = replace(old, theta=theta, std=None, provenance=provenance(BY_HAND))
             model = working.model.with_effects((*(e for e in working.model.effects if e.name != effect), new))
             model.wrench_model.body  # noqa: B018 - raises where no body can be like that
             words = f"set {effect} by hand"
@@ -135,9 +150,15 @@ class SessionEffects:
         with self.working.lock:
             return model_file.dumps(self._versioned(Path(file_name(name))))
 
-    def save_trajectory(self, found: NextFlight, name: str) -> str:
+    def trajectory_text(self, found: Design) -> str:
+        """A designed flight as a trajectory file."""
+        from wrenchgap.replay.present import design
+
+        return trajectory_file.dumps(design.finished(found, "_or_".join(e.name for e in found.effects)))
+
+    def save_trajectory(self, found: Design, name: str) -> str:
         """Write a designed flight as a trajectory file; what was written, in words."""
-        self._folder().write(name, found.text)
+        self._folder().write(name, self.trajectory_text(found))
         return f"{name}: written; fly it, or `wrenchgap simulate -t {name}`"
 
     def _folder(self) -> SaveFolder:
@@ -165,7 +186,7 @@ class SessionEffects:
         fitted, effects = self._fitted_flights(), working.model.effects
         basis = Basis.FITTED if flight in fitted else Basis.UNSEEN if effects else Basis.RAW
         here = self._raw(basis, [flight])
-        others = [n for n in working.opened if n != flight and n not in fitted]
+        others = [n for n in working.flights if n != flight and n not in fitted]
         if others:
             return here, self._raw(Basis.UNSEEN, others)
         held_out = self._held_out(flight) if flight in fitted or not effects else None
@@ -173,8 +194,8 @@ class SessionEffects:
 
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
         working = self.working
-        residuals = (np.concatenate([working.left_of(model, f) for f in flights]) for model in self._models())
-        return panels.staircase(staircase(basis, working.data(*flights), residuals, working.revisions[-1].order))
+        residuals = (np.concatenate([working.model_residual(model, f) for f in flights]) for model in self._models())
+        return staircase(basis, working.data(*flights), residuals, working.revisions[-1].order)
 
     def _models(self) -> list[Model]:
         """Nominal; with the first effect; the first two; ... as they were when there were no more, or are now."""
@@ -188,7 +209,7 @@ class SessionEffects:
 
     def _fitted_flights(self) -> set[str]:
         used = {sha for e in self.working.model.effects for _, sha in e.provenance.logs}
-        return {name for name, one in self.working.opened.items() if one.flight.content_hash in used}
+        return {name for name, one in self.working.flights.items() if one.flight.content_hash in used}
 
     def _held_out(self, flight: str) -> Staircase | None:
         """Blocks of time of the only flight, each predicted by parameters that were fitted without it.
@@ -201,33 +222,22 @@ class SessionEffects:
             return None
         made = steps(data, working.model, working.revisions[-1].order, earlier=self._steps.get(flight))
         self._steps[flight] = made
-        return panels.staircase(staircase(Basis.HELD_OUT, data, made.left, made.names))
+        return staircase(Basis.HELD_OUT, data, made.left, made.names)
 
-    def explain(self, flight: str, report: Report) -> Ranking:
-        """Search for what is missing in the current model; takes long, in a process of its own."""
-        from wrenchgap.learn.posterior import explain as searching  # here: others need not wait for them
-        from wrenchgap.replay.session.worker import apart
+    def explain(self, flight: str, report: Report) -> Explanation:
+        """What is missing in the current model; searched for in a process of its own, for long."""
+        from wrenchgap.replay import api
 
         with self.working.lock:
-            model, opened, name = self.working.model, self.working.flight(flight), self.working.name
+            model, opened = self.working.model, self.working.flight(flight)
+        return worker_result(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
 
-        def work(tell: Report) -> Ranking:
-            return panels.ranking(searching.explain([opened], model, progress=tell), flight, name)
-
-        return apart(work, report)
-
-    def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> NextFlight:
-        """Search for the flight that separates these effects; takes long, in a process of its own."""
-        from wrenchgap.learn.design.designer import design  # here: others need not wait for them
-        from wrenchgap.replay.session.worker import apart
+    def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> Design:
+        """The flight that separates these effects; searched for in a process of its own, for long."""
+        from wrenchgap.replay import api
 
         for name in names:
             find(name)
         with self.working.lock:
             model, opened, seconds = self.working.model, self.working.flight(flight), NEXT_SECONDS
-
-        def work(tell: Report) -> NextFlight:
-            found = design(names, model, flights=[opened], duration=seconds, progress=tell)
-            return panels.next_flight(found, tuple(names))
-
-        return apart(work, report)
+        return worker_result(lambda tell: api.design(names, model, opened, duration=seconds, progress=tell), report)

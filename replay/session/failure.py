@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.comparison import worst_stretches
+from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.comparison import Stretch, worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import length, weighted, whole
-from wrenchgap.learn.diagnose.budget import PARTS, Source, budget, held_out_process
-from wrenchgap.learn.diagnose.error_grid import Grid as ErrorGrid
-from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
-from wrenchgap.learn.diagnose.quantities import Quantity as Values
-from wrenchgap.learn.diagnose.quantities import quantities
-from wrenchgap.replay.present import panels
-from wrenchgap.replay.present.numbers import unit_of
-from wrenchgap.replay.present.where import depends_on
+from wrenchgap.learn.data.errors import length, weighted
+from wrenchgap.learn.diagnose.budget import Budget, Source, budget, held_out_process
+from wrenchgap.learn.diagnose.error_grid import Grid
+from wrenchgap.learn.diagnose.failure_map import Binned, FailureMap, failure_map
+from wrenchgap.learn.diagnose.quantities import Quantity, quantities
+from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import WorkingModel
-from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
-from wrenchgap.viewer.scene import Stretch
+from wrenchgap.viewer.background import Report
 
 Rows = NDArray[np.bool_]
+
+VIEWS = ("all axes", "force", "torque", *AXES)
+"""What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
+UNITS = ("N", "N", "Nm", *("N" if axis.startswith("force") else "Nm" for axis in AXES))
 
 PERMUTATIONS = 110
 """Random orders behind a p value: one below 0.01 needs a hundred."""
@@ -32,56 +33,94 @@ SMOOTH = 0.2
 """The worst instant of a cell is that of the error's running mean over so long [s]."""
 
 
+@dataclass(frozen=True)
+class Cell:
+    """The time in which something was within bounds.
+
+    `words` are the bounds, `seconds` how long it was; per view (V,): `rms` of the error, its `mean` (of one axis with
+    its sign, of several the norm), `noise` of the sensors, and `time` [s], the instant at which the error was largest.
+    """
+
+    words: str
+    seconds: float
+    rms: Array
+    mean: Array
+    noise: Array
+    time: Array
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """Cells over two quantities: `rows[i][j]` of the i-th bin of y and the j-th of x, or None; bounds of the bins."""
+
+    rows: tuple[tuple[Cell | None, ...], ...]
+    x_words: tuple[str, ...]
+    y_words: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Where a model (by its name) fails on one flight.
+
+    `cells` are those of the bins of every dependence of the map, `grid` those of its grid; `left_out` are effects that
+    cannot be evaluated on the flight. The budget is without a Gaussian process unless one was given.
+    """
+
+    flight: str
+    model: str
+    map: FailureMap
+    cells: tuple[tuple[Cell, ...], ...]
+    grid: CellGrid | None
+    budget: Budget
+    worst: tuple[Stretch, ...]
+    left_out: tuple[Untried, ...]
+
+
 class SessionFailures:
-    """Implements `viewer.analysis.Failures` on a working model."""
+    """Where the current model fails."""
 
     def __init__(self, working: WorkingModel) -> None:
         self.working = working
 
     def of(self, flight: str) -> Failure:
-        """Where the current model fails on a flight; the budget without a Gaussian process."""
-        return self.working.kept(("failure", flight), lambda: self._made(flight))
+        """Where the current model fails on a flight."""
+        return self.working.cached(("failure", flight), lambda: self._made(flight))
 
-    def full_budget(self, flight: str, report: Report) -> tuple[Budget, ...]:
+    def full_budget(self, flight: str, report: Report) -> Budget:
         """The budget with what a Gaussian process of the command would explain on blocks that it has not seen."""
         with self.working.lock:
-            data, left = self.working.data(flight), self.working.left_of(self.working.model, flight)
-            nominal = self.working.left_of(self.working.model.nominal, flight)
-
-        from wrenchgap.replay.session.worker import apart  # here: others need not wait for it
+            data, (nominal, left) = self.working.data(flight), self._residuals(flight)
 
         bare = replace(data)  # without what its evaluators remember
 
         def work(tell: Report) -> Array | None:
             return held_out_process(bare, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
 
-        return _budget(data, nominal, left, apart(work, report), Source.FITTED)
+        return budget(data, nominal, left, worker_result(work, report), Source.FITTED)
 
     def _made(self, flight: str) -> Failure:
         working = self.working
-        data, residual = working.data(flight), working.residual(flight)
+        data, residual, (nominal, left) = working.data(flight), working.residual(flight), self._residuals(flight)
+        process = None if working.predictor.gp is None else left - residual
         mapped = failure_map(data, residual, permutations=PERMUTATIONS)
         values = {q.name: q for q in quantities(data)[0]}
         sizes = _Sizes(data, residual)
+        parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
         return Failure(
             flight,
             working.predictor.name,
-            tuple(_quantity(d, values[d.name], sizes) for d in mapped.dependences),
+            mapped,
+            tuple(_cells(d.binned, values[d.name], sizes) for d in mapped.dependences),
             None if mapped.grid is None else _grid(mapped.grid, values, sizes),
-            self._quick_budget(flight, residual),
-            _worst(data, residual),
-            (
-                depends_on(mapped),
-                *(f"left out on {flight}: {reason}" for reason in working.lacking(flight, working.model)),
-            ),
-            tuple(f"{name}: {why}" for name, why in mapped.lacking.items()),
+            budget(data, nominal, left, process, Source.GIVEN),
+            worst_stretches(data.records, parts, data.weights),
+            working.inapplicable_effects(working.model, flight),
         )
 
-    def _quick_budget(self, flight: str, residual: Array) -> tuple[Budget, ...]:
-        working, data = self.working, self.working.data(flight)
-        left, nominal = working.left_of(working.model, flight), working.left_of(working.model.nominal, flight)
-        process = None if working.predictor.gp is None else left - residual
-        return _budget(data, nominal, left, process, Source.GIVEN)
+    def _residuals(self, flight: str) -> tuple[Array, Array]:
+        """Of the nominal vehicle and of the current model (K, 6), without any GP."""
+        model = self.working.model
+        return self.working.model_residual(model.nominal, flight), self.working.model_residual(model, flight)
 
 
 class _Sizes:
@@ -116,13 +155,11 @@ def _views(squares: Array, scale: Array) -> Array:
     return np.column_stack((weighted(squares, scale).sum(axis=1), force, torque, squares))
 
 
-def _quantity(found: Dependence, values: Values, sizes: _Sizes) -> Quantity:
-    members = [(words, rows) for words, rows in _members(found.binned, values) if rows.any()]
-    cells = tuple(sizes.cell(words, rows) for words, rows in members)
-    return Quantity(found.label, found.unit, panels.quantity(found), found.significant, cells)
+def _cells(binned: Binned, values: Quantity, sizes: _Sizes) -> tuple[Cell, ...]:
+    return tuple(sizes.cell(words, rows) for words, rows in _members(binned, values) if rows.any())
 
 
-def _members(binned: Binned, values: Values) -> list[tuple[str, Rows]]:
+def _members(binned: Binned, values: Quantity) -> list[tuple[str, Rows]]:
     """The bins of a quantity in words, and which samples (K,) are in each."""
     rest = np.ones(len(values.values), dtype=bool)
     out: list[tuple[str, Rows]] = []
@@ -137,7 +174,7 @@ def _members(binned: Binned, values: Values) -> list[tuple[str, Rows]]:
     return out
 
 
-def _within(values: Values, low: float, high: float, *, last: bool) -> Rows:
+def _within(values: Quantity, low: float, high: float, *, last: bool) -> Rows:
     """Samples between two bounds; the last bin has its upper bound, an angle wraps."""
     v = values.values
     if values.circular:
@@ -145,14 +182,14 @@ def _within(values: Values, low: float, high: float, *, last: bool) -> Rows:
     return np.asarray((v >= low) & ((v <= high) if last else (v < high)))
 
 
-def _bounds(values: Values, low: float, high: float) -> str:
+def _bounds(values: Quantity, low: float, high: float) -> str:
     if values.circular:
         return f"{(0.5 * (low + high) + 180.0) % 360.0 - 180.0:.0f} {values.unit}"
     digits = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-6) * 2.0))))
     return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
 
 
-def _grid(found: ErrorGrid, values: dict[str, Values], sizes: _Sizes) -> Grid:
+def _grid(found: Grid, values: dict[str, Quantity], sizes: _Sizes) -> CellGrid:
     x, y = values[found.x], values[found.y]
     inside = np.isfinite(x.values) & np.isfinite(y.values)
     columns, lines = _sides(x, found.x_edges), _sides(y, found.y_edges)
@@ -164,31 +201,9 @@ def _grid(found: ErrorGrid, values: dict[str, Values], sizes: _Sizes) -> Grid:
 
     rows = tuple(tuple(cell(i, j) for i in range(len(columns))) for j in range(len(lines)))
     x_words, y_words = (tuple(words for words, _ in sides) for sides in (columns, lines))
-    return Grid(found.x_label, found.y_label, rows, x_words, y_words)
+    return CellGrid(rows, x_words, y_words)
 
 
-def _sides(values: Values, edges: Array) -> list[tuple[str, Rows]]:
+def _sides(values: Quantity, edges: Array) -> list[tuple[str, Rows]]:
     pairs = list(itertools.pairwise(edges))
     return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
-
-
-def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: Source) -> tuple[Budget, ...]:
-    made = budget(data, nominal, left, process, source)
-    known = made.source is not Source.NONE
-    shares, together = made.shares(), made.whole()
-    scale = whole(np.sqrt(made.nominal), made.weights)
-    rows = [(VIEWS[0], UNITS[0], scale, {name: together[name] for name in PARTS})]
-    for k, axis in enumerate(AXES):
-        if not data.measured_axes[k]:
-            continue
-        parts = {name: float(shares[name][k]) for name in PARTS}
-        rows.append((axis, unit_of(k), float(np.sqrt(made.nominal[k])), parts))
-    return tuple(
-        Budget(view, unit, rms, p["noise"], p["physics"], p["process"] if known else None, p["unexplained"])
-        for view, unit, rms, p in rows
-    )
-
-
-def _worst(data: Dataset, residual: Array) -> tuple[Stretch, ...]:
-    parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
-    return tuple(Stretch(s.start, s.stop, panels.doing(s)) for s in worst_stretches(data.records, parts, data.weights))

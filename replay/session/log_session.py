@@ -9,26 +9,28 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
-from wrenchgap import flight
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.channels import Channel, channels
 from wrenchgap.learn.data.comparison import compare
-from wrenchgap.learn.data.opening import Loader, open_flights
-from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.learn.process.predictors import cutoff_of, predictors
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.failure import SessionFailures
+from wrenchgap.replay.session.panels.compensation import CompensationPanel
+from wrenchgap.replay.session.panels.effects import EffectsPanel
+from wrenchgap.replay.session.panels.failure import FailurePanel
 from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.replay.session.scene import Prediction, predicted, recorded
+from wrenchgap.replay.session.scene import predicted, recorded
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
-from wrenchgap.viewer.session import Capabilities
+from wrenchgap.viewer.session import Capabilities, MakePanel
 
 if TYPE_CHECKING:
     from wrenchgap.replay.session.comparisons import SessionComparisons
@@ -40,45 +42,46 @@ UNSAVED = "MODEL"
 
 
 class LogSession:
-    """Implements `viewer.session.Session` for logs, a model and, where given, a GP.
+    """Implements `viewer.session.Session` for flights that were opened for a model, and where given a GP.
 
-    `load` reads logs as `flight.load` does. `against` are other models whose predictions are shown beside; `gp_name` is
-    what the GP is called on the page.
-    Models and trajectories that are saved on the page go into `folder`; without one the page offers them as downloads.
+    `gp_name` is what the GP is called on the page; `against` are other models whose predictions are shown beside;
+    models and trajectories that are saved on the page go into `folder`, without one the page offers them as downloads.
+    `budget` is that of reading a log again for its channels (`flight.budget`).
     """
 
     def __init__(
         self,
-        logs: Sequence[str | Path],
+        flights: Flights,
         model: Model,
         gp: GaussianProcess | None = None,
-        options: ReadOptions | None = None,
         *,
-        load: Loader = flight.load,
-        against: Sequence[Model] = (),
         gp_name: str = "GP",
+        against: Sequence[Model] = (),
         folder: SaveFolder | None = None,
+        budget: Budget | str | None = None,
     ) -> None:
-        options = options or ReadOptions(cutoff_hz=cutoff_of(gp))
-        opened = open_flights(logs, model, options, load=load)
-        self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, options.cutoff_hz)
-        self._budget = options.budget
-        self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
+        self.working = WorkingModel(listed(flights), model, gp)
+        self._budget = budget
+        self.vehicle, self.flights = model.vehicle, tuple(self.working.flights)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.working.notes, *notes)
         self.failures = SessionFailures(self.working)
         self.effects = SessionEffects(self.working, folder)
         self.compensations = SessionCompensation(self.working, gp_name)
-        self.comparisons = self._comparisons() if len(self.flights) > 1 else None
-        self.capabilities = Capabilities(
-            self.failures,
-            self.effects,
-            self.compensations,
-            self.comparisons,
-            channels=self.channels,
-            report=self.report,
-        )
+        self.comparisons: SessionComparisons | None = None
+        panels: list[MakePanel] = [
+            partial(FailurePanel, failures=self.failures),
+            partial(EffectsPanel, effects=self.effects),
+            partial(CompensationPanel, compensations=self.compensations),
+        ]
+        if len(self.flights) > 1:
+            from wrenchgap.replay.session.comparisons import SessionComparisons  # here: one flight need not wait for it
+            from wrenchgap.replay.session.panels.changed import ChangedPanel
+
+            self.comparisons = SessionComparisons(self.working)
+            panels.insert(2, partial(ChangedPanel, comparisons=self.comparisons))
+        self.capabilities = Capabilities(panels, self.channels, self.report)
         self._recorded: dict[str, Scene] = {}
 
     @property
@@ -89,7 +92,7 @@ class LogSession:
     def scene(self, flight: str) -> Scene:
         """The flight of this name, with what the current model says of it, and the last replay on it."""
         with self.working.lock:
-            made = self.working.kept(("scene", flight), lambda: self._made(flight))
+            made = self.working.cached(("scene", flight), lambda: self._made(flight))
             return replace(made, series=(*made.series, *self.compensations.series(flight)))
 
     def channels(self, flight: str) -> Mapping[str, Channel]:
@@ -102,22 +105,17 @@ class LogSession:
 
         A GP belongs to the model that it was learnt on, and is left out once that has changed.
         """
+        from wrenchgap.replay import api  # here: the page stands before they are there
         from wrenchgap.replay.present.report import Repetition, Request, page
-        from wrenchgap.replay.report import report
 
         working, model, one = self.working, self.model, self.working.flight(flight)
-        others = [opened for name, opened in working.opened.items() if name != flight]
+        others = [opened for name, opened in working.flights.items() if name != flight]
         name = str(model.path) if working.saved and model.path is not None else UNSAVED
         words = ["wrenchgap", "report", str(one.flight.path), "-m", name]
         words += ["--validate", *(str(o.flight.path) for o in others)] if others else []
-        gp = working.gp if model is working.given else None
-        made = report([one], model, validation=others, gp=gp, progress=progress)
+        gp = working.gp if model is working.opened_model else None
+        made = api.report(one, model, validate=others, gp=gp, progress=progress)
         return page(made, Repetition.of(made, Request(name, shlex.join([*words, "-o", "report.html"]))))
-
-    def _comparisons(self) -> SessionComparisons:
-        from wrenchgap.replay.session.comparisons import SessionComparisons  # here: others need not wait for it
-
-        return SessionComparisons(self.working)
 
     def _made(self, name: str) -> Scene:
         one, predictor = self.working.flight(name), self.working.predictor
@@ -125,14 +123,14 @@ class LogSession:
             self._recorded[name] = recorded(one, self.vehicle)
         result = compare([one], self.model, [predictor, *self._against])
         evaluation, *others = result.evaluations
-        predictions = {other.name: Prediction.of(other) for other in others}
+        models = {other.name: other for other in others}
         trivial = not predictor.model.effects and predictor.gp is None  # the nominal model predicts the command
         if not trivial:
-            predictions = {PREDICTED: Prediction.of(evaluation), **predictions}
+            models = {PREDICTED: evaluation, **models}
         return predicted(
             self._recorded[name],
             one,
-            predictions,
+            models,
             residual_of="commanded" if trivial else PREDICTED,
             worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
             notes=sentences((*self._notes, *result.notes)),

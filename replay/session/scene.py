@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,19 +26,6 @@ NOTHING = 1e-3
 """Share of the vehicle's weight, and of its weight times its arm, below which plots of wrenches are drawn flat."""
 FLOORS = {"deg": 0.01, "mm": 0.1, "rad/s": 1e-3, "rotor speed": 0.1}
 """The least range of the other plots, by unit, and of rotor speeds [rad/s]: below what sensors resolve."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a model says of a flight, by record (K, 6) [N, Nm]; `sigma` its standard deviation where it knows one."""
-
-    wrench: Sequence[Array]
-    sigma: Sequence[Array] | None = None
-
-    @classmethod
-    def of(cls, evaluation: Evaluation) -> Prediction:
-        """That of a comparison on this flight alone."""
-        return cls(evaluation.predictions, evaluation.sigma)
 
 
 def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
@@ -98,15 +85,15 @@ def _gaps(one: OpenFlight) -> tuple[Stretch, ...]:
 def predicted(
     scene: Scene,
     one: OpenFlight,
-    predictions: Mapping[str, Prediction],
+    models: Mapping[str, Evaluation],
     *,
     residual_of: str,
     worst: Sequence[Stretch] = (),
     notes: Sequence[str] = (),
 ) -> Scene:
-    """A recorded flight with what models say of it, by name; `residual_of` names the wrench to compare with."""
-    wrenches = {name: _at(scene.time, one.records, p.wrench) for name, p in predictions.items()}
-    sigma = {n: _at(scene.time, one.records, p.sigma) for n, p in predictions.items() if p.sigma is not None}
+    """A recorded flight with what `models` say of it alone; `residual_of` names the wrench to compare with."""
+    wrenches = {name: _at(scene.time, one.records, found.predictions) for name, found in models.items()}
+    sigma = {n: _at(scene.time, one.records, found.sigma) for n, found in models.items() if found.sigma is not None}
     return replace(
         scene,
         wrenches={**scene.wrenches, **wrenches},

@@ -26,7 +26,7 @@ PATIENCE = 0.1
 """How often the parent looks whether it is still wanted, while the process says nothing [s]."""
 
 
-def apart(work: Callable[[Report], T], report: Report) -> T:
+def worker_result(work: Callable[[Report], T], report: Report) -> T:
     """work(report) in another process; `report` is called in this one, also while there is nothing new.
 
     What `report` raises (somebody cancelled) ends the process and is passed on. Errors of wrenchgap in the process are

@@ -7,8 +7,9 @@ is computed from the present model is kept until the model changes.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TypeVar
 
 import numpy as np
@@ -23,7 +24,8 @@ from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.wrench_model import WrenchModel
+from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.wrench_model import Provenance, WrenchModel
 
 T = TypeVar("T")
 
@@ -48,16 +50,16 @@ class Revision:
 class WorkingModel:
     """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened."""
 
-    def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
-        self.opened, self.gp, self.cutoff_hz = dict(opened), gp, cutoff
+    def __init__(self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None):
+        self.flights, self.gp = {one.records[0].flight: one for one in flights}, gp
         self.lock = threading.RLock()
         self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
         self._undone: list[Revision] = []
         self._saved = model
-        found, self.notes = predictors(model, (), gp, cutoff)
-        self.given, self._given_predictor = model, found[-1]
+        found, self.notes = predictors(model, (), gp, flights[0].records[0].cutoff_hz)
+        self.opened_model, self._opened_predictor = model, found[-1]
         self._data: dict[tuple[str, ...], Dataset] = {}
-        self._kept: dict[tuple[str, ...], object] = {}
+        self._cached: dict[tuple[str, ...], object] = {}
 
     @property
     def model(self) -> Model:
@@ -93,7 +95,7 @@ class WorkingModel:
             if len(self._done) > DEPTH:
                 del self._done[1]
             self._undone.clear()
-            self._kept.clear()
+            self._cached.clear()
 
     def undo(self) -> None:
         """Take the last change back. Raises UsageError where there is none."""
@@ -101,7 +103,7 @@ class WorkingModel:
             if len(self._done) < 2:
                 raise UsageError("there is nothing to undo: the model is as it was opened")
             self._undone.append(self._done.pop())
-            self._kept.clear()
+            self._cached.clear()
 
     def redo(self) -> None:
         """Do again what was taken back last. Raises UsageError where there is nothing."""
@@ -109,48 +111,48 @@ class WorkingModel:
             if not self._undone:
                 raise UsageError("there is nothing to redo")
             self._done.append(self._undone.pop())
-            self._kept.clear()
+            self._cached.clear()
 
     def was_saved(self, model: Model) -> None:
         """The current model is in a file now: `model`, with its path and history."""
         with self.lock:
             self._done[-1] = replace(self._done[-1], model=model)
             self._saved = model
-            self._kept.clear()
+            self._cached.clear()
 
     def flight(self, name: str) -> OpenFlight:
         """The open flight of this name."""
-        return self.opened[name]
+        return self.flights[name]
 
     def data(self, *flights: str) -> Dataset:
         """The records of flights, stacked; evaluators of it remember what models have in common."""
         with self.lock:
             if flights not in self._data:
-                self._data[flights] = dataset_of([self.opened[f] for f in flights], self.given)
+                self._data[flights] = dataset_of([self.flights[f] for f in flights], self.opened_model)
             return self._data[flights]
 
-    def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
+    def cached(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
         """The value under `key`, made if it is not there since the model changed."""
         with self.lock:
-            if key not in self._kept:
-                self._kept[key] = make()
-            return self._kept[key]  # type: ignore[return-value]
+            if key not in self._cached:
+                self._cached[key] = make()
+            return self._cached[key]  # type: ignore[return-value]
 
-    def usable(self, model: Model, flight: str) -> WrenchModel:
+    def applicable_model(self, model: Model, flight: str) -> WrenchModel:
         """The model without effects that need what the flight's log lacks."""
-        lacking = {one.effect for one in self.lacking(flight, model)}
+        lacking = {one.effect for one in self.inapplicable_effects(model, flight)}
         return WrenchModel(model.vehicle, tuple(e for e in model.effects if e.name not in lacking))
 
-    def lacking(self, flight: str, model: Model) -> tuple[Untried, ...]:
+    def inapplicable_effects(self, model: Model, flight: str) -> tuple[Untried, ...]:
         """Effects of a model that cannot be evaluated on a flight."""
-        reasons = (inapplicable(e.name, model, self.opened[flight].records) for e in model.effects)
+        reasons = (inapplicable(e.name, model, self.flights[flight].records) for e in model.effects)
         return tuple(reason for reason in reasons if reason is not None)
 
-    def left_of(self, model: Model, flight: str) -> Array:
+    def model_residual(self, model: Model, flight: str) -> Array:
         """Measured wrench minus the model's prediction (K, 6), without any GP."""
         with self.lock:
             data = self.data(flight)
-            return data.measured - data.predict(self.usable(model, flight))
+            return data.measured - data.predict(self.applicable_model(model, flight))
 
     def residual(self, flight: str) -> Array:
         """What the current model leaves of the measured wrench (K, 6), with its GP where it has one."""
@@ -158,30 +160,35 @@ class WorkingModel:
         def make() -> Array:
             predictor = self.predictor
             if predictor.gp is None:
-                return self.left_of(self.model, flight)
+                return self.model_residual(self.model, flight)
             data, body = self.data(flight), self.model.vehicle.body
-            base = self.usable(replace(self.model, effects=predictor.model.effects), flight)
+            base = self.applicable_model(replace(self.model, effects=predictor.model.effects), flight)
             usable = replace(predictor, model=base)
             return np.asarray(data.measured - np.concatenate([usable.predict(r, body) for r in data.records]))
 
-        return self.kept(("residual", flight), make)
+        return self.cached(("residual", flight), make)
 
     @property
     def name(self) -> str:
         """The current model's name: that of the opened one, or what is in it now."""
-        if [e.name for e in self.model.effects] == [e.name for e in self.given.effects]:
-            return self.given.name if self.saved else f"{self.given.name} (changed)"
+        if [e.name for e in self.model.effects] == [e.name for e in self.opened_model.effects]:
+            return self.opened_model.name if self.saved else f"{self.opened_model.name} (changed)"
         return " + ".join([self.model.vehicle.name, *self._done[-1].order])
 
     @property
     def predictor(self) -> Predictor:
         """What predicts: the current model. A GP sits on the model as it was opened, and counts only there."""
-        if self.model is self.given:
-            return self._given_predictor
+        if self.model is self.opened_model:
+            return self._opened_predictor
         return Predictor(self.name, self.model.wrench_model)
 
-    def checked(self, name: str) -> None:
+    def require_effect(self, name: str) -> None:
         """Raise ModelError unless the model has this effect."""
         if self.model.effect(name) is None:
             have = ", ".join(e.name for e in self.model.effects) or "none"
             raise ModelError(f"{self.name}: has no effect {name!r}; its effects: {have}")
+
+
+def provenance(method: str) -> Provenance:
+    """Of values that are put into the model now, without a fit to logs."""
+    return Provenance(fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=method)

@@ -10,7 +10,7 @@ need not think of it:
     Markdown           `markdown`       replay.export (the page shows no Markdown)
     figures            `figure_text`    replay.present.figures.style
     JSON               `json_text`      replay.present.documents, viewer.view_state
-    CSV                `csv_cell`       replay.present.documents, viewer.export_formats
+    CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory_file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.text
     shell completion   `completable`    replay.cli.completion

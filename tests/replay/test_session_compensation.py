@@ -10,7 +10,9 @@ import wrenchgap as wg
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.replay.present.counterfactual import tracking_rows
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels.compensation import ghost_of
 
 MODEL = wg.load_model("tilt_hexarotor")
 silent = Mock()
@@ -24,7 +26,7 @@ def gp(logs):
 
 @pytest.fixture
 def session(logs, gp):
-    return LogSession([logs.test], MODEL, gp, gp_name="torque.gp")
+    return LogSession(wg.open_flights(logs.test, MODEL), MODEL, gp, gp_name="torque.gp")
 
 
 def series(session, title):
@@ -36,7 +38,7 @@ def largest(found):
 
 
 def test_without_a_process_there_is_nothing_to_set(logs):
-    session = LogSession([logs.test], MODEL)
+    session = LogSession(wg.open_flights(logs.test, MODEL), MODEL)
     assert session.compensations.setting is None
     with pytest.raises(UsageError, match="--gp"):
         session.compensations.replay("test", silent)
@@ -52,52 +54,53 @@ def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
         assert np.array_equal(drawn.values[axis], direct.steps.correction[:, 3 + k])
     assert np.array_equal(series(session, "sigma of the").values["sigma"], direct.steps.sigma)
     assert np.array_equal(series(session, "beta").values["beta"], direct.steps.beta)
-    before, after = (np.array([float(row[i]) for row in found.rows]) for i in (1, 2))
+    before, after = (np.mean(np.abs(m), axis=0) for m in (found.steps.mismatch_before, found.steps.mismatch_after))
     assert np.all(after < before)
 
 
 def test_gates_withhold_what_they_should(session):
     desk = session.compensations
-    usual = desk.setting.gating
-    desk.set(replace(usual, gated=False))
+    usual = desk.setting.gate
+    desk.set(replace(usual, filter_uncertain=False))
     desk.replay("test", silent)
     free = series(session, "correction, torque")
     assert np.all(series(session, "beta").values["beta"] == 0.0)
     assert "threshold" not in series(session, "sigma of the").values
-    desk.set(replace(usual, gated=True, sigma_threshold=1e-6, kappa=1e7))
+    desk.set(replace(usual, filter_uncertain=True, sigma_threshold=1e-6, kappa=1e7))
     assert series(session, "correction") is None  # what was replayed with other settings is forgotten
     desk.replay("test", silent)
     assert np.all(series(session, "beta").values["beta"] > 0.99)
     held = series(session, "correction")
     assert held is None or largest(held) < 0.02 * largest(free)
-    desk.set(replace(usual, on=False))
+    desk.set(usual, on=False)
     assert series(session, "beta") is None
 
 
 def test_impossible_settings_are_refused_and_change_nothing(session):
-    usual = session.compensations.setting.gating
+    usual = session.compensations.setting.gate
     for wrong in ({"kappa": -1.0}, {"decay_time": 0.0}, {"sigma_threshold": np.nan}):
         with pytest.raises(UsageError, match="compensate"):
             session.compensations.set(replace(usual, **wrong))
-    assert session.compensations.setting.gating == usual
+    assert session.compensations.setting.gate == usual
     assert usual.decay_time == Settings().decay_time
 
 
 def test_compensated_ghost_tracks_better_than_the_recorded_flight(session):
     flown = session.compensations.refly("test", 1.0, 4.0, silent)
-    labels = [row[0] for row in flown.rows]
-    recorded, null, ghost = (np.array([float(row[i]) for row in flown.rows]) for i in (1, 2, 3))
+    rows, drawn = tracking_rows(flown), ghost_of(flown, "torque.gp")
+    labels = [row[0] for row in rows]
+    recorded, null, ghost = (np.array([float(row[i]) for row in rows]) for i in (1, 2, 3))
     attitude = [k for k, label in enumerate(labels) if label.startswith("attitude")]
     assert len(attitude) == 3
     assert np.linalg.norm(ghost[attitude]) < 0.6 * np.linalg.norm(recorded[attitude])
     assert null[attitude] == pytest.approx(recorded[attitude], abs=0.05)
-    assert flown.motion.time[0] == pytest.approx(1.0, abs=0.02)
-    assert np.diff(flown.motion.time).min() > 0.0
-    assert flown.motion.tilt.shape == (len(flown.motion.time), 6)
-    assert "torque.gp" in flown.motion.words
-    session.compensations.set(replace(session.compensations.setting.gating, on=False))
+    assert drawn.time[0] == pytest.approx(1.0, abs=0.02)
+    assert np.diff(drawn.time).min() > 0.0
+    assert drawn.tilt.shape == (len(drawn.time), 6)
+    assert "torque.gp" in drawn.words
+    session.compensations.set(session.compensations.setting.gate, on=False)
     same = session.compensations.refly("test", 1.0, 4.0, silent)
-    assert [row[3] for row in same.rows] == [row[2] for row in same.rows]
+    assert all(row[3] == row[2] for row in tracking_rows(same))
 
 
 def test_a_process_counts_only_on_the_model_that_it_was_learnt_on(session):

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
-from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.data.opening import open_flight, open_flights
 from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.fit import fit, with_fit
+from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant import model_file
+from wrenchgap.replay.present.design import sentence
+from wrenchgap.replay.present.explanation import summary
+from wrenchgap.replay.present.staircase import label
 from wrenchgap.replay.session import effects as session_effects
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.saving import SaveFolder
@@ -18,7 +22,7 @@ TRUTH = (-0.004, 0.007, -0.005)
 
 @pytest.fixture
 def session(logs, tmp_path):
-    return LogSession([logs.train, logs.test], MODEL, folder=SaveFolder(tmp_path))
+    return LogSession(open_flights([logs.train, logs.test], MODEL), MODEL, folder=SaveFolder(tmp_path))
 
 
 def rms(staircase):
@@ -34,15 +38,13 @@ def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session
     session.effects.add(("com_offset",), "train")
     state, staircases = session.effects.state("train"), session.effects.staircases("train")
     fitted, held_out = staircases
-    assert [s.name for s in held_out.stairs] == ["nominal", "+ com_offset"]
-    assert held_out.held_out
-    assert not fitted.held_out
+    assert [label(s) for s in held_out.stairs] == ["nominal", "+ com_offset"]
+    assert (held_out.basis, fitted.basis) == (Basis.UNSEEN, Basis.FITTED)
     assert held_out.stairs[0].in_all > 5.0 * held_out.noise.in_all
     assert held_out.stairs[1].in_all < 1.2 * held_out.noise.in_all
     (installed,) = state.installed
-    for value, truth in zip(installed.values, TRUTH, strict=True):
-        assert abs(value.value - truth) < 3.0 * value.std + 1e-4
-    assert "train.mcap" in installed.source
+    assert np.all(np.abs(installed.theta - TRUTH) < 3.0 * installed.std + 1e-4)
+    assert [file for file, _ in installed.provenance.logs] == ["train.mcap"]
     train, test = (dataset_of([open_flight(p, MODEL)], MODEL) for p in (logs.train, logs.test))
     fitted = with_fit(MODEL, fit(train, MODEL, ["com_offset"]))
     for data, stairs in zip((train, test), staircases, strict=True):
@@ -84,9 +86,9 @@ def test_a_slider_moves_the_error_and_counts_as_one_change(session):
         errors.append(error())
     assert np.all(np.diff(errors) > 0.0)
     state = session.effects.state("train")
-    assert state.installed[0].values[1].value == 0.0
-    assert state.installed[0].values[1].std is None
-    assert "by hand" in state.installed[0].source
+    assert state.installed[0].theta[1] == 0.0
+    assert state.installed[0].std is None
+    assert "by hand" in state.installed[0].provenance.method
     session.effects.undo()
     assert error() == errors[0]
 
@@ -96,7 +98,7 @@ def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
     one = session.effects.staircases("train")[1]
     session.effects.add(("inertia",), "train")
     two = session.effects.staircases("train")[1]
-    assert [s.name for s in two.stairs] == ["nominal", "+ com_offset", "+ inertia"]
+    assert [label(s) for s in two.stairs] == ["nominal", "+ com_offset", "+ inertia"]
     assert np.array_equal(rms(two)[:2], rms(one))
     session.effects.remove("com_offset")
     left = session.effects.staircases("train")
@@ -107,10 +109,10 @@ def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
 
 
 def test_one_flight_is_judged_on_time_that_was_not_fitted(logs):
-    session = LogSession([logs.train], MODEL)
+    session = LogSession(open_flights([logs.train], MODEL), MODEL)
     session.effects.add(("com_offset",), "train")
     here, blocks = session.effects.staircases("train")
-    assert blocks.held_out
+    assert blocks.basis is Basis.HELD_OUT
     assert blocks.stairs[-1].in_all < 1.3 * blocks.noise.in_all
     assert here.stairs[-1].in_all <= 1.2 * blocks.stairs[-1].in_all
     session.effects.set_value("com_offset", "y", 0.0)  # nothing was fitted that a block could be left out of
@@ -121,10 +123,10 @@ def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(s
     told = []
     ranking = session.effects.explain("train", lambda share, words: told.append(words))
     assert ranking.verdict == "effect"
-    assert ranking.named[0].name == "com_offset"
-    assert ranking.named[0].sure > 0.9
-    assert ranking.candidates[0].mark == "chosen"
-    assert "com_offset" in ranking.sentence
+    assert ranking.effects[0] == "com_offset"
+    assert ranking.confidence(ranking.members[0]) > 0.9
+    assert ranking.ranking[0].name == "com_offset"
+    assert "com_offset" in summary(ranking)
     assert any("trying com_offset" in words for words in told)
     assert session.effects.state("train").installed == ()  # a search changes nothing
 
@@ -194,8 +196,8 @@ def test_next_flight_is_drawn_within_the_room_and_says_what_it_separates(session
     monkeypatch.setattr(session_effects, "NEXT_SECONDS", 8.0)  # a short one is found sooner
     found = session.effects.next_flight(("com_offset", "constant_wrench"), "train", lambda share, words: None)
     assert found.separable
-    assert all(name in found.sentence for name in found.names)
-    assert found.position_E.shape == (len(found.time), 3)
-    assert np.all(np.abs(found.position_E[:, :2]) < 4.0)
-    assert np.ptp(found.position_E, axis=0).max() < 5.0
-    assert "[[moves]]" in found.text
+    assert all(effect.name in sentence(found) for effect in found.effects)
+    position_E = found.trajectory.at(np.linspace(0.0, found.trajectory.duration, 600)).position_E
+    assert np.all(np.abs(position_E[:, :2]) < 4.0)
+    assert np.ptp(position_E, axis=0).max() < 5.0
+    assert "[[moves]]" in session.effects.trajectory_text(found)

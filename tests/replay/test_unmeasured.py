@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight, load_model, open_flights, simulate
-from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.replay.session.failure import VIEWS
 from wrenchgap.replay.session.log_session import LogSession
-from wrenchgap.viewer.analysis import VIEWS
 from wrenchgap.viewer.plots import plots_of
 
 NAME = "asymmetric_quadrotor"
@@ -120,16 +119,17 @@ def test_the_model_file_says_it(log, result_of, refused, tmp_path):
 
 
 def test_the_viewer_draws_nothing_there(log):
-    session = LogSession([log], load_model(NAME), options=ReadOptions(unmeasured=GONE))
+    model = load_model(NAME)
+    session = LogSession(open_flights(log, model, unmeasured=GONE), model)
     (name,) = session.flights
     lines = {p.title: [line.name for line in p.lines] for p in plots_of(session.scene(name))}
     assert "measured" not in lines["force x"]
     assert "measured" in lines["force z"]
     failure = session.failures.of(name)
-    cell = failure.quantities[0].cells[0]
+    cell = failure.cells[0][0]
     known = dict(zip(VIEWS, np.isfinite(cell.rms), strict=True))
     assert [view for view, there in known.items() if not there] == GONE
-    assert [b.view for b in failure.budget] == ["all axes", *flight.AXES[2:]]
+    assert [a for a, e in zip(flight.AXES, failure.budget.nominal, strict=True) if np.isnan(e)] == GONE
 
 
 def test_figures_of_a_flight_without_any_force(log):

@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from wrenchgap.plant import model_file
+import wrenchgap as wg
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 
@@ -123,7 +123,8 @@ def flown(logs):
 @pytest.fixture(scope="module")
 def page(flown):
     """A page on both flights, as `wrenchgap view` makes it."""
-    made = Page(LogSession(flown, model_file.load("tilt_hexarotor")), port=0)
+    model = wg.load_model("tilt_hexarotor")
+    made = Page(LogSession(wg.open_flights(flown, model), model), port=0)
     yield made
     made.stop()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wrenchgap.viewer.panels.effects import EffectsPanel
+from wrenchgap.replay.session.panels.effects import EffectsPanel
 
 pytestmark = pytest.mark.browser
 

@@ -10,17 +10,20 @@ import psutil
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.learn.diagnose.budget import Source
+from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads
+from wrenchgap.replay.present import design, explanation
+from wrenchgap.replay.session.failure import VIEWS
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels.compensation import CompensationPanel
+from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
+from wrenchgap.replay.session.panels.failure import FailurePanel
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer import panel as panels
-from wrenchgap.viewer.analysis import VIEWS, NextFlight, Ranking
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.panels.compensation import CompensationPanel
-from wrenchgap.viewer.panels.effects import NEXT, EffectsPanel
-from wrenchgap.viewer.panels.failure import FailurePanel
-from wrenchgap.viewer.sliders import tidy
+from wrenchgap.viewer.scene_drawing import tidy
 
 MODEL = wg.load_model("tilt_hexarotor")
 
@@ -109,7 +112,7 @@ def test_a_click_on_a_worst_stretch_goes_there(page, failure):
 
 def test_the_view_chooses_axis_and_kind_and_stays_for_the_next_log(page, failure):
     move(failure.view, "torque_y")
-    found = page.session.failures.of("train").quantities[0].cells[0]
+    found = page.session.failures.of("train").cells[0][0]
     milli = 1e3 if "[mNm]" in failure.map.content else 1.0
     for kind in ("mean", "rms"):
         move(failure.shown, kind)
@@ -163,7 +166,8 @@ def test_a_page_stands_before_a_long_flight_is_looked_at(page, failure, eventual
 def test_budget_asks_a_process_beside_the_page(page, failure, work, monkeypatch):
     def asked(flight, report):
         report(0.5, f"asking about {flight}")
-        return tuple(replace(row, process=0.25, unexplained=row.unexplained - 0.25) for row in failure.budget)
+        made, quarter = failure.budget, 0.25 * failure.budget.nominal
+        return replace(made, process=quarter, unexplained=made.unexplained - quarter, source=Source.FITTED)
 
     monkeypatch.setattr(failure.failures, "full_budget", asked)
     assert "Gaussian process" not in failure.parts.content
@@ -305,18 +309,18 @@ def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
 
 
 def test_a_cancelled_search_leaves_nothing_behind(page, effects, eventually):
-    effects.rankings.clear()
+    effects.searches.clear()
     press(effects.work.button)
     press(effects.work.stop)
     assert not effects.work.running
     assert effects.work.button.visible
     eventually(lambda: not any(job.is_alive() for job in page._jobs))
-    assert effects.rankings == {}
+    assert effects.searches == {}
     assert page.told == []
 
 
 def test_a_page_that_stops_leaves_no_search_running(flown, eventually):
-    page = Page(LogSession([flown[0]], MODEL), port=0)
+    page = Page(LogSession(wg.open_flights(flown[0], MODEL), MODEL), port=0)
     before = set(psutil.Process().children(recursive=True))
     press(panel_of(page, EffectsPanel).work.button)
     started = eventually(lambda: set(psutil.Process().children(recursive=True)) - before)
@@ -325,21 +329,44 @@ def test_a_page_that_stops_leaves_no_search_running(flown, eventually):
 
 
 SENTENCE = "Something is missing, but no effect of the catalogue explains it. <b>It swings</b>."
-GROUPS, TESTED, UNTRIED = (("servo_lag", "command_delay"),), ("no further effect stands out",), ("battery_sag",)
-UNKNOWN = Ranking("train", "tilt_hexarotor", "unknown", SENTENCE, (), (), GROUPS, TESTED, UNTRIED)
+GROUPS = (("servo_lag", "command_delay"),)
+UNKNOWN = SimpleNamespace(
+    verdict=Verdict.UNKNOWN,
+    effects=(),
+    members=(),
+    ranking=(),
+    untried=(),
+    separable=GROUPS,
+    fit=SimpleNamespace(parameters=(), theta=(), std=()),
+)
+
+
+def designed_flight(names):
+    """What the panel takes of a `Design`: a climb of 49 s at 1 cm/s."""
+
+    def at(time):
+        climb = 0.01 * time[:, None] * np.array([0.0, 0.0, 1.0])
+        return SimpleNamespace(position_E=climb, quat_ED=np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1)))
+
+    effects = tuple(SimpleNamespace(name=name) for name in names)
+    trajectory = SimpleNamespace(duration=49.0, at=at)
+    return SimpleNamespace(effects=effects, separable=True, segments=("shake",), trajectory=trajectory)
 
 
 def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eventually, monkeypatch, tmp_path):
-    motion = np.arange(50.0), np.cumsum(np.ones((50, 3)), axis=0) * 0.01, np.tile([1.0, 0.0, 0.0, 0.0], (50, 1))
     asked = []
 
     def designed(names, flight, report):
         asked.append((names, flight))
         report(0.5, "flying")
-        return NextFlight(names, True, "This flight separates them.", (), "shake", *motion, "x = 1\n")
+        return designed_flight(names)
 
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
-    effects.rankings["train"] = UNKNOWN
+    monkeypatch.setattr(page.session.effects, "trajectory_text", lambda found: "x = 1\n")
+    monkeypatch.setattr(design, "sentence", lambda found: "This flight separates them.")
+    monkeypatch.setattr(explanation, "summary", lambda found: SENTENCE)
+    monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
+    effects.searches["train"] = UNKNOWN, "tilt_hexarotor"
     effects.opened(page.scene)
     assert "UNKNOWN" in effects.found.content
     assert "no effect of the catalogue explains" in effects.found.content
@@ -358,7 +385,7 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     assert "exists already" in str(page.told[-1])
     press(effects.plan_clear)
     assert NEXT not in page.drawing._curves
-    effects.rankings.clear()
+    effects.searches.clear()
 
 
 def test_slider_steps_are_round_numbers():
@@ -371,7 +398,7 @@ def compensated(flown):
     train, test = flown
     settings = FitSettings(points=60, restarts=0, seed=0, pre_thin=300)
     gp = wg.learn_gp(wg.open_flights(train, MODEL), MODEL, settings=settings, guard=False).gp
-    made = Page(LogSession([test], MODEL, gp, gp_name="torque.gp"), port=0)
+    made = Page(LogSession(wg.open_flights(test, MODEL), MODEL, gp, gp_name="torque.gp"), port=0)
     yield listening(made)
     made.stop()
 
@@ -409,7 +436,7 @@ def test_a_slider_replays_anew_and_the_last_one_wins(compensated, eventually):
     for threshold in (0.05, 0.04, panel.threshold.step):
         move(panel.threshold, threshold)
     eventually(lambda: not panel.work.running)
-    assert compensated.session.compensations.setting.gating.sigma_threshold == panel.threshold.step
+    assert compensated.session.compensations.setting.gate.sigma_threshold == panel.threshold.step
     beta = next(s for s in compensated.scene.series if s.title.startswith("beta")).values["beta"]
     assert beta.mean() > 0.4
     assert compensated.told == []
@@ -418,7 +445,7 @@ def test_a_slider_replays_anew_and_the_last_one_wins(compensated, eventually):
 def test_the_flight_is_re_simulated_as_a_ghost(compensated, work):
     panel = panel_of(compensated, CompensationPanel)
     desk = compensated.session.compensations
-    desk.set(replace(desk.setting.gating, on=True, gated=False))
+    desk.set(replace(desk.setting.gate, filter_uncertain=False))
     move(panel.start, 1.0)
     move(panel.seconds, 3.0)
     work(panel.again)

@@ -8,6 +8,7 @@ import pytest
 import wrenchgap as wg
 from tests.viewer.conftest import Visitor
 from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer import markup
@@ -37,7 +38,8 @@ def test_warnings_are_escaped_and_counted():
 
 @pytest.mark.browser
 def test_a_warning_stands_over_the_page(browser, logs, spiked, eventually):
-    page = Page(LogSession([spiked, logs.test], model_file.load("tilt_hexarotor")), port=0)
+    model = model_file.load("tilt_hexarotor")
+    page = Page(LogSession(open_flights([spiked, logs.test], model), model), port=0)
     try:
         client = Visitor(browser, page.url, smooth=False)
         x, y, width, height = eventually(lambda: client.tab.evaluate(BOX), "no banner")

@@ -4,26 +4,46 @@ import numpy as np
 import pytest
 
 from tests.viewer.test_analysis_panels import follow_to, listening, move, panel_of, press
+from wrenchgap.learn.changed.by_flight import FlightRow
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.places import Place
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.posterior.classes import Class, NamedSet
+from wrenchgap.plant import model_file
+from wrenchgap.replay.session.panels.changed import WIDEST, ChangedPanel, labels
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.differences import Change, Differences, FlightMean
-from wrenchgap.viewer.panels.changed import WIDEST, ChangedPanel, labels
+
+MODEL = model_file.load("tilt_hexarotor")
 
 
 def answer(suspect, healthy, verdict="changed"):
     mean = np.array([0.0, 0.0, -1.2, 0.03, -0.02, np.nan])
-    rows = (FlightMean(healthy[0], "healthy", 0 * mean, 0 * mean), FlightMean(suspect, "suspect", mean, 10 * mean))
-    change = Change("rotor_thrust", "M<3>", "factor -0.17 ± 0.02", 8.2)
+    rows = (
+        FlightRow(healthy[0], "healthy", 0 * mean, 0 * mean, {}),
+        FlightRow(suspect, "suspect", mean, np.abs(mean), {}),
+    )
+    size = Size("rotor_thrust", "rotor_2", 0.0, 0.01, -0.17, 0.02, "1", "M<3>")
     changed = verdict == "changed"
-    return Differences(
-        suspect,
-        healthy,
-        "quad",
-        verdict,
-        ("Rotor M3 has lost thrust.",),
-        (change,) if changed else (),
-        rows,
-        ("Inspect the propeller of M3.",),
-        ("rotor_thrust",) if changed else (),
+    return Changed(
+        verdict=Verdict(verdict),
+        names=("rotor_thrust",) if changed else (),
+        firm=(),
+        nothing=0.0 if changed else 1.0,
+        classes=(Class(1.0, (NamedSet(("rotor_thrust",), 1.0, None),)),),
+        settle=(),
+        parameters=(size,) if changed else (),
+        places=(Place("rotor_thrust", "rotor_2", "M<3>", 1.0),) if changed else (),
+        alone=(),
+        odd=(),
+        not_compared=(),
+        rows=rows,
+        scatter=np.full(6, 0.1),
+        scatter_known=True,
+        answering=(),
+        by_means=False,
+        louder=(),
+        untried=(),
+        model=MODEL,
     )
 
 
@@ -36,7 +56,7 @@ def panel(page, monkeypatch):
     for tick in made.healthy.values():
         move(tick, True)
     made.added = []
-    monkeypatch.setattr(made.comparisons, "add", made.added.append)
+    monkeypatch.setattr(made.comparisons, "add", lambda found, model: made.added.append((found.names, model)))
     return made
 
 
@@ -63,14 +83,14 @@ def test_the_flight_shown_is_compared_with_those_that_are_ticked(panel, page, mo
     assert panel.healthy["train"].visible
     assert panel.answer.content == ""  # that was about the other flight
     page.open("train")
-    assert "Rotor M3 has lost thrust" in panel.answer.content
+    assert "rotor_thrust of M&lt;3&gt; by -17.0 %" in panel.answer.content
 
 
 def test_it_shows_what_changed_where_and_how_far_flights_lie_apart(panel, monkeypatch, eventually):
     asked(panel, monkeypatch, eventually)
     text = panel.answer.content
-    assert "M&lt;3&gt;" in text  # names are the user's
-    assert "Inspect the propeller of M3." in text
+    assert "at <b>M&lt;3&gt;</b>: -0.170 ± 0.020" in text  # names are the user's
+    assert "its propeller for cuts" in text
     assert "-12.0 times what healthy flights differ by" in text
     assert text.count("rgb(15,45,110)") == 1  # darkest blue: far below the healthy flights
     assert "<th>Mx</th>" in text
@@ -80,7 +100,7 @@ def test_it_shows_what_changed_where_and_how_far_flights_lie_apart(panel, monkey
 def test_the_link_puts_it_into_the_model(panel, monkeypatch, eventually):
     asked(panel, monkeypatch, eventually)
     follow_to(panel, panel.answer.content, "put rotor_thrust into the model")
-    assert [a.effects for a in panel.added] == [("rotor_thrust",)]
+    assert panel.added == [(("rotor_thrust",), "tilt_hexarotor")]
 
 
 def test_where_nothing_changed_there_is_nothing_to_add(panel, monkeypatch, eventually):

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from wrenchgap.viewer.axis import limits, ticks
-from wrenchgap.viewer.export_formats import png, table
+from wrenchgap.viewer.panels.export import png, table
 from wrenchgap.viewer.plot_board import View, _head
 from wrenchgap.viewer.plots import Line, Plot, plots_of
 from wrenchgap.viewer.scene import Scene, Series

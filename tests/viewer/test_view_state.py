@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer.background import told
+from wrenchgap.viewer.background import error_text
 from wrenchgap.viewer.scene_drawing import Shown
 from wrenchgap.viewer.view_state import ViewState, parse
 
@@ -80,5 +80,5 @@ def test_a_long_value_is_quoted_in_part_and_told_at_once():
         parse(nasty)
     assert len(str(caught.value)) < 300
     started = process_time()
-    assert len(told(UsageError("/!" * 500_000))) <= 1000
+    assert len(error_text(UsageError("/!" * 500_000))) <= 1000
     assert process_time() - started < 1.0

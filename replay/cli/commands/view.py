@@ -81,16 +81,9 @@ def view(
     base, others, process = run.model(model), list(map(run.model, against or ())), run.gp(gp)
     options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
     with run.progress("opening") as report:
-        session = LogSession(
-            logs,
-            base,
-            process,
-            options,
-            load=cache.load,
-            against=others,
-            gp_name="GP" if gp is None else gp.name,
-            folder=folder,
-        )
+        flights = run.open(options, logs, base, load=cache.load)[0]
+        name = "GP" if gp is None else gp.name
+        session = LogSession(flights, base, process, gp_name=name, against=others, folder=folder, budget=options.budget)
         report(0.8, "starting the page")
         page = Page(session, host, port)
     if opening is not None:

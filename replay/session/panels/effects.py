@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer import markup
-from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking, Staircase
+from wrenchgap.learn.identify.staircase import Staircase
+from wrenchgap.replay.present.notes import not_tried
+from wrenchgap.replay.session.effects import ModelState, SessionEffects
+from wrenchgap.replay.session.panels import html
+from wrenchgap.replay.session.panels.sliders import EffectSliders
 from wrenchgap.viewer.host import Host, download
-from wrenchgap.viewer.html_links import Links
-from wrenchgap.viewer.job_controls import JobControls
-from wrenchgap.viewer.panel import Panel, is_long
+from wrenchgap.viewer.markup import sentences
+from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
 from wrenchgap.viewer.scene import Motion, Scene
-from wrenchgap.viewer.sliders import EffectSliders
+
+if TYPE_CHECKING:
+    from wrenchgap.learn import Design, Explanation
 
 VERDICTS = {
     "effect": "this is missing",
@@ -28,20 +34,21 @@ DOWNLOADS = "Downloaded by the browser; start the page with --save-to FOLDER to 
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""
 PATH = (120, 60, 190)
+PATH_POINTS = 600
+"""Points of a designed trajectory that are drawn."""
 
 
 class EffectsPanel(Panel):
     """The model as it stands, the search for what it lacks, and the staircase of errors down to the noise."""
 
-    asks = "effects"
-
-    def __init__(self, host: Host, effects: Effects) -> None:
+    def __init__(self, host: Host, effects: SessionEffects) -> None:
         super().__init__(host)
         self.effects = effects
         self.state: ModelState | None = None
         self._flight: str | None = None
-        self.rankings: dict[str, Ranking] = {}
-        self.designed: NextFlight | None = None
+        self.searches: dict[str, tuple[Explanation, str]] = {}
+        """What was found to be missing, by flight, and on top of which model."""
+        self.designed: Design | None = None
         gui = host.gui
         with host.tab("Effects"):
             self.stairs = gui.add_html("")
@@ -105,37 +112,46 @@ class EffectsPanel(Panel):
         self.back.label, self.back.visible = f"Undo: {state.undo}", bool(state.undo)
         self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
         self.choice.options = state.available or ("-",)
-        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in state.lacking]
-        self.lacking.content = markup.sentences(*lacking, look="wg-pale")
-        self.inside.content = markup.render("installed", state=state)
+        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in not_tried(state.untried).items()]
+        self.lacking.content = sentences(*lacking, look="wg-pale")
+        self.inside.content = html.render("installed", effects=state.installed, vehicle=self.host.session.vehicle)
         self.sliders.show(state.installed)
         self.refit.visible = bool(state.installed)
-        found = self.rankings.get(scene.name)
-        self.found.content = "" if found is None else self._search_found(found, state)
+        found = self.searches.get(scene.name)
+        self.found.content = "" if found is None else self._search_html(*found, state)
         beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
         if beside:
             self._climb((), f"looking at {scene.name} ...")
         self.look_up(partial(self.effects.staircases, scene.name), self._climb, beside=beside)
 
     def _climb(self, staircases: tuple[Staircase, ...], words: str = "") -> None:
-        self.stairs.content = markup.render("model", state=self.state, staircases=staircases, words=words)
+        self.stairs.content = html.render("model", state=self.state, staircases=staircases, words=words)
 
-    def _search_found(self, found: Ranking, state: ModelState) -> str:
-        """Verdict and candidates, with links that add effects and lead to the flight that tells a group apart."""
+    def _search_html(self, found: Explanation, model: str, state: ModelState) -> str:
+        """Verdict and candidates, with links that add effects and lead to the flight that separates a group."""
+        from wrenchgap.replay.present import explanation  # here: the page stands before it is there
+
         inside = {i.name for i in state.installed}
-        names = dict.fromkeys([*(n.name for n in found.named), *(c.name for c in found.candidates)])
-        rest = [n.name for n in found.named if n.name not in inside]
-        return markup.render(
+        names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
+        rest = [n for n in found.effects if n not in inside]
+        fitted = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
+        return html.render(
             "search",
             found=found,
-            model=state.model,
+            summary=explanation.summary(found),
+            values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
+            open=explanation.open_in_words(found),
+            alike={r.name for m in found.members for r in m.alike},
+            vehicle=self.host.session.vehicle,
+            searched_on=model,
+            model=state.name,
             inside=inside,
             meaning=VERDICTS.get(found.verdict, ""),
             most=MOST,
             adding={name: self.links.to(partial(self.add, name)) for name in names if name not in inside},
             rest=rest if len(rest) > 1 else [],
             adding_rest=self.links.to(partial(self.add, *rest)),
-            groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.groups],
+            groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.separable],
         )
 
     def add(self, *names: str) -> None:
@@ -164,24 +180,33 @@ class EffectsPanel(Panel):
         self._change(partial(self.effects.set_value, effect, parameter, value))
 
     def _explain(self) -> None:
-        flight = self.host.scene.name
+        flight, model = self.host.scene.name, self.effects.working.name
 
-        def done(found: Ranking) -> None:
-            self.rankings[flight] = found
+        def done(found: Explanation) -> None:
+            self.searches[flight] = found, model
             self.opened(self.host.scene)
 
         self.work.start(lambda report: self.effects.explain(flight, report), done)
 
-    def _draw_plan(self, plan: NextFlight | None) -> None:
+    def _draw_plan(self, plan: Design | None) -> None:
         """Show a designed flight: in words, as a curve in the scene, and as a ghost that flies it from the start."""
+        from wrenchgap.replay.present import design  # here: the page stands before it is there
+
         self.designed = plan
-        self.host.curve(NEXT, None if plan is None else plan.position_E, PATH)
-        if plan is not None:
-            time, words = plan.time + float(self.host.scene.time[0]), f"to separate {' from '.join(plan.names)}"
-            self.host.show_ghost(NEXT, Motion(time, plan.position_E, plan.quat_ED, None, words))
-        self.plan.content = "" if plan is None else markup.render("next_flight", found=plan)
         self.plan_path.visible = self.plan_save.visible = plan is not None and plan.separable
         self.plan_clear.visible = plan is not None
+        if plan is None:
+            self.host.curve(NEXT, None, PATH)
+            self.plan.content = ""
+            return
+        time = np.linspace(0.0, plan.trajectory.duration, PATH_POINTS)
+        reference = plan.trajectory.at(time)
+        self.host.curve(NEXT, reference.position_E, PATH)
+        words = f"to separate {' from '.join(e.name for e in plan.effects)}"
+        start = float(self.host.scene.time[0])
+        self.host.show_ghost(NEXT, Motion(start + time, reference.position_E, reference.quat_ED, None, words))
+        advice = () if plan.separable else design.advice(plan)
+        self.plan.content = html.render("next_flight", found=plan, sentence=design.sentence(plan), advice=advice)
 
     def _save_plan(self, event: Any) -> None:
         name = self.plan_path.value.strip()
@@ -190,7 +215,7 @@ class EffectsPanel(Panel):
         if self.effects.saves:
             self.host.notify(self.effects.save_trajectory(self.designed, name))
         else:
-            download(event.client, name, self.designed.text.encode())
+            download(event.client, name, self.effects.trajectory_text(self.designed).encode())
 
     def _saved(self, event: Any) -> None:
         name = self.path.value.strip()

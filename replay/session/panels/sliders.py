@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.viewer.analysis import Installed, Value
+from wrenchgap.plant.effects.effect import Parameter
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.scene_drawing import tidy
 
@@ -45,7 +46,7 @@ class EffectSliders:
         """Sliders by effect and parameter, and the factor from SI to what they show."""
         self._wanted: dict[tuple[str, str], float] = {}
 
-    def show(self, installed: Sequence[Installed]) -> None:
+    def show(self, installed: Sequence[ModelEffect]) -> None:
         """Show these effects; what is there already only moves."""
         names = {i.name for i in installed}
         for name in [n for n in self._folders if n not in names]:
@@ -54,33 +55,37 @@ class EffectSliders:
         for item in installed:
             if item.name not in self._folders:
                 self._make(item)
-            for value in item.values:
-                handle, factor = self.handles[item.name, value.name]
-                shown = _on(handle.step, factor * value.value, handle.min, handle.max)
+            for parameter, value in self._values(item):
+                handle, factor = self.handles[item.name, parameter.name]
+                shown = _on(handle.step, factor * value, handle.min, handle.max)
                 if abs(handle.value - shown) > 0.5 * handle.step:
                     handle.value = shown
 
-    def _make(self, item: Installed) -> None:
-        gui = self.host.gui
+    def _values(self, item: ModelEffect) -> list[tuple[Parameter, float]]:
+        parameters = item.effect.parameters(self.host.session.vehicle)
+        return [(p, float(value)) for p, value in zip(parameters, item.theta, strict=True)]
+
+    def _make(self, item: ModelEffect) -> None:
+        gui, values = self.host.gui, self._values(item)
         with self.place:
-            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(item.values) <= FEW)
+            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(values) <= FEW)
         with folder:
-            for value in item.values:
-                self._slider(item.name, value)
+            for parameter, value in values:
+                self._slider(item.name, parameter, value)
             remove = gui.add_button(f"Remove {item.name}", color="gray")
             remove.on_click(self.host.guarded(lambda _: self.on_remove(item.name)))
 
-    def _slider(self, effect: str, value: Value) -> None:
-        unit, factor = finer(value)
-        low = factor * max(value.low, min(0.0, value.value) - REACH * value.scale)
-        high = factor * min(value.high, max(0.0, value.value) + REACH * value.scale)
+    def _slider(self, effect: str, parameter: Parameter, value: float) -> None:
+        unit, factor = finer(parameter)
+        low = factor * max(parameter.low, min(0.0, value) - REACH * parameter.scale)
+        high = factor * min(parameter.high, max(0.0, value) + REACH * parameter.scale)
         step = tidy((high - low) / STEPS)
         low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
-        label = value.name if unit == "1" else f"{value.name} [{unit}]"
-        shown = _on(step, factor * value.value, float(low), float(high))
+        label = parameter.name if unit == "1" else f"{parameter.name} [{unit}]"
+        shown = _on(step, factor * value, float(low), float(high))
         handle = self.host.gui.add_slider(label, float(low), float(high), step, shown)
-        handle.on_update(partial(self._moved, effect, value.name))
-        self.handles[effect, value.name] = handle, factor
+        handle.on_update(partial(self._moved, effect, parameter.name))
+        self.handles[effect, parameter.name] = handle, factor
 
     def _moved(self, effect: str, parameter: str, event: Any) -> None:
         """A client moved a slider; when the page did, the model is there already."""
@@ -99,11 +104,11 @@ class EffectSliders:
             self.on_set(effect, parameter, value)
 
 
-def finer(value: Value) -> tuple[str, float]:
+def finer(parameter: Parameter) -> tuple[str, float]:
     """The unit in which a parameter is shown, and the factor from SI to it."""
-    if value.unit == "rad" or value.scale < SMALL:
-        return FINER.get(value.unit, (value.unit, 1.0))
-    return value.unit, 1.0
+    if parameter.unit == "rad" or parameter.scale < SMALL:
+        return FINER.get(parameter.unit, (parameter.unit, 1.0))
+    return parameter.unit, 1.0
 
 
 def _on(step: float, value: float, low: float, high: float) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.parallel import each
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.worker import worker_result
 
 silent = Mock()
 
@@ -23,7 +23,7 @@ def test_result_and_progress_come_back_from_another_process():
         report(0.5, "half")
         return os.getpid(), np.arange(3.0)
 
-    pid, values = apart(work, lambda share, words: told.append((share, words)))
+    pid, values = worker_result(work, lambda share, words: told.append((share, words)))
     assert pid != os.getpid()
     assert np.array_equal(values, [0.0, 1.0, 2.0])
     assert (0.5, "half") in told
@@ -34,18 +34,18 @@ def test_errors_of_the_work_are_raised_here():
         raise FitError("too short")
 
     with pytest.raises(FitError, match="too short"):
-        apart(work, silent)
+        worker_result(work, silent)
 
     def broken(report):
         return {}["missing"]
 
     with pytest.raises(RuntimeError, match="KeyError"):
-        apart(broken, silent)
+        worker_result(broken, silent)
 
 
 def test_a_child_that_dies_is_told_not_waited_for():
     with pytest.raises(FitError, match="without a result"):
-        apart(lambda report: os._exit(1), silent)
+        worker_result(lambda report: os._exit(1), silent)
 
 
 def test_cancelling_ends_the_child_and_its_workers(tmp_path):
@@ -64,7 +64,7 @@ def test_cancelling_ends_the_child_and_its_workers(tmp_path):
 
     cancelled = []
     with pytest.raises(KeyboardInterrupt):
-        apart(work, report)
+        worker_result(work, report)
     assert time.monotonic() - cancelled[0] < 20.0
     for name in ("leader", "a"):
         status = Path("/proc", (tmp_path / name).read_text(), "status")

@@ -1,0 +1,137 @@
+"""Changed: what differs between the flight shown and healthy ones, and what it does when that is in the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.replay.present import changed as words
+from wrenchgap.replay.present.numbers import number, unit
+from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspect
+from wrenchgap.replay.session.comparisons import SessionComparisons
+from wrenchgap.replay.session.panels import html
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.markup import sentences
+from wrenchgap.viewer.panel import JobControls, Links, Panel
+from wrenchgap.viewer.scene import Scene
+
+DARKEST = 6.0
+"""Distance from the healthy flights, in what those differ by, that is drawn darkest."""
+WIDEST = 18
+"""Characters of a flight's name beside a box to tick that stay on one line."""
+
+
+def labels(names: Sequence[str]) -> list[str]:
+    """Names of flights as they fit beside a box: without the end that all have, and with a gap where they are long."""
+    ends = ["".join(n.rpartition(c)[1:]) for c in "_-. " for n in names[:1]]
+    end = next((e for e in ends if len(names) > 1 and e != names[0] and all(n.endswith(e) for n in names)), "")
+    bare = [n.removesuffix(end) or n for n in names]
+    half = (WIDEST - 1) // 2
+    short = [n if len(n) <= WIDEST else f"{n[:half]}…{n[-half:]}" for n in bare]
+    return short if len(set(short)) == len(short) else list(names)
+
+
+class ChangedPanel(Panel):
+    """The flight shown is the suspect one; others are ticked as healthy. Only where there are several flights."""
+
+    def __init__(self, host: Host, comparisons: SessionComparisons) -> None:
+        super().__init__(host)
+        self.comparisons = comparisons
+        self.found: dict[str, tuple[Changed, str]] = {}
+        """What changed, by suspect flight, and on top of which model."""
+        gui = host.gui
+        with host.tab("Changed"):
+            self.suspect = gui.add_html("")
+            with gui.add_folder("healthy flights"):
+                names = host.session.flights
+                self.healthy = {
+                    name: gui.add_checkbox(label, True, hint=None if label == name else name)
+                    for name, label in zip(names, labels(names), strict=True)
+                }
+            hint = "One flight against healthy ones; what the model is wrong by in all of them drops out."
+            self.work = JobControls(host, "What changed?", self._ask, hint)
+            self.answer = gui.add_html("")
+            self.links = Links(host)
+        host.command("Search for what changed on this flight", self._ask)
+
+    def opened(self, scene: Scene) -> None:
+        """Another flight, or another model."""
+        said = f"suspect: {scene.name}, the flight shown; choose another one at the top"
+        self.suspect.content = sentences(said, look="wg-muted")
+        for name, tick in self.healthy.items():
+            tick.visible = name != scene.name
+        self._draw()
+
+    def _ask(self) -> None:
+        suspect = self.host.scene.name
+        healthy = tuple(name for name, tick in self.healthy.items() if tick.value and name != suspect)
+        if not healthy:
+            raise UsageError("tick at least one flight as healthy to compare with")
+
+        model = self.comparisons.working.name
+
+        def done(found: Changed) -> None:
+            self.found[suspect] = found, model
+            self._draw()
+
+        self.work.start(lambda report: self.comparisons.of(suspect, healthy, report), done)
+
+    def _draw(self) -> None:
+        self.links.start()
+        if self.host.scene.name not in self.found:
+            self.answer.content = ""
+            return
+        found, model = self.found[self.host.scene.name]
+        something = found.verdict is not Verdict.NOTHING
+        shown = [k for k in range(len(AXES)) if any(np.isfinite(row.mean[k]) for row in found.rows)]
+        usual = np.mean([r.mean for r in found.rows if r.role == "healthy"], axis=0)
+        beyond = [(row.mean - usual) / np.maximum(found.scatter, 1e-12) for row in found.rows]
+        self.answer.content = html.render(
+            "changed",
+            found=found,
+            model=model,
+            healthy=[row.flight for row in found.rows if row.role != "suspect"],
+            sentences=_sentences(found),
+            changes=[(p, _change_in_words(p)) for p in found.parameters if something],
+            inspect=what_to_inspect(found),
+            axes=[AXES[k].replace("force_", "F").replace("torque_", "M") for k in shown],
+            rows=[(row, _cells(row.mean, far, shown)) for row, far in zip(found.rows, beyond, strict=True)],
+            adding=self.links.to(partial(self._add, found, model)) if something and found.names else None,
+        )
+
+    def _add(self, found: Changed, model: str) -> None:
+        self.comparisons.add(found, model)
+        self.host.refresh()
+        self.host.notify(f"in the model: what changed, {', '.join(found.names)}; take it out under Effects")
+
+
+def _sentences(found: Changed) -> list[str]:
+    odd = [f"{o.flight} was ticked as healthy and is not: {o.effect} ({words.odds(o.odds)})." for o in found.odd]
+    lacking = [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
+    return [words.summary(found), *odd, words.baseline(found), *words.feedback(found), *lacking]
+
+
+def _change_in_words(size: Size) -> str:
+    """The parameter's own name, but of a rotor or an arm, whose name the user has; its change."""
+    own = "" if size.name.split("_")[0] in ("rotor", "arm") else f"{size.name} "
+    change = f"{own}{number(size.change)} ± {number(size.std, 2)} {unit(size.unit)}"
+    return f"{change} (scatter of healthy flights {number(size.scatter, 2)})"
+
+
+def _cells(mean: Array, beyond: Array, shown: Sequence[int]) -> list[dict[str, str]]:
+    """Signed means (6,) on the axes that are shown, in the colours of their distance from the healthy flights.
+
+    `beyond` (6,) is that distance in what healthy flights differ by.
+    """
+    out = []
+    for k in shown:
+        back, front = html.heat(float(np.clip(np.nan_to_num(beyond[k]) / DARKEST, -1.0, 1.0)))
+        title = f"{AXES[k]}: {number(mean[k])}, {beyond[k]:+.1f} times what healthy flights differ by"
+        out.append({"back": back, "front": front, "number": number(mean[k], 2), "title": title})
+    return out
