@@ -19,7 +19,7 @@ from wrenchgap.flight.flight import (
 from wrenchgap.flight.inspection import Inspection, inspect
 from wrenchgap.flight.load import load
 from wrenchgap.flight.resample import Resampling, resample, uniform
-from wrenchgap.flight.shift import shifted
+from wrenchgap.flight.topic_offsets import shifted
 from wrenchgap.flight.unmeasured import unmeasured_axes, without_axes
 from wrenchgap.flight.write import Named, write
 

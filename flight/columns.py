@@ -1,18 +1,23 @@
-"""The numbers of a quantity out of the fields of a topic."""
+"""The numbers of a quantity out of the fields of a topic, and in which frame they are.
+
+The frame of a velocity, rate or acceleration is asked of the pose, whose derivative it is (`fitting`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels
+from wrenchgap.flight.derivative import smooth
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import PART_QUANTITY, Source
 from wrenchgap.flight.row_kernels import empty
+from wrenchgap.flight.stamps import away_from_gaps, spread
 
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
@@ -69,3 +74,43 @@ def sound(values: Array, absent: Sequence[int]) -> tuple[NDArray[np.bool_], NDAr
             absurd |= np.abs(column) > ABSURD
         absurd &= finite
     return finite, absurd
+
+
+COMPARED, RUN = 12_000, 4_000
+"""Rows of a flight on which frames are told apart, and of each run of them."""
+
+Rows = Callable[[slice], Array]
+"""Some rows of a quantity."""
+Slope = Callable[[Array, slice], Array]
+"""A derivative at the times of some rows."""
+
+
+def turned(values: Array, matrix: Array) -> Array:
+    """Vectors (N, 3) in other axes; as they are where these are their own."""
+    return values if np.array_equal(matrix, np.eye(3)) else np.asarray(values @ matrix.T)
+
+
+def slope_of(values: Array) -> Slope:
+    """The derivative of values (N, C) at the times of some of their rows."""
+    return lambda time, rows: smooth(time, values[rows], derivative=1)
+
+
+def fitting(readings: Mapping[str, Rows], truth: Slope, time: Array, default: str) -> tuple[str, dict[str, float]]:
+    """The frame whose reading fits a derivative: `default` unless another is clearly better; and the rms misfits.
+
+    Of a long flight, runs of rows that are spread over it are compared. `time` (N,) [s] is that of all rows.
+    """
+    squares: dict[str, list[float]] = {frame: [] for frame in readings}
+    sizes: list[float] = []
+    for rows in spread(len(time), COMPARED, RUN):
+        part = time[rows]
+        inside = away_from_gaps(part)
+        expected = truth(part, rows)[inside]
+        sizes.append(float(np.mean(expected**2)))
+        for frame, values in readings.items():
+            squares[frame].append(float(np.mean((smooth(part, values(rows))[inside] - expected) ** 2)))
+    misfit = {frame: float(np.sqrt(np.mean(found))) for frame, found in squares.items()}
+    best = min(misfit, key=lambda frame: misfit[frame])
+    scale = float(np.sqrt(np.mean(sizes)))
+    better = misfit[best] < 0.5 * misfit[default] and misfit[default] > 0.03 * scale
+    return best if better else default, misfit

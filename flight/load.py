@@ -16,7 +16,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
-from wrenchgap.flight.columns import empty_columns, sound, vector
+from wrenchgap.flight.columns import Rows, Slope, empty_columns, fitting, slope_of, sound, turned, vector
 from wrenchgap.flight.command_units import with_units
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
@@ -32,13 +32,12 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
-from wrenchgap.flight.formats.table_roles import listed
+from wrenchgap.flight.formats.headers import listed
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.preferred import assignment
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
-from wrenchgap.flight.twist_frames import Rows, Slope, fitting, slope_of, turned
 from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasured_axes, without_axes
 
 AnySeries = TypeVar("AnySeries", bound=Series)

@@ -29,7 +29,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from wrenchgap.flight.mcap_kernels import HEAD, Bytes, Ints, by_topic, merged, placed
+from wrenchgap.flight.formats.kernels import HEAD, Bytes, Ints, by_topic, merged, placed
 
 MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 ZSTD = b"zstd"

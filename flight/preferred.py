@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from wrenchgap.flight.formats import Table
+from wrenchgap.flight.meaning import parse_source
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment, is_none, propose
-from wrenchgap.flight.topic_sources import parse_source
 
 
 def assignment(

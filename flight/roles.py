@@ -32,10 +32,8 @@ from typing import Any
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.meaning import Meaning, meaning
-from wrenchgap.flight.namespaces import apart, fleet, namespace, twins, within
-from wrenchgap.flight.topic_names import TYPES, by_fields, no_command, score
-from wrenchgap.flight.topic_sources import parse_source, topic_of
+from wrenchgap.flight.meaning import Meaning, meaning, parse_source, topic_of
+from wrenchgap.flight.topic_names import TYPES, apart, by_fields, fleet, namespace, no_command, score, twins, within
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),

@@ -8,8 +8,7 @@
     wrench      the commanded force against the specific force
     stamps      gaps, jitter, clocks
     masking     samples that cannot be true
-    axes        the search for axes among 48, and for a rotation
-    motion      means over intervals, which all of these compare
+    motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
 Each check looks at one way in which real logs are wrong, and says what mends it (docs/checks.md). What needs the
 vehicle is in `learn.data.against_model`.

@@ -9,12 +9,10 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.axes import best_axes
 from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import Seen, cosine, rms, without_mean
+from wrenchgap.flight.checks.motion import Seen, best_axes, cosine, rms, without_mean
 from wrenchgap.flight.derivative import smooth
-from wrenchgap.flight.flight import AXES, Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
 from wrenchgap.flight.meaning import FRD, NED
 from wrenchgap.flight.row_kernels import empty, lengths
 from wrenchgap.flight.stamps import spread

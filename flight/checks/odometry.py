@@ -11,8 +11,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.attitude import STILL, rate_check
 from wrenchgap.flight.checks.mending import factor, option
 from wrenchgap.flight.checks.motion import BLOCKS, Seen, cosine, rms, without_mean
-from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Array, Flight
 
 STANDING = 0.05
 """[m/s] Motion below which velocities are not compared."""

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.aerospace import enu, flu, quat_flu_to_enu, quat_of_euler
-from wrenchgap.flight.formats.made import Made, cropped
-from wrenchgap.flight.formats.merging import Stamps, at, cubic
+from wrenchgap.flight.formats.derived_topics import Made, Stamps, cropped, cubic_at, values_at
+from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.table import Table
 
 PULSES = (700.0, 2300.0)
@@ -91,7 +90,7 @@ class _Messages:
             rate, force = self._numbers(one, "GyrX", "GyrY", "GyrZ"), self._numbers(other, "AccX", "AccY", "AccZ")
             if rate is not None and force is not None:
                 stamps = [_sampled(table) for table, _ in (rate, force)]
-                specific = at(stamps[0], stamps[1], force[1])
+                specific = values_at(stamps[0], stamps[1], force[1])
                 raw = self._made("imu/raw", rate[0], stamps[0]).imu(flu(rate[1]), flu(specific))
                 yield f"{one} + {other}", cropped(raw)
                 return
@@ -120,8 +119,8 @@ class _Messages:
             assert moved is not None
             known, motion = moved[0].log_time_ns, moved[1]
             stamps = table.log_time_ns
-            position_E = enu(cubic(stamps, known, motion[:, :3], motion[:, 3:]))
-            velocity_E = enu(at(stamps, known, motion[:, 3:]))
+            position_E = enu(cubic_at(stamps, known, motion[:, :3], motion[:, 3:]))
+            velocity_E = enu(values_at(stamps, known, motion[:, 3:]))
             made = self._made(name, table).odometry(position_E, quat_flu_to_enu(quat), velocity_E)
             yield f"{attitude[0]} + {place}", cropped(made)
 
@@ -137,7 +136,7 @@ class _Messages:
         if asked is None or any(part is None for part in wanted):
             return
         stamps = asked[0].log_time_ns
-        parts = [at(stamps, part[0].log_time_ns, part[1]) for part in wanted if part is not None]
+        parts = [values_at(stamps, part[0].log_time_ns, part[1]) for part in wanted if part is not None]
         place, velocity = (np.stack([part[:, k] for part in parts], axis=1) for k in (0, 1))
         quat = quat_flu_to_enu(quat_of_euler(*np.radians(asked[1]).T))
         if np.isfinite(place).all(axis=1).any():
@@ -186,7 +185,7 @@ class _Messages:
         found = [part for part in every if part is not None and np.any(part[1])]
         if found:
             stamps = found[0][0].log_time_ns
-            speeds = [found[0][1], *(at(stamps, table.log_time_ns, rpm) for table, rpm in found[1:])]
+            speeds = [found[0][1], *(values_at(stamps, table.log_time_ns, rpm) for table, rpm in found[1:])]
             yield "ESC", cropped(self._made("esc_measured", found[0][0]).actuators(np.hstack(speeds) * RPM))
 
 

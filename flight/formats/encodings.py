@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.budget import Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.decode import UndecodableError
-from wrenchgap.flight.formats.extras import required
-from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.reader import Channel, one_line, required
 from wrenchgap.flight.formats.table import Columns
 
 DEEPEST = 8

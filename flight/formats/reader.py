@@ -1,23 +1,29 @@
 """What every log format offers to the rest: channels, and their messages in batches of raw bytes.
 
 A format is one file with one subclass of `Reader` and one line in `flight.formats.READERS`. A reader knows nothing of
-flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns.
+flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns. A library that only
+some formats need is asked for when such a file is opened (`required`).
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import Account
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -193,3 +199,40 @@ class Gatherer:
         times, payloads = self.pending.pop(channel)
         self.held -= self.sizes.pop(channel) + MESSAGE * len(times)
         return Batch(channel, times, payloads)
+
+
+def required(module: str, extra: str, what: str, path: Path) -> Any:
+    """A module of one of wrenchgap's extras; raises LogError with the command that installs it."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise LogError(
+            f"{path}: {what} need {package}, which is not installed; pip install 'wrenchgap[{extra}]'"
+        ) from error
+
+
+class Nowhere(io.TextIOBase):
+    """Text that nobody reads, and that is not kept: of a damaged log a library may say a line for every byte."""
+
+    def write(self, text: str) -> int:
+        """Forget it."""
+        return len(text)
+
+
+@contextlib.contextmanager
+def silenced() -> Iterator[None]:
+    """What a library and its C code print of damaged files does not reach the user; we say it in our own words."""
+    with Nowhere() as nothing, contextlib.redirect_stdout(nothing), contextlib.redirect_stderr(nothing):
+        try:
+            kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        except OSError:  # no standard error to be silenced
+            yield
+            return
+        try:
+            os.dup2(nowhere, 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)

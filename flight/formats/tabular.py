@@ -19,11 +19,10 @@ import numpy as np
 from wrenchgap.flight.budget import Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.headers import LONGEST, UNITS, meaning
-from wrenchgap.flight.formats.merging import Stamps
+from wrenchgap.flight.formats.derived_topics import Stamps
+from wrenchgap.flight.formats.headers import LONGEST, UNITS, from_columns, listed, meaning
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
-from wrenchgap.flight.formats.table_roles import from_columns, listed
 
 if TYPE_CHECKING:
     import pandas as pd

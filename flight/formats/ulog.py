@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.extras import required, silenced
-from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.reader import TableReader, one_line, required, silenced
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 FIELD = 1000

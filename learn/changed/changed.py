@@ -38,11 +38,10 @@ from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.changed.standing import Standing, standing
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
-from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import typical
 from wrenchgap.learn.parallel import cores, one_thread

@@ -19,7 +19,7 @@ from wrenchgap.learn.changed.laws import Law, laws
 from wrenchgap.learn.changed.pool import Pool, calibrated, held
 from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import typical

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
-from wrenchgap.learn.data.answering import answerable
+from wrenchgap.learn.data.feedback_regressors import answerable
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -32,9 +32,9 @@ class Dataset:
 
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
-    independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one
-    of the records did not measure is out: NaN in `measured` and `noise`, weight zero. `source` is what these are
-    `unanswering` of.
+    independent. `answering` are the axes on which commands answer the motion (`learn.data.feedback_regressors`). An
+    axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero. `source` is what
+    these are `unanswering` of.
     """
 
     records: tuple[Record, ...]

@@ -17,16 +17,14 @@ from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
-from wrenchgap.learn.data.between import MINIMUM_FLIGHT, outside, part
-from wrenchgap.learn.data.between import within as kept_within
 from wrenchgap.learn.data.checks import against_model, rates
-from wrenchgap.learn.data.checks.limits import possible
-from wrenchgap.learn.data.checks.records import of_records
+from wrenchgap.learn.data.checks.records import of_records, possible
+from wrenchgap.learn.data.intervals import MINIMUM_FLIGHT, outside, part
+from wrenchgap.learn.data.intervals import within as kept_within
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import Record, commands_of, prepare
-from wrenchgap.learn.data.phases import Phase, phases_of, runs, used
+from wrenchgap.learn.data.phases import Phase, never_flew, of_phases, phases_of, runs, times_left_out, used
 from wrenchgap.learn.data.phases.phase import phase_names
-from wrenchgap.learn.data.phases.told import never_flew, of_phases, times_left_out
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.rotor_commands import as_speeds
 from wrenchgap.plant.model import Model

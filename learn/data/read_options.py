@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from wrenchgap.flight.budget import Budget
-from wrenchgap.learn.data.between import Between
+from wrenchgap.learn.data.intervals import Between
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 
 

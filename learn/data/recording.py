@@ -8,10 +8,10 @@ import numpy as np
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples
-from wrenchgap.learn.data.held import samples_over_periods
 from wrenchgap.learn.data.measurement import Record, commands_of
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ, RecordedMotion, recorded_motion
+from wrenchgap.learn.data.zero_order_hold import samples_over_periods
 from wrenchgap.plant.closed_loop import Clock
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.tracking import Tracking, TrackingErrors, during, tracking_errors

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
 
+from wrenchgap.flight.filters import hann
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.resample import anti_alias
-from wrenchgap.flight.second_order import hann
 
 SEGMENT = 4.0
 """Length of the segments of a periodogram [s]: lines of vibration stay narrow."""

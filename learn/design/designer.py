@@ -21,15 +21,14 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, rms
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, space, usual
-from wrenchgap.learn.design.rehearsal import broken, lost_after, rehearse, rotor_use, tracking
-from wrenchgap.learn.design.screening import Piece, Screen
+from wrenchgap.learn.design.screening import Piece, Screen, broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.separability import (
     LEAST_SHARE,
     Separability,

@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.applicable import inapplicable, unexcited
 from wrenchgap.learn.data.blocks import INDISTINCT, by_block, paired_t, significant
+from wrenchgap.learn.data.candidates import inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, rms
-from wrenchgap.learn.data.inputs import pooled_inputs
-from wrenchgap.learn.data.prediction import Process
+from wrenchgap.learn.data.prediction import Process, pooled_inputs
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value

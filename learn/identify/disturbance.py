@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.learn.data.applicable import check_effects
+from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ, RecordedMotion
 from wrenchgap.learn.data.recording import Recording

@@ -18,7 +18,7 @@ Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001).
 is weak, one weak rotor is then preferred to twelve slightly odd ones.
 
 On axes where commands answer the motion residual and derivatives are taken without what any such answer could explain
-(`learn.data.answering`).
+(`learn.data.feedback_regressors`).
 
 Standard deviations have four parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
 honest when residuals are coloured; the width of the prior in directions that the data leave open (of a sparse effect
@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.memory import on_disk
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
 from wrenchgap.plant.model import Model

@@ -39,8 +39,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.linear_filter import filtered
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.learn.identify.lag import TAUS, Stretch, held_out, lagged

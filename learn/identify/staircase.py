@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, whole
-from wrenchgap.learn.data.inputs import pooled_inputs
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.data.prediction import Predictor, pooled_inputs
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices

@@ -15,7 +15,7 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight

@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.applicable import inapplicable, unexcited
+from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
-from wrenchgap.learn.identify.candidates import candidates
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import DULL, Column

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.learn.identify.validation import Validation
+from wrenchgap.flight.flight import AXES, GRAVITY
+from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wrenchgap.learn.data.applicable import Lack, Untried
+from wrenchgap.learn.data.candidates import Lack, Untried
 
 
 def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:

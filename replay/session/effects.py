@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Steps, staircase, steps
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue, find

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wrenchgap import flight
-from wrenchgap.flight.channels import Channel, channels
+from wrenchgap.flight.inspection import Channel, channels
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.opening import Loader, open_flights
 from wrenchgap.learn.data.read_options import ReadOptions

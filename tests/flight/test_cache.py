@@ -8,8 +8,8 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.flight import cache
-from wrenchgap.flight.channels import channels
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.inspection import channels
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 

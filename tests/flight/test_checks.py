@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from wrenchgap import flight
 from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
-from wrenchgap.flight.checks.axes import PERMUTATIONS, best_axes
 from wrenchgap.flight.checks.mending import _with, option
+from wrenchgap.flight.checks.motion import PERMUTATIONS, best_axes
 from wrenchgap.flight.clocks import relation, without_jumps
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries, WrenchSeries

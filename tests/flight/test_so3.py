@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.rotation_kernels import MANY
+from wrenchgap.flight.so3 import MANY
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, WrenchSeries
 from wrenchgap.learn.data.checks import rates
-from wrenchgap.learn.data.checks.limits import possible
+from wrenchgap.learn.data.checks.records import possible
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
 
 SHIPPED = ("crazyflie", "tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "variable_tilt_hexacopter")

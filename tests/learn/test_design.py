@@ -8,7 +8,7 @@ from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, extent, space, usual, violations
-from wrenchgap.learn.design.rehearsal import lost_after, rehearse
+from wrenchgap.learn.design.screening import lost_after, rehearse
 from wrenchgap.learn.design.separability import separability, typical
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect

@@ -11,9 +11,9 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
-from wrenchgap.learn.identify.candidates import Candidates
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.anew import near

@@ -1,11 +1,11 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
     compared    commands and motion side by side
-    gyroscope   rates in deg/s, and beyond what the rotors can do
     vehicle     numbers of the vehicle that contradict one another
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
-    turning     torques by axis: inertia, arms, kappa; an IMU turned about z
+    torques     torques by axis: inertia, arms, kappa; an IMU turned about z, in deg/s, or beyond what the rotors can do
+    records     commands beyond the possible; weight and actuators against the commanded wrench
 
 What the log says by itself is asked in `flight.checks`.
 """
@@ -20,9 +20,8 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
-from wrenchgap.learn.data.checks.gyroscope import gyroscope
 from wrenchgap.learn.data.checks.rotors import rotors
-from wrenchgap.learn.data.checks.turning import sizes, turned_imu
+from wrenchgap.learn.data.checks.torques import gyroscope, sizes, turned_imu
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
 from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model

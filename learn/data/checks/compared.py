@@ -12,8 +12,8 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import spread
-from wrenchgap.learn.data.answering import lagged
-from wrenchgap.learn.data.between import part
+from wrenchgap.learn.data.feedback_regressors import lagged
+from wrenchgap.learn.data.intervals import part
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
 from wrenchgap.plant.state import Commands, Motion

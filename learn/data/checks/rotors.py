@@ -23,7 +23,7 @@ from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
-from wrenchgap.learn.data.checks.turning import MOVES, Turned
+from wrenchgap.learn.data.checks.torques import MOVES, Turned
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model

@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.axes import Axes, best_axes
 from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import cosine, rms
-from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
+from wrenchgap.flight.flight import GRAVITY, Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
-from wrenchgap.learn.data.checks.gyroscope import largest_torque
+from wrenchgap.learn.data.checks.torques import largest_torque
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 

@@ -8,8 +8,8 @@ import pytest
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Samples
-from wrenchgap.learn.data.inputs import pooled_inputs, process_inputs
 from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.data.prediction import pooled_inputs, process_inputs
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
 from wrenchgap.plant import model_file

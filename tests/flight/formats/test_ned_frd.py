@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.formats.aerospace import enu, flu, quat_flu_to_enu, quat_of_euler
+from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 
 X, Y, Z = np.eye(3)
 EAST, NORTH, UP = np.eye(3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
-from wrenchgap.learn.data.between import intervals, outside
+from wrenchgap.learn.data.intervals import intervals, outside
 
 
 def test_one_interval_or_several():

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, lagged, shifted
+from wrenchgap.learn.data.feedback_regressors import LAGS, SHIFTS, answers, lagged, shifted
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum

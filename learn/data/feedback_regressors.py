@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.linear_filter import filtered
 from wrenchgap.learn.data.measurement import Record
 
 LAGS = (0.0, 0.03, 0.08, 0.2)
