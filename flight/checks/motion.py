@@ -1,7 +1,7 @@
 """What odometry and IMU say of the same intervals of time: mean rates, mean specific forces, mean velocities.
 
-Means over intervals of about `INTERVAL` and not derivatives, so that an odometry of 10 Hz can be held against an IMU of
-1 kHz: a displacement over an interval is exactly the mean velocity, a rotation nearly the mean rate.
+Means over intervals of about `INTERVALS.length` and not derivatives, so that an odometry of 10 Hz can be held against
+an IMU of 1 kHz: a displacement over an interval is exactly the mean velocity, a rotation nearly the mean rate.
 
 `best_axes` searches which of 48 ways to name and sign three axes, or which rotation, makes truths t (K, 3) and readings
 r (K, 3) of the same vector agree. With A = sum t r^T the rotation that brings the readings closest to the truths is
@@ -24,17 +24,43 @@ from wrenchgap.flight.meaning import axes_word
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated
 
-INTERVAL = 0.1
-"""[s]"""
-SLOWEST = 0.2
-"""Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
-FEWEST = 20
-"""Intervals below which nothing is said."""
-MOST = 8_000
-"""Intervals that are compared of a flight of many; they overlap."""
-FULL = 2.5
-"""Angle [rad] turned in an interval beyond which two attitudes do not tell which way round: half a turn is none."""
-BLOCKS = 8
+
+@dataclass(frozen=True)
+class IntervalLimits:
+    """Over which intervals odometry and IMU are compared."""
+
+    length: float = 0.1
+    """Length of an interval [s]: an odometry of 10 Hz can be held against an IMU of 1 kHz."""
+    slowest: float = 0.2
+    """Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
+    fewest: int = 20
+    """Intervals below which nothing is said."""
+    most: int = 8_000
+    """Intervals that are compared of a flight of many; they overlap."""
+    half_turn: float = 2.5
+    """Angle [rad] turned in an interval beyond which two attitudes do not tell which way round: half a turn is none."""
+
+
+INTERVALS = IntervalLimits()
+
+
+@dataclass(frozen=True)
+class AxesThresholds:
+    """From when on a search for axes has found others than the mapping says."""
+
+    blocks: int = 8
+    """Blocks of time, over which the scatter of a rotation is taken."""
+    turned_deg: float = 20.0
+    """Rotation [deg] below which a sensor has a mounting error, which is an effect and no mistake in a mapping."""
+    known_deg: float = 10.0
+    """Scatter of the rotation over blocks [deg] up to which it is believed."""
+    explains: float = 0.8
+    """Cosine between truths and turned readings from which on they are the same vector."""
+    better: float = 0.06
+    """By how much the cosine must rise for another reading to be taken."""
+
+
+AXES_SEARCH = AxesThresholds()
 
 
 @dataclass(frozen=True)
@@ -70,21 +96,21 @@ class Seen:
 def seen(flight: Flight) -> Seen | None:
     """The intervals of a flight; None where there is no odometry, or one that is too slow or too short."""
     odometry = flight.odometry
-    if odometry is None or odometry.period > SLOWEST:
+    if odometry is None or odometry.period > INTERVALS.slowest:
         return None
     time, quat = odometry.time, so3.continuous(odometry.quat_EB)
-    m = max(1, round(INTERVAL / odometry.period))
+    m = max(1, round(INTERVALS.length / odometry.period))
     first = np.arange(0, len(time) - 2 * m)
-    thinned = max(1, len(first) // MOST)
+    thinned = max(1, len(first) // INTERVALS.most)
     first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
     if flight.imu is not None:
         usable &= _covered(flight.imu, time[first], time[last])
     first, middle, last = first[usable], middle[usable], last[usable]
-    slow = _halves(quat, first, middle, last) < FULL
+    slow = _halves(quat, first, middle, last) < INTERVALS.half_turn
     first, middle, last = first[slow], middle[slow], last[slow]
-    if len(first) < FEWEST:
+    if len(first) < INTERVALS.fewest:
         return None
     span = (time[last] - time[first])[:, None]
     before, after = (time[middle] - time[first])[:, None], (time[last] - time[middle])[:, None]
@@ -148,14 +174,6 @@ PERMUTATIONS: tuple[Array, ...] = tuple(
     for signs in itertools.product((1.0, -1.0), repeat=3)
 )
 """All 48; the first is the identity."""
-TURNED = 20.0
-"""[deg] Rotations below are a mounting error, which is an effect and no mistake in a mapping."""
-KNOWN = 10.0
-"""[deg] Scatter of the rotation over blocks up to which it is believed."""
-EXPLAINS = 0.8
-"""Cosine between truths and turned readings from which on they are the same vector."""
-BETTER = 0.06
-"""By how much the cosine must rise."""
 
 Pair = tuple[Array, Array]
 
@@ -188,12 +206,25 @@ def best_axes(pairs: Sequence[Pair]) -> Axes | None:
     turn = _rotation(total)
     as_is = float(np.trace(leading))
     scatter = _scatter(pairs, turn)
-    if angle(turn) > TURNED and scatter < KNOWN and angle(turn @ nearest(turn).T) > 0.75 * TURNED:
+    if (
+        angle(turn) > AXES_SEARCH.turned_deg
+        and scatter < AXES_SEARCH.known_deg
+        and angle(turn @ nearest(turn).T) > 0.75 * AXES_SEARCH.turned_deg
+    ):
         fits = float(np.sum(turn * leading))
-        if fits > EXPLAINS and fits > as_is + BETTER and fits > float(np.sum(chosen * leading)) + 0.02:
+        if (
+            fits > AXES_SEARCH.explains
+            and fits > as_is + AXES_SEARCH.better
+            and fits > float(np.sum(chosen * leading)) + 0.02
+        ):
             return Axes(turn, fits, as_is, rotation_words(turn))
     fits = float(np.sum(chosen * leading))
-    if np.array_equal(chosen, np.eye(3)) or fits < EXPLAINS or fits < as_is + BETTER or not _steady(pairs, chosen):
+    if (
+        np.array_equal(chosen, np.eye(3))
+        or fits < AXES_SEARCH.explains
+        or fits < as_is + AXES_SEARCH.better
+        or not _steady(pairs, chosen)
+    ):
         return None
     return Axes(chosen, fits, as_is, axes_word(chosen))
 
@@ -231,8 +262,8 @@ def _rotation(matrix: Array) -> Array:
 
 def _blocks(pairs: Sequence[Pair]) -> list[Array]:
     """Summed cross products (3, 3) block by block."""
-    parts = [[np.array_split(signal, BLOCKS) for signal in pair] for pair in pairs]
-    return [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(BLOCKS)]
+    parts = [[np.array_split(signal, AXES_SEARCH.blocks) for signal in pair] for pair in pairs]
+    return [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(AXES_SEARCH.blocks)]
 
 
 def _scatter(pairs: Sequence[Pair], turn: Array) -> float:
@@ -243,4 +274,4 @@ def _scatter(pairs: Sequence[Pair], turn: Array) -> float:
 def _steady(pairs: Sequence[Pair], chosen: Array) -> bool:
     """Whether a permutation beats the identity in nearly every block."""
     better = [float(np.sum((chosen - np.eye(3)) * block)) > 0.0 for block in _blocks(pairs)]
-    return sum(better) >= BLOCKS - 1
+    return sum(better) >= AXES_SEARCH.blocks - 1

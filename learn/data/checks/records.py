@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.masking import RARE, without
+from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import thinned
@@ -116,7 +116,7 @@ MANY, FAR = 0.3, 3.0
 def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
     """Whether some samples (N,) of these sizes are wrong: few of them, or many that are nowhere near the others."""
     share = float(beyond.mean())
-    if share <= RARE:
+    if share <= MASKING.rare:
         return share > 0.0
     return share <= MANY and float(size[beyond].min()) > FAR * float(np.percentile(size[~beyond], 75))
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
-from wrenchgap.flight.checks.motion import BETTER, BLOCKS, TURNED, cosine, rms, rotation_words
+from wrenchgap.flight.checks.motion import AXES_SEARCH, cosine, rms, rotation_words
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
 from wrenchgap.plant.model import Model
@@ -37,10 +37,11 @@ SIZE = 1.8
 TOGETHER = 1.4
 """Within which factors about two axes are the same."""
 SURE = 3.0
-"""Standard errors of the angle that must lie between it and `TURNED`, and be less than `TURNED`."""
+"""Standard errors of the angle that must lie between it and `AXES_SEARCH.turned_deg`, and be less."""
 MOVES = 0.65
 """Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89); below, the stated one is refused."""
 AXES = "xyz"
+DEGREES = 180.0 / np.pi
 
 
 @dataclass(frozen=True)
@@ -110,11 +111,18 @@ def turned_imu(flight: Flight, model: Model, seen: Compared) -> Turned | None:
         return None
     made = max(tried, key=lambda signal: _fits(signal, felt, _angle(signal, felt)))
     angle = _angle(made, felt)
-    parts = [_angle(a, b) for a, b in zip(np.array_split(made, BLOCKS), np.array_split(felt, BLOCKS), strict=True)]
+    parts = [
+        _angle(a, b)
+        for a, b in zip(np.array_split(made, AXES_SEARCH.blocks), np.array_split(felt, AXES_SEARCH.blocks), strict=True)
+    ]
     away = np.degrees((np.array(parts) - angle + np.pi) % (2.0 * np.pi) - np.pi)
-    error = float(np.sqrt(np.mean(away**2) / BLOCKS))
+    error = float(np.sqrt(np.mean(away**2) / AXES_SEARCH.blocks))
     as_is, fits = _fits(made, felt, 0.0), _fits(made, felt, angle)
-    if abs(np.degrees(angle)) - SURE * error < TURNED or SURE * error > TURNED or fits < max(MOVES, as_is + BETTER):
+    if (
+        abs(np.degrees(angle)) - SURE * error < AXES_SEARCH.turned_deg
+        or SURE * error > AXES_SEARCH.turned_deg
+        or fits < max(MOVES, as_is + AXES_SEARCH.better)
+    ):
         return None
     words = (
         f"The vehicle turns about x and y as the commands make it by a cosine of {as_is:.2f}, with the IMU turned "
@@ -142,8 +150,8 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-DEGREES, OFF = 180.0 / np.pi, 4.0
-"""Of a radian, and the factor by which inertia, lags and noise may change the torque that a motion needs."""
+OFF = 4.0
+"""The factor by which inertia, lags and noise may change the torque that a motion needs."""
 CARRIES = (0.4, 2.5)
 """Commanded force over the weight within which the command is in newtons: a normalised one says nothing of sizes."""
 BEYOND = 3.0
