@@ -23,10 +23,24 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.plant.model import Model
 
-STRETCH_SECONDS = 1.0
-"""Length of the stretches among which the worst are sought [s]."""
-STRETCHES = 5
-"""How many of the worst stretches are kept."""
+
+@dataclass(frozen=True)
+class ComparisonThresholds:
+    """How models are compared, and when one is worse."""
+
+    stretch: float = 1.0
+    """Length of the stretches among which the worst are sought [s]."""
+    stretches: int = 5
+    """How many of the worst stretches are kept."""
+    worse: float = 1.1
+    """Factor by which the rms of an axis that got worse grew."""
+    loud: float = 1.5
+    """Factor by which that rms is above the noise."""
+    beyond: float = 1.15
+    """A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
+
+
+THRESHOLDS = ComparisonThresholds()
 
 
 @dataclass(frozen=True)
@@ -114,20 +128,22 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
 
 
 def worst_stretches(records: Sequence[Record], residuals: Sequence[Array], weights: Array) -> tuple[Stretch, ...]:
-    """The stretches of `STRETCH_SECONDS` with the largest weighted error, none overlapping, worst first."""
+    """The stretches of `THRESHOLDS.stretch` with the largest weighted error, none overlapping, worst first."""
     found: list[tuple[float, int, int, int]] = []
     for number, (record, residual) in enumerate(zip(records, residuals, strict=True)):
-        length = max(1, min(len(record), round(STRETCH_SECONDS / record.dt_kept)))
+        length = max(1, min(len(record), round(THRESHOLDS.stretch / record.dt_kept)))
         energy = np.sum(weighted(residual, weights) ** 2, axis=1)
         sums = np.convolve(energy, np.ones(length), mode="valid") / length
-        for _ in range(STRETCHES):
+        for _ in range(THRESHOLDS.stretches):
             start = int(np.argmax(sums))
             if not np.isfinite(sums[start]) or sums[start] < 0:
                 break
             found.append((float(sums[start]), number, start, length))
             sums[max(0, start - length + 1) : start + length] = -1.0
     found.sort(key=lambda item: -item[0])
-    return tuple(_stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[:STRETCHES])
+    return tuple(
+        _stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[: THRESHOLDS.stretches]
+    )
 
 
 def _stretch(record: Record, residual: Array, weights: Array, start: int, length: int) -> Stretch:
@@ -148,12 +164,6 @@ def _stretch(record: Record, residual: Array, weights: Array, start: int, length
     )
 
 
-WORSE, LOUD = 1.1, 1.5
-"""An axis got worse where its rms grew by this factor and is above the noise by this one."""
-BEYOND = 1.15
-"""A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
-
-
 @dataclass(frozen=True)
 class Range:
     """How far a quantity went: `maximum` over the fitted flights, `percentile` (95th) over a validation flight."""
@@ -166,7 +176,7 @@ class Range:
     @property
     def outside(self) -> bool:
         """Whether the validation flight left what was fitted."""
-        return self.percentile > BEYOND * self.maximum
+        return self.percentile > THRESHOLDS.beyond * self.maximum
 
 
 def ranges(fitted: Sequence[Record], unseen: Sequence[Record]) -> list[Range]:
@@ -219,7 +229,7 @@ class Validation:
     def worse(self) -> tuple[str, ...]:
         """Axes on which the fitted model is worse than the given one."""
         given, fitted = self.comparison.evaluations[-2].pooled.rms, self.after
-        lost = (fitted > WORSE * given) & (fitted > LOUD * self.comparison.noise)
+        lost = (fitted > THRESHOLDS.worse * given) & (fitted > THRESHOLDS.loud * self.comparison.noise)
         return tuple(AXES[k] for k in np.flatnonzero(lost))
 
     @property

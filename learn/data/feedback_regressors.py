@@ -9,6 +9,7 @@ where the noise model is wrong). The mean over a block of time is left in: no co
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +18,28 @@ from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 
-LAGS = (0.0, 0.03, 0.08, 0.2)
-"""Time constants [s] of the first-order lags behind which commands are seen."""
-SHIFTS = (-0.4, -0.2, 0.2, 0.4)
-"""Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are leads."""
+
+@dataclass(frozen=True)
+class RegressorSettings:
+    """Behind which lags and delays commands are seen."""
+
+    lags: tuple[float, ...] = (0.0, 0.03, 0.08, 0.2)
+    """Time constants [s] of the first-order lags behind which commands are seen."""
+    shifts: tuple[float, ...] = (-0.4, -0.2, 0.2, 0.4)
+    """Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are
+    leads."""
+
+
+REGRESSORS = RegressorSettings()
 
 
 def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> Array:
-    """All commands that change, each behind first-order lags of `LAGS` and later by `shifts`: (K, A), K samples of all
-    records.
-    """  # noqa: D205
+    """All commands that change, behind first-order lags and later by `shifts`: (K, A), K samples of all records."""
     moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
     rows = []
     for r in records:
         sent = [r.commanded[:, a] for a in moving]
-        late = [lagged(x, tau / r.dt_kept) for x in sent for tau in LAGS]
+        late = [lagged(x, tau / r.dt_kept) for x in sent for tau in REGRESSORS.lags]
         late += [shifted(x, round(share / (r.cutoff_hz * r.dt_kept))) for x in sent for share in shifts]
         rows.append(np.stack(late, axis=1) if late else np.zeros((len(r), 0)))
     return np.concatenate(rows)

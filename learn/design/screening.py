@@ -26,7 +26,7 @@ from wrenchgap.flight.flight import Array, Flight, Samples
 from wrenchgap.learn.data.candidates import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict, prepare
-from wrenchgap.learn.design.manoeuvres import LARGEST_ERROR, Limits, violations
+from wrenchgap.learn.design.manoeuvres import MANOEUVRES, Limits, violations
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
 from wrenchgap.learn.identify.trim import ACCELEROMETER_BIAS
 from wrenchgap.plant.allocation import Allocation
@@ -37,10 +37,22 @@ from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Trajectory
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin
 
-DULL = 0.1
-"""Factor on the merit of a flight that leaves an effect of the group unexcited."""
-PASSES = 3
-"""How often the axes' weights follow from what is left."""
+
+@dataclass(frozen=True)
+class ScreenSettings:
+    """How many flights are judged at little cost."""
+
+    dull: float = 0.1
+    """Factor on the merit of a flight that leaves an effect of the group unexcited."""
+    passes: int = 3
+    """How often the axes' weights follow from what is left."""
+    rate: float = 100.0
+    """Rate of the open-loop flights [Hz]."""
+    use: float = 0.95
+    """Share of the actuators' limits that an open-loop flight may use: the closed loop needs the rest."""
+
+
+SCREEN = ScreenSettings()
 
 
 @dataclass(frozen=True)
@@ -90,7 +102,7 @@ class Screen:
     def merit(self, pieces: Sequence[Piece]) -> float:
         """`Separability.merit`, much less where an effect is not excited: `explain` would not even try it."""
         every = all(any(e.name in p.excited for p in pieces) for e in self.effects)
-        return self.judge(pieces).merit * (1.0 if every else DULL)
+        return self.judge(pieces).merit * (1.0 if every else SCREEN.dull)
 
     def judge(self, pieces: Sequence[Piece]) -> Separability:
         """All ordered pairs on these pieces, one after the other."""
@@ -126,7 +138,7 @@ class Screen:
             added, J = np.where(seen, added, 0.0), np.where(seen[:, None], J, 0.0)
         weights = data.weights / np.sqrt(np.mean((added * data.weights) ** 2))
         left = added
-        for _ in range(PASSES):
+        for _ in range(SCREEN.passes):
             left = added - J @ _bounded(J * weights[:, None], added * weights, sizes, (low, high))
             size = np.sqrt(np.mean(left**2, axis=0))
             weights = np.where(seen, 1.0 / np.where(seen, np.maximum(size, data.noise), 1.0), 0.0)
@@ -145,12 +157,6 @@ def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array])
     return np.asarray(found.x * sizes)
 
 
-RATE = 100.0
-"""Of the open-loop flights [Hz]."""
-USE = 0.95
-"""Share of the actuators' limits that an open-loop flight may use: the closed loop needs the rest."""
-
-
 @dataclass(frozen=True)
 class Rehearsal:
     """A reference flown open loop: the record, and what goes beyond the limits."""
@@ -162,12 +168,12 @@ class Rehearsal:
 def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int = 0) -> Rehearsal:
     """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
 
-    Actuators may go to the share `USE` of their limits.
+    Actuators may go to the share `SCREEN.use` of their limits.
     """
-    time = np.arange(round(trajectory.duration * RATE)) / RATE
+    time = np.arange(round(trajectory.duration * SCREEN.rate)) / SCREEN.rate
     r = trajectory.at(time)
     state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
-    vehicle, dt = model.vehicle, 1.0 / RATE
+    vehicle, dt = model.vehicle, 1.0 / SCREEN.rate
     along_z, rest = pushes_along_z_only(vehicle), np.zeros_like(r.omega_D)
     wrench, _ = evaluate(model.controller, vehicle.body, state, r, rest, along_z=along_z)
     commands, beyond = Commands(wrench), []
@@ -178,8 +184,8 @@ def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int 
         missing = np.linalg.norm((about_O - allocation.achievable(about_O))[:, :3], axis=1).max()
         if missing > 0.02 * np.linalg.norm(about_O[:, :3], axis=1).max():
             beyond.append("asks for a force that the rotors cannot make")
-    beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, USE)
-    noise = imu_errors(replace(model.sensors, imu_rate_hz=RATE), len(time), np.random.default_rng(seed))
+    beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, SCREEN.use)
+    noise = imu_errors(replace(model.sensors, imu_rate_hz=SCREEN.rate), len(time), np.random.default_rng(seed))
     motion = model.wrench_model.motion(model.wrench_model.actuate(commands, state, dt)[0], state.omega_B)
     samples = Samples(
         "rehearsal",
@@ -229,12 +235,11 @@ def broken(flight: Flight, trajectory: Trajectory, model: Model, limits: Limits,
     motion = (odometry.position_E, odometry.quat_EB, odometry.velocity_E)
     found = violations(model.vehicle, limits, *motion, commands, dt)
     position, attitude = tracking(flight, trajectory) if believed else (0.0, 0.0)
-    if position > LARGEST_ERROR[0]:
-        found.append(f"is {position:.2f} m from the reference, allowed are {LARGEST_ERROR[0]:g} m")
-    if attitude > LARGEST_ERROR[1]:
-        found.append(
-            f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {np.degrees(LARGEST_ERROR[1]):.0f} deg"
-        )
+    if position > MANOEUVRES.largest_error[0]:
+        found.append(f"is {position:.2f} m from the reference, allowed are {MANOEUVRES.largest_error[0]:g} m")
+    if attitude > MANOEUVRES.largest_error[1]:
+        allowed = np.degrees(MANOEUVRES.largest_error[1])
+        found.append(f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {allowed:.0f} deg")
     lost = lost_after(flight, trajectory)
     return found if lost is None else [*found, f"loses control after {lost:.1f} s"]
 

@@ -22,13 +22,6 @@ from wrenchgap.learn.data.errors import weighted
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.vehicle import Vehicle
 
-LEAST_SHARE = 0.75
-"""Share from which on what is left is said to be one rotor's. Turbulence gives some 0.5 on a quadrotor (its rotors
-share the vertical axis), one that slips 0.8 in turbulence or with its drag torque as it was, else 0.99
-(benchmarks/field)."""
-AHEAD = 0.4
-"""By how much its share must exceed that of rotors elsewhere: two on one shaft push alike."""
-
 
 @dataclass(frozen=True)
 class OneRotor:
@@ -38,10 +31,15 @@ class OneRotor:
     share: float
 
 
-def one_rotor(data: Dataset, vehicle: Vehicle, residual: Array) -> OneRotor | None:
+def one_rotor(
+    data: Dataset, vehicle: Vehicle, residual: Array, least: float = 0.75, ahead: float = 0.4
+) -> OneRotor | None:
     """The rotor in whose direction a residual (K, 6) pushes; None where there is none, or the vehicle has no rotors.
 
-    Needs a force and a torque that were measured, or another rotor might push the same.
+    Needs a force and a torque that were measured, or another rotor might push the same. `least` is the share from which
+    on it is said: turbulence gives some 0.5 on a quadrotor (its rotors share the vertical axis), a rotor that slips 0.8
+    in turbulence or with its drag torque as it was, else 0.99 (benchmarks/field). `ahead` is by how much it must exceed
+    that of rotors elsewhere: two on one shaft push alike.
     """
     if vehicle.rotors is None or vehicle.arms is None or any(r.commands.rotor_speed is None for r in data.records):
         return None
@@ -57,7 +55,7 @@ def one_rotor(data: Dataset, vehicle: Vehicle, residual: Array) -> OneRotor | No
     best = float(shares.max())
     alike = np.flatnonzero(shares > best - 0.02)
     others = np.delete(shares, alike)
-    if best < LEAST_SHARE or (others.size and others.max() > best - AHEAD):
+    if best < least or (others.size and others.max() > best - ahead):
         return None
     return OneRotor(tuple(int(r) for r in alike), best)
 

@@ -31,22 +31,30 @@ from wrenchgap.learn.data.dataset import Dataset
 
 Frame = Literal["E", "B"]
 
-BAND = (0.3, 6.0)
-"""Frequencies tried [Hz]."""
-DAMPINGS = (0.02, 0.06, 0.15)
-"""Damping ratios of what is said to swing. Frequencies are tried at steps of one and a half of them, relative."""
-LOOSE = 0.35
-"""Damping ratio up to which something is said to swing."""
-PLAIN = 1.0
-"""Damping ratio of what does not swing."""
-SAME = 1.15
-"""Ratio of the frequencies found in E and B up to which they are one and the same oscillation."""
-FAINT = 0.5
-"""Power above the sensors' noise, over that of the noise, from which on an axis is looked at."""
-BEYOND_NOISE = 6.0
-"""Standard errors in the sensors' noise by which a weakly damped answer must be better: some hundred are tried."""
-LEAST_SHARE = 0.25
-"""Smallest share of what is left above the noise that an oscillator must take off to be worth mentioning."""
+
+@dataclass(frozen=True)
+class ResonanceSettings:
+    """Which oscillators are tried, and from when on one is said."""
+
+    band: tuple[float, float] = (0.3, 6.0)
+    """Frequencies tried [Hz]."""
+    dampings: tuple[float, ...] = (0.02, 0.06, 0.15)
+    """Damping ratios of what is said to swing. Frequencies are tried at steps of one and a half of them, relative."""
+    loose: float = 0.35
+    """Damping ratio up to which something is said to swing."""
+    plain: float = 1.0
+    """Damping ratio of what does not swing."""
+    same: float = 1.15
+    """Ratio of the frequencies found in E and B up to which they are one and the same oscillation."""
+    faint: float = 0.5
+    """Power above the sensors' noise, over that of the noise, from which on an axis is looked at."""
+    beyond_noise: float = 6.0
+    """Standard errors in the sensors' noise by which a weakly damped answer must be better: some hundred are tried."""
+    least_share: float = 0.25
+    """Smallest share of what is left above the noise that an oscillator must take off to be worth mentioning."""
+
+
+RESONANCE = ResonanceSettings()
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,7 @@ def oscillation(data: Dataset, residual: Array) -> Oscillation | None:
     if not found:
         return None
     best = max(found, key=lambda s: s.share)
-    alike = max(s.frequency_hz for s in found) < SAME * min(s.frequency_hz for s in found)
+    alike = max(s.frequency_hz for s in found) < RESONANCE.same * min(s.frequency_hz for s in found)
     return replace(best, frame=None) if len(found) == 2 and alike else best
 
 
@@ -79,7 +87,7 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
     excess = np.mean(target**2, axis=0) - noise**2
-    loud = excess > FAINT * noise**2
+    loud = excess > RESONANCE.faint * noise**2
     if not loud.any():
         return None
     target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
@@ -91,26 +99,30 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     def cost(f: float, zeta: float) -> float:
         return float(np.mean(np.sum((left(f, zeta) / noise) ** 2, axis=1)))
 
-    _, f, zeta = min((cost(f, zeta), float(f), zeta) for zeta in DAMPINGS for f in _steps(zeta))
+    _, f, zeta = min((cost(f, zeta), float(f), zeta) for zeta in RESONANCE.dampings for f in _steps(zeta))
     for _ in range(3):
         near = [(f * a, zeta * b) for a in (1 - 0.4 * zeta, 1.0, 1 + 0.4 * zeta) for b in (0.6, 1.0, 1.6)]
         f, zeta = min(near, key=lambda p: cost(*p))
-    slow = min(_steps(0.2), key=lambda g: cost(g, PLAIN))
+    slow = min(_steps(0.2), key=lambda g: cost(g, RESONANCE.plain))
     given = float(np.mean(np.sum((target / noise) ** 2, axis=1)))
-    plain = min(cost(slow, PLAIN), given)
+    plain = min(cost(slow, RESONANCE.plain), given)
     share = (plain - cost(f, zeta)) / excess
-    before = left(slow, PLAIN) if cost(slow, PLAIN) < given else target
+    before = left(slow, RESONANCE.plain) if cost(slow, RESONANCE.plain) < given else target
     after = left(f, zeta)
     gain = np.sum((before / noise) ** 2 - (after / noise) ** 2, axis=1)
     t = float(paired_t(by_block(data.block, gain)))
     chance = 2.0 * float(np.linalg.norm((before - after) / noise)) / np.sqrt(data.independence)
-    sure = t > UNSTEADY and float(gain.sum()) > BEYOND_NOISE * chance
-    return Oscillation(f, zeta, frame, share, t) if sure and share > LEAST_SHARE and zeta < LOOSE else None
+    sure = t > UNSTEADY and float(gain.sum()) > RESONANCE.beyond_noise * chance
+    return (
+        Oscillation(f, zeta, frame, share, t)
+        if sure and share > RESONANCE.least_share and zeta < RESONANCE.loose
+        else None
+    )
 
 
 def _steps(zeta: float) -> Array:
     """Frequencies of the band, as close as the resonance is narrow."""
-    return np.geomspace(*BAND, round(np.log(BAND[1] / BAND[0]) / np.log1p(1.5 * zeta)))
+    return np.geomspace(*RESONANCE.band, round(np.log(RESONANCE.band[1] / RESONANCE.band[0]) / np.log1p(1.5 * zeta)))
 
 
 def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> tuple[Array, Array, Array]:

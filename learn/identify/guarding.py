@@ -3,7 +3,7 @@
     1. components of the command that the flights do not show the effect of: not looked at (`learn.process.shown`)
     2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.lag`)
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
-    4. a stability margin below `LEAST_MARGIN` along the commands: 3. again, blind to the outputs' own components
+    4. a stability margin below `GUARD.least_margin` along the commands: 3. again, blind to the outputs' own components
 
 a verdict for each output, and an observer of what the process leaves (`learn.identify.observing`).
 """
@@ -31,12 +31,20 @@ from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.stability import Loop, Margin, of_model
 
-LEAST_MARGIN = 1.0
-"""Below it small gain does not guarantee a stable loop."""
-ABOVE_NOISE = 2.0
-"""Ratio of a residual's rms to the sensors' white noise from which on something is missing."""
-PERIODS = 1.5
-"""Of the controller: delay between a reading and the middle of the period in which its command acts."""
+
+@dataclass(frozen=True)
+class GuardThresholds:
+    """When a process is kept from doing harm."""
+
+    least_margin: float = 1.0
+    """Margin below which small gain does not guarantee a stable loop."""
+    above_noise: float = 2.0
+    """Ratio of a residual's rms to the sensors' white noise from which on something is missing."""
+    periods: float = 1.5
+    """Periods of the controller between a reading and the middle of the period in which its command acts."""
+
+
+GUARD = GuardThresholds()
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ def guarded_process(
     settings = replace(settings, blind=_blind(records, base, outputs))
     late = _lags(records, base, outputs, settings)
     found, supported = _attempt(records, base, outputs, settings, provenance, late, progress)
-    if found.margin.least < LEAST_MARGIN:
+    if found.margin.least < GUARD.least_margin:
         every = tuple(axis for axis in AXES if axis in (*settings.blind, *outputs))
         settings = replace(settings, blind=every)
         found, supported = _attempt(records, base, outputs, settings, provenance, late, progress)
@@ -110,7 +118,7 @@ def loop_of(model: Model, lag: float = 0.0) -> Loop:
     slow = sum(float(np.max(theta)) for name, theta in known.items() if name in ("servo_lag", "motor_lag"))
     delay = sum(float(theta[0]) for name, theta in known.items() if name == "command_delay")
     period = 1.0 / model.controller.rate_hz
-    return Loop(model.controller, model.vehicle.body.inertia, slow + lag, delay + PERIODS * period, delay)
+    return Loop(model.controller, model.vehicle.body.inertia, slow + lag, delay + GUARD.periods * period, delay)
 
 
 def _attempt(
@@ -181,8 +189,10 @@ def _verdict(
         return Verdict(axis, Decision.COMPENSATE, Reason.HELPS, gain, fall)
     rows = output_indices(found.gp.outputs)
     left = float(rms(found.data.outputs[:, [rows[k]]])[0])
-    if left <= ABOVE_NOISE * noise:
-        return Verdict(axis, Decision.DO_NOT, Reason.LAG if plain > ABOVE_NOISE * noise else Reason.NOTHING, 0.0, fall)
+    if left <= GUARD.above_noise * noise:
+        return Verdict(
+            axis, Decision.DO_NOT, Reason.LAG if plain > GUARD.above_noise * noise else Reason.NOTHING, 0.0, fall
+        )
     if late > 0.0:
         return Verdict(axis, Decision.DO_NOT, Reason.LAG, 0.0, fall)
     reason = Reason.EXCITATION if axis in found.gp.settings.blind else Reason.INPUTS

@@ -24,11 +24,11 @@ the effects and the lag leave, and n the gyroscope above the filter's cut-off, n
     E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
 
 or rather that of the least M_s whose E is within a tenth of that: E is flat about its least, and there the margin is
-worth more. Where the best leaves more than `WORTH` of what no observer leaves (a lag alone, or nothing missing), there
-is none: it would pass noise and the error of the lag on, and remove nothing. (Told the lag, the faster observer has
-the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more in the play of servos.) d is all of the residual and
-not what the process leaves of it: of flights that the process has not seen nobody knows what it will leave, and where
-it is distrusted it leaves all.
+worth more. Where the best leaves more than `OBSERVER.worth` of what no observer leaves (a lag alone, or nothing
+missing), there is none: it would pass noise and the error of the lag on, and remove nothing. (Told the lag, the faster
+observer has the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more in the play of servos.) d is all of the
+residual and not what the process leaves of it: of flights that the process has not seen nobody knows what it will
+leave, and where it is distrusted it leaves all.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
-from wrenchgap.learn.identify.lag import TAUS, Stretch, held_out, lagged
+from wrenchgap.learn.identify.lag import LAG, Stretch, held_out, lagged
 from wrenchgap.learn.identify.samples import stretches
 from wrenchgap.learn.process.calibration import BLOCKS
 from wrenchgap.plant.model import Model
@@ -55,12 +55,21 @@ UNKNOWN = 0.1
 """Lag and delay [s] of a vehicle whose log rules out none: tilt servos have 15 to 90 ms."""
 MOST_SENSITIVE = 2.0
 """Largest M_s."""
-ENOUGH = 1.1
-"""Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is taken."""
 
 
-WORTH = 0.75
-"""Share of what is left without an observer that the best one may leave: one that removes less has nothing to do."""
+@dataclass(frozen=True)
+class ObserverSettings:
+    """How the observer's bandwidth is chosen."""
+
+    enough: float = 1.1
+    """Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is
+    taken."""
+    worth: float = 0.75
+    """Share of what is left without an observer that the best one may leave: one that removes less has nothing to
+    do."""
+
+
+OBSERVER = ObserverSettings()
 
 
 @dataclass(frozen=True)
@@ -99,8 +108,8 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
     least = min(costs.values())
     alone = np.concatenate([d for d, _ in left])
     share = least / max(float(np.sqrt(np.sum(np.mean(alone**2, axis=0) / J**2))), 1e-300)
-    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= ENOUGH * least}
-    best = min(good, key=lambda o: good[o]) if share <= WORTH else none
+    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= OBSERVER.enough * least}
+    best = min(good, key=lambda o: good[o]) if share <= OBSERVER.worth else none
     return Choice(best, loop.lag, sensitivity_peak(loop, best), share)
 
 
@@ -114,7 +123,7 @@ def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDA
         return UNKNOWN
     squares = held_out(parts, looks, 0.0)[:, outputs] ** 2
     block = np.arange(len(squares)) * BLOCKS // len(squares)
-    for tau in (t for t in TAUS if 0.0 < t < UNKNOWN):
+    for tau in (t for t in LAG.taus if 0.0 < t < UNKNOWN):
         worse = held_out(parts, looks, tau)[:, outputs] ** 2 - squares
         large = worse.mean(axis=0) > squares.mean(axis=0)
         t = [float(paired_t(by_block(block, w))) for w in worse.T]

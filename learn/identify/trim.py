@@ -22,11 +22,8 @@ from wrenchgap.plant.vehicle import GRAVITY
 
 ACCELEROMETER_BIAS = 0.05
 """Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
-FAR = 5.0
-"""Trim beyond which no flight is, in standard deviations of what differs between flights."""
-DIFFERENT = 4.0
-"""Mean square of the differences between flights, over that which their blocks of time make likely, from which on
-flights differ: all six axes together stay below it with 99.9 % where nothing but noise differs."""
+
+
 WORTH = 2.0
 """Flights that the typical values are worth, where few flights say how much they differ."""
 ROTOR, PLACE, AIR = 0.01, 0.02, 0.015
@@ -57,8 +54,11 @@ class Trim:
         return out
 
 
-def trim_of(model: Model) -> Trim:
-    """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ."""
+def trim_of(model: Model, far: float = 5.0) -> Trim:
+    """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ.
+
+    No flight is beyond `far` standard deviations of what differs between flights.
+    """
     mass = model.vehicle.body.mass
     scatter = np.zeros(6) if model.between_flights is None else np.array(model.between_flights)
     bias = np.full(3, ACCELEROMETER_BIAS)
@@ -67,7 +67,7 @@ def trim_of(model: Model) -> Trim:
         np.concatenate((np.arange(3), turned)),
         np.concatenate((np.full(3, mass), np.ones(len(turned)))),
         np.concatenate((np.hypot(0.5 * bias, scatter[:3] / mass), scatter[turned])),
-        np.concatenate((bias + FAR * scatter[:3] / mass, FAR * scatter[turned])),
+        np.concatenate((bias + far * scatter[:3] / mass, far * scatter[turned])),
     )
 
 
@@ -89,10 +89,12 @@ def typical(model: Model) -> Array:
     return np.array([across, across, AIR * weight, tilting, tilting, ROTOR * share * kappa * weight])
 
 
-def between_flights(data: Dataset, left: Array, model: Model) -> Array | None:
-    """Standard deviation (6,) of what a model leaves (K, 6) on average of a flight; None where flights do not differ
-    by more than their blocks of time do.
-    """  # noqa: D205
+def between_flights(data: Dataset, left: Array, model: Model, different: float = 4.0) -> Array | None:
+    """Standard deviation (6,) of what a model leaves (K, 6) on average of a flight; None where flights do not differ.
+
+    They do where the mean square of their differences is `different` times that which their blocks of time make likely:
+    all six axes together stay below it with 99.9 % where nothing but noise differs.
+    """
     count = int(data.flight.max()) + 1
     if count < 2:
         return None
@@ -102,7 +104,7 @@ def between_flights(data: Dataset, left: Array, model: Model) -> Array | None:
     known = data.measured_axes
     spread = np.sum((np.array(means) - np.mean(means, axis=0)) ** 2, axis=0)
     noise = np.mean(variances, axis=0)
-    if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < DIFFERENT:
+    if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < different:
         return None
     pooled = (spread + WORTH * typical(model) ** 2) / (count - 1 + WORTH)
     return np.where(known, np.sqrt(pooled * (1.0 + 1.0 / count)), 0.0)

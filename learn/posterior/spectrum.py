@@ -20,7 +20,7 @@ from scipy.fft import dct
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.feedback_regressors import SHIFTS, answers, spanned
+from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanned
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.trim import Trim
 from wrenchgap.learn.posterior.columns import Column
@@ -105,7 +105,7 @@ class Spectrum:
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
             return
-        signals = answers(data.records, SHIFTS)
+        signals = answers(data.records, REGRESSORS.shifts)
         free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
         moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]

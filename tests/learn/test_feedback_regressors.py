@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.feedback_regressors import LAGS, SHIFTS, answers, lagged, shifted
+from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, lagged, shifted
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -86,10 +86,10 @@ def test_responses_are_seen_behind_lags_and_shifts(plain):
     """Columns for every moving command: the command itself first, and shifts of a whole number of samples."""
     record = plain.records[0]
     moving = [a for a in range(6) if np.std(record.commanded[:, a]) > 0.0]
-    every = answers(plain.records, SHIFTS)
-    assert every.shape == (len(plain.measured), len(moving) * (len(LAGS) + len(SHIFTS)))
-    step = round(SHIFTS[0] / (record.cutoff_hz * record.dt_kept))
-    first = every[: len(record), len(moving) * len(LAGS)]
+    every = answers(plain.records, REGRESSORS.shifts)
+    assert every.shape == (len(plain.measured), len(moving) * (len(REGRESSORS.lags) + len(REGRESSORS.shifts)))
+    step = round(REGRESSORS.shifts[0] / (record.cutoff_hz * record.dt_kept))
+    first = every[: len(record), len(moving) * len(REGRESSORS.lags)]
     np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
 
 

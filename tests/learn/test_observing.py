@@ -9,8 +9,16 @@ from scipy.signal import bilinear
 from wrenchgap import flight
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify import observing
-from wrenchgap.learn.identify.lag import TAUS, Stretch
-from wrenchgap.learn.identify.observing import MOST_SENSITIVE, UNKNOWN, WORTH, choose, fast_rates, longest_lag, missed
+from wrenchgap.learn.identify.lag import LAG, Stretch
+from wrenchgap.learn.identify.observing import (
+    MOST_SENSITIVE,
+    OBSERVER,
+    UNKNOWN,
+    choose,
+    fast_rates,
+    longest_lag,
+    missed,
+)
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
@@ -75,7 +83,9 @@ def test_whole_loop_keeps_its_margin(quiet, lag):
 
 
 def test_lag_that_nobody_has_seen_bounds_the_bandwidth_and_one_that_is_told_does_not(quiet, monkeypatch):
-    monkeypatch.setattr(observing, "WORTH", 2.0)  # also one that removes hardly anything
+    monkeypatch.setattr(
+        observing, "OBSERVER", replace(observing.OBSERVER, worth=2.0)
+    )  # also one that removes hardly anything
     unseen, ruled_out, told = chosen(quiet, 0.0), chosen(quiet, 0.0, unseen=0.01), chosen(quiet, 0.1, delay=0.0)
     assert 0.0 < unseen.observer.hz < 0.3
     assert ruled_out.observer.hz > 1.0
@@ -90,7 +100,7 @@ def test_loop_that_has_no_margin_by_itself_gets_no_observer(quiet):
 
 def test_steep_feed_forward_asks_for_a_quieter_loop(quiet, monkeypatch):
     """|T| |D| <= 1: where the slope may be wrong, an observer that raises |T| must be slower."""
-    monkeypatch.setattr(observing, "WORTH", 2.0)
+    monkeypatch.setattr(observing, "OBSERVER", replace(observing.OBSERVER, worth=2.0))
     free, bound = chosen(quiet, 0.0, unseen=0.03), chosen(quiet, 0.0, unseen=0.03, steepest=1.4)
     at = replace(loop(0.03), delay=0.01)
     assert loop_peak(at, free.observer) > 1.4 >= loop_peak(at, bound.observer)
@@ -108,7 +118,7 @@ def test_where_nothing_is_to_be_removed_there_is_no_observer(quiet):
     """Nothing but noise is left where nothing was there: no observer helps. Of a slow torque one does."""
     none, some = chosen(records(disturbance=0.0), 0.05), chosen(quiet, 0.05)
     assert none.observer.hz == 0.0
-    assert some.left < 0.3 < WORTH < none.left
+    assert some.left < 0.3 < OBSERVER.worth < none.left
     assert some.observer.hz > 0.0
     assert none.peak < MOST_SENSITIVE  # and not for want of a margin
 
@@ -131,7 +141,7 @@ def stretch(lag, seconds=40.0, noise=0.01):
 def test_log_rules_out_lags_that_it_would_show():
     """Without a lag the shortest that is tried is ruled out; where the commands are not looked at nothing is."""
     looks, rows = np.ones(6, dtype=bool), np.array([3, 4, 5])
-    assert longest_lag([stretch(0.0)], looks, rows) == TAUS[1]
-    assert longest_lag([stretch(0.0, noise=1.0)], looks, rows) > TAUS[1]
+    assert longest_lag([stretch(0.0)], looks, rows) == LAG.taus[1]
+    assert longest_lag([stretch(0.0, noise=1.0)], looks, rows) > LAG.taus[1]
     blind = looks & (np.arange(6) != 4)
     assert longest_lag([stretch(0.0)], blind, rows) == UNKNOWN

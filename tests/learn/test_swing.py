@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, answer, oscillation
+from wrenchgap.learn.diagnose.resonance import RESONANCE, answer, oscillation
 
 G = 9.81
 
@@ -183,5 +183,5 @@ def test_a_swing_too_small_to_mention_is_not_mentioned(tumbling):
     """Beside five times more of something else it is 4 % of what is left."""
     wind, load = tumbling.ringing(2, 0.2, 2), tumbling.pendulum(0.7)
     wind *= 5 * load[:, :3].std() / wind[:, :3].std()
-    assert tumbling.search(load + tumbling.noise(0)).share > LEAST_SHARE
+    assert tumbling.search(load + tumbling.noise(0)).share > RESONANCE.least_share
     assert tumbling.search(load + wind + tumbling.noise(0)) is None

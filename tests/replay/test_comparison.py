@@ -50,7 +50,7 @@ def test_the_worst_stretch_is_where_the_error_was_put(logs):
     assert found[0].stop == pytest.approx(7.0, abs=0.1)
     assert found[0].axis == "torque_z"
     starts = sorted(s.start for s in found)
-    assert min(np.diff(starts)) > 0.9 * comparison.STRETCH_SECONDS
+    assert min(np.diff(starts)) > 0.9 * comparison.THRESHOLDS.stretch
 
 
 def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs):

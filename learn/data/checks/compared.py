@@ -20,24 +20,36 @@ from wrenchgap.plant.state import Commands, Motion
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
 
-CUTOFF_HZ = 4.0
-"""Of everything that is compared here: below vibration, above trim."""
-FAST_HZ = 0.8
-"""Above, a torque moves the vehicle; below, commands answer what disturbs (arms that droop, a shifted load), and the
-vehicle hardly turns."""
-LAGS = (0.0, 0.03, 0.08)
-"""Time constants [s] of the actuators that are tried."""
-LIFTED = 0.3
-"""Share of the usual command's size, and of the weight, above which a vehicle flies."""
-ENOUGH, PIECE = 120.0, 20.0
-"""Of a flight that are looked at [s], and of what lies together there."""
-SHORTEST, SLOWEST = 2.0, 0.1
-"""Of a stretch, and of its clock's period [s]."""
+
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """What of a flight is compared with the commands."""
+
+    cutoff_hz: float = 4.0
+    """Low-pass of everything that is compared [Hz]: below vibration, above trim."""
+    fast_hz: float = 0.8
+    """Frequency [Hz] above which a torque moves the vehicle; below, commands answer what disturbs (arms that droop, a
+    shifted load), and the vehicle hardly turns."""
+    lags: tuple[float, ...] = (0.0, 0.03, 0.08)
+    """Time constants [s] of the actuators that are tried."""
+    lifted: float = 0.3
+    """Share of the usual command's size, and of the weight, above which a vehicle flies."""
+    enough: float = 120.0
+    """Time of a flight that is looked at [s]."""
+    piece: float = 20.0
+    """Time of it that lies together [s]."""
+    shortest: float = 2.0
+    """Shortest stretch [s]."""
+    slowest: float = 0.1
+    """Longest period of its clock [s]."""
+
+
+COMPARED = ComparisonSettings()
 
 
 @dataclass(frozen=True)
 class Compared:
-    """K samples in the air, low-passed at `CUTOFF_HZ`. `measured` (K, 6) is m f and J domega + omega x J omega.
+    """K samples in the air, low-passed. `measured` (K, 6) is m f and J domega + omega x J omega.
 
     `wrench` (K, 6) is the commanded one (None: not logged), `actuators` the logged tilt and speed with the wrench that
     the model makes of them, `made`; all in B about the centre of mass. `omega` (K, 3) are the rates that go with
@@ -56,10 +68,10 @@ class Compared:
 
 def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     """The flight side by side; None where nothing was flown for long, or an axis was not measured."""
-    if not stretches or stretches[0].dt > SLOWEST:
+    if not stretches or stretches[0].dt > COMPARED.slowest:
         return None
     try:
-        pieces = looked_at([one for one in stretches if len(one) * one.dt >= SHORTEST])
+        pieces = looked_at([one for one in stretches if len(one) * one.dt >= COMPARED.shortest])
         rows = [_row(samples, vehicle) for samples in pieces]
     except FitError:
         return None  # said where the flight is prepared: these are not the rotors of this vehicle
@@ -76,7 +88,9 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     size = lengths(low_pass(pushed[:, :3], stretches[0].dt, 1.0))
     felt = lengths(measured[:, :3])
     usual, high = np.percentile(size, (50, 90))  # the median, unless most of the log is on the ground
-    flying = (size > LIFTED * (usual if usual > 0.05 * high else high)) & (felt > LIFTED * vehicle.body.mass * GRAVITY)
+    flying = (size > COMPARED.lifted * (usual if usual > 0.05 * high else high)) & (
+        felt > COMPARED.lifted * vehicle.body.mass * GRAVITY
+    )
     ends = np.cumsum([0, *(len(row[0][0]) for row in rows)])
     inside = np.zeros(len(flying), dtype=bool)
     inside[ends[1:-1]] = True  # where a stretch begins
@@ -87,19 +101,19 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
         parts += [slice(a, b) for a, b in itertools.pairwise(cuts)]
     dt = stretches[0].dt
     trim = int(0.5 / dt)
-    parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > SHORTEST]
+    parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > COMPARED.shortest]
     return Compared(measured, omega, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
 
 
 def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
-    """Of hours of flight, `ENOUGH` in pieces of `PIECE` that are evenly spread over each stretch."""
+    """Of hours of flight, `COMPARED.enough` in pieces of `COMPARED.piece` that are evenly spread over each stretch."""
     total = sum(len(one) * one.dt for one in stretches)
-    if total <= ENOUGH:
+    if total <= COMPARED.enough:
         return list(stretches)
     out = []
     for one in stretches:
-        run = round(PIECE / one.dt)
-        most = max(round(len(one) * ENOUGH / total), min(run, len(one)))
+        run = round(COMPARED.piece / one.dt)
+        most = max(round(len(one) * COMPARED.enough / total), min(run, len(one)))
         out += [part(one, rows) for rows in spread(len(one), most, run)]
     return out
 
@@ -108,7 +122,7 @@ Row = tuple[tuple[Array, Array], Array | None, Array | None, Array | None, Array
 
 
 def _row(samples: Samples, vehicle: Vehicle) -> Row:
-    dt, cutoff = samples.dt, min(CUTOFF_HZ, 0.3 / samples.dt)
+    dt, cutoff = samples.dt, min(COMPARED.cutoff_hz, 0.3 / samples.dt)
     omega = low_pass(samples.omega_B, dt, cutoff)
     omega_dot = derivative(omega, dt)
     felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff), omega, omega_dot, vehicle.imu_position_B)
@@ -128,11 +142,11 @@ def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
 
 
 def moving(seen: Compared, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
-    """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C). `fast`: above `FAST_HZ`."""
+    """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C); `fast`: high-passed."""
     out = []
     for rows in seen.parts:
         late = np.stack([lagged(column[rows], tau / seen.dt) for column in values.T], axis=1)
-        out.append(late - (low_pass(late, seen.dt, FAST_HZ) if fast else late.mean(axis=0)))
+        out.append(late - (low_pass(late, seen.dt, COMPARED.fast_hz) if fast else late.mean(axis=0)))
     return np.concatenate(out)
 
 

@@ -1,4 +1,4 @@
-"""How commands turn the vehicle above `FAST_HZ`: by how much about each axis, and about which axes.
+"""How commands turn the vehicle above `COMPARED.fast_hz`: by how much about each axis, and about which axes.
 
 There torques turn the vehicle, and with the inertia J the angular acceleration that they make is J^-1 M. Where it has
 the shape of the measured one (cosine) but another size, a number of the model is wrong: of the inertia, of the arms, or
@@ -23,23 +23,44 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import AXES_SEARCH, cosine, rms, rotation_words
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
+from wrenchgap.learn.data.checks.compared import COMPARED, Compared, flown, moving
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
 
-ALIKE, ONE = 0.8, 0.97
-"""Cosine from which on commands and motion are one signal, of a torque that is too small, and of one that is too large.
-Commands answer disturbances, which moves nothing: on real hovers they are three to seven times what the motion needs,
-with cosines of 0.6 to 0.93. No disturbance makes them smaller."""
-SIZE = 1.8
-"""Factor between torque made and torque needed beyond which no effect of a flying vehicle is the likely reason."""
-TOGETHER = 1.4
-"""Within which factors about two axes are the same."""
-SURE = 3.0
-"""Standard errors of the angle that must lie between it and `AXES_SEARCH.turned_deg`, and be less."""
-MOVES = 0.65
-"""Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89); below, the stated one is refused."""
+
+@dataclass(frozen=True)
+class TorqueThresholds:
+    """From when on the torques of commands and motion contradict each other."""
+
+    alike: float = 0.8
+    """Cosine from which on commands and motion are one signal, of a torque that is too small."""
+    one: float = 0.97
+    """The same of one that is too large. Commands answer disturbances, which moves nothing: on real hovers they are
+    three to seven times what the motion needs, with cosines of 0.6 to 0.93. No disturbance makes them smaller."""
+    size: float = 1.8
+    """Factor between torque made and torque needed beyond which no effect of a flying vehicle is the likely reason."""
+    together: float = 1.4
+    """Within which factors about two axes are the same."""
+    sure: float = 3.0
+    """Standard errors of the angle that must lie between it and the smallest turn (`AXES_SEARCH.turned_deg`), and be
+    less than that."""
+    moves: float = 0.65
+    """Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89); below, the stated one is
+    refused."""
+    off: float = 4.0
+    """Factor by which inertia, lags and noise may change the torque that a motion needs."""
+    carries: tuple[float, float] = (0.4, 2.5)
+    """Commanded force over the weight within which the command is in newtons: a normalised one says nothing of
+    sizes."""
+    beyond: float = 3.0
+    """Times the largest torque of the rotors that the rms of a logged motion may need before the rates cannot be
+    true."""
+
+
+TORQUES = TorqueThresholds()
+
+
 AXES = "xyz"
 DEGREES = 180.0 / np.pi
 
@@ -66,18 +87,18 @@ def _accelerations(model: Model, seen: Compared, pushed: Array) -> tuple[Array, 
     """Angular accelerations (K, 3) measured, and made by a commanded wrench (N, 6) at each of the lags."""
     inertia = np.diag(model.vehicle.body.inertia)
     felt = moving(seen, seen.measured[:, 3:], fast=True) / inertia
-    return felt, [moving(seen, pushed[:, 3:], tau, fast=True) / inertia for tau in LAGS]
+    return felt, [moving(seen, pushed[:, 3:], tau, fast=True) / inertia for tau in COMPARED.lags]
 
 
 def _size(felt: Array, tried: list[Array]) -> float | None:
     """Torque made over torque needed about one axis, at the likeliest lag; None where they are not one signal."""
     made = max(tried, key=lambda signal: cosine(felt[:, None], signal[:, None]))
     size = float(np.linalg.norm(made) / max(float(np.linalg.norm(felt)), 1e-30))
-    return None if cosine(felt[:, None], made[:, None]) < (ONE if size > 1.0 else ALIKE) else size
+    return None if cosine(felt[:, None], made[:, None]) < (TORQUES.one if size > 1.0 else TORQUES.alike) else size
 
 
 def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Iterator[Check]:
-    off = {k: s for k, s in enumerate(sizes) if s is not None and not 1.0 / SIZE < s < SIZE}
+    off = {k: s for k, s in enumerate(sizes) if s is not None and not 1.0 / TORQUES.size < s < TORQUES.size}
     if not off:
         return
     vehicle = model.vehicle
@@ -89,7 +110,7 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
         yield Check("kappa", "warn", f"{words}: correct vehicle.rotor.kappa, or the inertia about z, in the model")
         return
     known = [s for s in sizes if s is not None]
-    if len(known) == 3 and max(known) < TOGETHER * min(known):
+    if len(known) == 3 and max(known) < TORQUES.together * min(known):
         hint = "correct vehicle.inertia, or the unit of the torques"
     elif 2 not in off:
         hint = "correct the inertia about x and y, or the arms' length, in the model"
@@ -119,9 +140,9 @@ def turned_imu(flight: Flight, model: Model, seen: Compared) -> Turned | None:
     error = float(np.sqrt(np.mean(away**2) / AXES_SEARCH.blocks))
     as_is, fits = _fits(made, felt, 0.0), _fits(made, felt, angle)
     if (
-        abs(np.degrees(angle)) - SURE * error < AXES_SEARCH.turned_deg
-        or SURE * error > AXES_SEARCH.turned_deg
-        or fits < max(MOVES, as_is + AXES_SEARCH.better)
+        abs(np.degrees(angle)) - TORQUES.sure * error < AXES_SEARCH.turned_deg
+        or TORQUES.sure * error > AXES_SEARCH.turned_deg
+        or fits < max(TORQUES.moves, as_is + AXES_SEARCH.better)
     ):
         return None
     words = (
@@ -130,7 +151,7 @@ def turned_imu(flight: Flight, model: Model, seen: Compared) -> Turned | None:
         "is mounted so, or the rotors are"
     )
     mend = option(flight, rotation_words(_about_z(angle)), "imu")
-    check = Check("body-frame", "bad" if as_is < MOVES else "warn", words, mend)
+    check = Check("body-frame", "bad" if as_is < TORQUES.moves else "warn", words, mend)
     return Turned(check, cosine(made, felt @ _about_z(angle).T))
 
 
@@ -150,14 +171,6 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-OFF = 4.0
-"""The factor by which inertia, lags and noise may change the torque that a motion needs."""
-CARRIES = (0.4, 2.5)
-"""Commanded force over the weight within which the command is in newtons: a normalised one says nothing of sizes."""
-BEYOND = 3.0
-"""Times the largest torque of the rotors that the rms of a logged motion may need before the rates cannot be true."""
-
-
 def gyroscope(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     """Whether the rates are in deg/s, or need more torque than the rotors have; nothing where an attitude tells."""
     pushed = seen.wrench if seen.wrench is not None else seen.made
@@ -169,13 +182,13 @@ def gyroscope(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     who = "logged actuators make it" if seen.wrench is None else "commanded wrench makes it"
     alike = _alike(seen, slower, pushed, inertia)
     sizes = _sizes(seen, slower, pushed, inertia) and (seen.wrench is None or _carries(seen, model.vehicle))
-    if sizes and alike > max(MOVES, _alike(seen, seen.measured[:, 3:], pushed, inertia)):
+    if sizes and alike > max(TORQUES.moves, _alike(seen, seen.measured[:, 3:], pushed, inertia)):
         words = f"Read in deg/s, it turns as the {who} (cosine {alike:.2f}), in rad/s far too fast"
         yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
         return
     most = largest_torque(model.vehicle) if model.command is None else None  # a curve to newtons leaves c_f free
     needed = rms(flown(seen, seen.measured[:, 3:]))
-    if most is not None and needed > BEYOND * most:
+    if most is not None and needed > TORQUES.beyond * most:
         words = f"The motion as logged needs torques of {needed:.3g} Nm rms, and all rotors at full speed make less "
         words += f"than {most:.3g} Nm: the rates are in another unit (in deg/s: `imu=TOPIC:deg`) or full of noise, or "
         yield Check("gyroscope", "bad", f"{words}vehicle.inertia is not this vehicle's")
@@ -201,17 +214,17 @@ def _sizes(seen: Compared, slower: Array, pushed: Array, inertia: Array) -> bool
     felt, less, made = (
         rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, pushed[:, 3:])
     )
-    return felt > DEGREES / OFF * made and 1.0 / OFF < less / max(made, 1e-12) < OFF
+    return felt > DEGREES / TORQUES.off * made and 1.0 / TORQUES.off < less / max(made, 1e-12) < TORQUES.off
 
 
 def _carries(seen: Compared, vehicle: Vehicle) -> bool:
     """Whether the commanded force is about the weight."""
     assert seen.wrench is not None
     force = float(np.median(np.linalg.norm(flown(seen, seen.wrench[:, :3]), axis=1)))
-    return CARRIES[0] < force / (vehicle.body.mass * GRAVITY) < CARRIES[1]
+    return TORQUES.carries[0] < force / (vehicle.body.mass * GRAVITY) < TORQUES.carries[1]
 
 
 def _alike(seen: Compared, felt: Array, pushed: Array, inertia: Array) -> float:
     """Cosine of torques (N, 3) with those of the witness, each axis by its inertia, at the likeliest lag."""
     truth = moving(seen, felt, fast=True) / inertia
-    return max(cosine(truth, moving(seen, pushed[:, 3:], tau, fast=True) / inertia) for tau in LAGS)
+    return max(cosine(truth, moving(seen, pushed[:, 3:], tau, fast=True) / inertia) for tau in COMPARED.lags)

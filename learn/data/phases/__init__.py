@@ -29,21 +29,23 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
-MOSTLY = 0.5
-"""Share of the time in the air beyond which saturation is no phase of a flight, but a limit that is too low."""
-
 
 def phases_of(
-    parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle, cutoff_hz: float, keep: Sequence[str] = ()
+    parts: Sequence[tuple[Samples, Commands, str]],
+    vehicle: Vehicle,
+    cutoff_hz: float,
+    keep: Sequence[str] = (),
+    mostly: float = 0.5,
 ) -> tuple[Phase, ...]:
     """Phases of a flight, in order of time, of its stretches with their commands (`measurement.commands_of`).
 
-    `keep` are names of phases that are found but not left out.
+    `keep` are names of phases that are found but not left out; `mostly` is the share of the time in the air beyond
+    which saturation is no phase of a flight, but a limit that is too low.
     """
     found = _grounded(parts, vehicle)
     limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
     limited = [p for p in limited if not _within(p, found)]
-    if _seconds(limited) > MOSTLY * _flown(parts, found):
+    if _seconds(limited) > mostly * _flown(parts, found):
         why = "for most of the flight: is vehicle.rotor.speed_max too low?"
         limited = [replace(p, why=why, left_out=False) for p in limited]
     every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
@@ -81,10 +83,6 @@ def _flown(parts: Sequence[tuple[Samples, Commands, str]], found: Sequence[Phase
 __all__ = ["Phase", "phases_of", "runs", "used"]
 
 
-EDGE = 0.3
-"""Time [s] that is not worth a word."""
-
-
 def times_left_out(
     flight: str, between: Between, holes: Iterable[Gap], phases: Sequence[Phase], span: tuple[float, float]
 ) -> list[TimeLeftOut]:
@@ -106,17 +104,20 @@ def times_left_out(
     return told
 
 
-def _short(flight: str, hole: Gap, start: float, stop: float, span: tuple[float, float]) -> list[TimeLeftOut]:
-    if stop - start < EDGE:
+def _short(
+    flight: str, hole: Gap, start: float, stop: float, span: tuple[float, float], edge: float = 0.3
+) -> list[TimeLeftOut]:
+    """A piece of flight between phases; nothing of less than `edge` [s], which is not worth a word."""
+    if stop - start < edge:
         return []
     return [TimeLeftOut(flight, *_open(start, stop, hole, span), f"less than {MINIMUM_FLIGHT:g} s of flight")]
 
 
-def _open(start: float, stop: float, hole: Gap, span: tuple[float, float]) -> tuple[float, float]:
-    """The times with the hole's end in place of the log's."""
+def _open(start: float, stop: float, hole: Gap, span: tuple[float, float], edge: float = 0.3) -> tuple[float, float]:
+    """The times with the hole's end in place of the log's, from which they are less than `edge` [s]."""
     return (
-        hole.start if start < span[0] + EDGE else start,
-        hole.stop if stop > span[1] - EDGE else stop,
+        hole.start if start < span[0] + edge else start,
+        hole.stop if stop > span[1] - edge else stop,
     )
 
 
