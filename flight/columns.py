@@ -31,10 +31,6 @@ VECTORS: dict[str, tuple[str, ...]] = {
 """Fields of a quantity, in the order of its columns."""
 
 
-ABSURD = 1e12
-"""No quantity of a flight is larger in SI: a damaged sample."""
-
-
 def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
     """A quantity's numbers (N, K) from a table: the columns of an array, or the named fields of a message."""
     array = table.columns.get(source.field)
@@ -65,19 +61,21 @@ def empty_columns(values: Array, name: str) -> list[int]:
     return [i for half in (range(3), range(3, 6)) if none[list(half)].all() for i in half]
 
 
-def sound(values: Array, absent: Sequence[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers."""
+def sound(
+    values: Array, absent: Sequence[int], absurd_from: float = 1e12
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers.
+
+    No quantity of a flight is as large in SI: a damaged sample.
+    """
     finite, absurd = np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
-    if absent or row_kernels.beyond(np.ascontiguousarray(values), ABSURD):
+    if absent or row_kernels.beyond(np.ascontiguousarray(values), absurd_from):
         for column in (values[:, k] for k in range(values.shape[1]) if k not in absent):  # hours are long
             finite &= np.isfinite(column)
-            absurd |= np.abs(column) > ABSURD
+            absurd |= np.abs(column) > absurd_from
         absurd &= finite
     return finite, absurd
 
-
-COMPARED, RUN = 12_000, 4_000
-"""Rows of a flight on which frames are told apart, and of each run of them."""
 
 Rows = Callable[[slice], Array]
 """Some rows of a quantity."""
@@ -95,20 +93,23 @@ def slope_of(values: Array) -> Slope:
     return lambda time, rows: smooth(time, values[rows], derivative=1)
 
 
-def fitting(readings: Mapping[str, Rows], truth: Slope, time: Array, default: str) -> tuple[str, dict[str, float]]:
+def fitting(
+    readings: Mapping[str, Rows], truth: Slope, time: Array, default: str, rows: int = 12_000, run: int = 4_000
+) -> tuple[str, dict[str, float]]:
     """The frame whose reading fits a derivative: `default` unless another is clearly better; and the rms misfits.
 
-    Of a long flight, runs of rows that are spread over it are compared. `time` (N,) [s] is that of all rows.
+    Of a long flight, so many `rows` are compared, in runs of `run` that are spread over it. `time` (N,) [s] is that of
+    all rows.
     """
     squares: dict[str, list[float]] = {frame: [] for frame in readings}
     sizes: list[float] = []
-    for rows in spread(len(time), COMPARED, RUN):
-        part = time[rows]
+    for some in spread(len(time), rows, run):
+        part = time[some]
         inside = away_from_gaps(part)
-        expected = truth(part, rows)[inside]
+        expected = truth(part, some)[inside]
         sizes.append(float(np.mean(expected**2)))
         for frame, values in readings.items():
-            squares[frame].append(float(np.mean((smooth(part, values(rows))[inside] - expected) ** 2)))
+            squares[frame].append(float(np.mean((smooth(part, values(some))[inside] - expected) ** 2)))
     misfit = {frame: float(np.sqrt(np.mean(found))) for frame, found in squares.items()}
     best = min(misfit, key=lambda frame: misfit[frame])
     scale = float(np.sqrt(np.mean(sizes)))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, accepting
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Relation, one_clock, relation, without_jumps
@@ -174,9 +174,6 @@ def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
     return tuple(played)
 
 
-COLUMNS = 64
-"""Columns of an array that get a channel each, at most: an image is no signal."""
-
 Channel = tuple[Array, Array]
 """Times (N,) [s since Flight.start_ns] and values (N,), nan where a message lacks it."""
 
@@ -202,6 +199,6 @@ def _numbers(table: Table) -> Mapping[str, Array]:
             continue
         if values.ndim == 1:
             out[name] = values.astype(float)
-        elif values.shape[1] <= COLUMNS:
+        elif values.shape[1] <= LIMITS.channel_columns:
             out |= {f"{name}[{i}]": values[:, i].astype(float) for i in range(values.shape[1])}
     return {name: values for name, values in out.items() if np.isfinite(values).any()}

@@ -70,6 +70,10 @@ class OffsetSettings:
     loudest: float = 3.0
     """What is louder than this many times the median over blocks is turned down to it, so that a crash does not
     decide."""
+    alike: tuple[float, float] = (0.5, 1.25)
+    """Gains between which two sensors of one motion must be. With noise on both, the gain seen from the first, |S_xy| /
+    S_xx, is too small, and that seen from the second, S_yy / |S_xy|, too large: the true one is between. Where both are
+    beyond, it is no common motion: one sensor's noise has moved the vehicle through the controller."""
     rival: float = 0.9
     """Height of another peak, relative to the highest, at which the delay may not be unique."""
     twin: float = 0.98
@@ -87,13 +91,6 @@ class OffsetSettings:
 
 
 OFFSETS = OffsetSettings()
-
-
-ALIKE = (0.5, 1.25)
-"""Gains between which two sensors of one motion must be. With noise on both, the gain seen from the first,
-|S_xy| / S_xx, is too small, and that seen from the second, S_yy / |S_xy|, too large: the true one is between. Where
-both are beyond, it is no common motion: one sensor's noise has moved the vehicle through the controller."""
-ANY_GAIN = (0.0, np.inf)
 
 
 class Problem(StrEnum):
@@ -189,7 +186,7 @@ def offset(
     *,
     band: tuple[float, float] = (OFFSETS.lowest_hz, OFFSETS.highest_hz),
     within: Intervals = EVERYWHERE,
-    gains: tuple[float, float] = ANY_GAIN,
+    gains: tuple[float, float] = (0.0, np.inf),
     coherent: float = 0.0,
 ) -> Offset:
     """By how much the second signal lags the first, from the frequencies in `band` [Hz] and the times `within` [s].

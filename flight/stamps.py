@@ -18,8 +18,6 @@ Stamps = NDArray[np.int64]
 
 MANY = 4096
 """Stamps from which on it is worth looking whether others like them were sorted before."""
-GAP_FACTOR = 2.5
-"""An interval longer than this many usual periods is a gap."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,7 @@ class Steps:
     """What the intervals between samples at `time` (N,) [s] are like; sorted once for all that is asked."""
 
     time: Array
+    gap_factor: float = 2.5
 
     @cached_property
     def _usual(self) -> _Usual:
@@ -91,13 +90,13 @@ class Steps:
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Intervals longer than `GAP_FACTOR` usual periods.
+        """Intervals longer than `gap_factor` usual periods.
 
         Where more than a tenth of the intervals are long, as in bursts, long is usual.
         """
         if len(self.time) < 3:
             return ()
-        longest = GAP_FACTOR * max(self.nominal_period, self._usual.long)
+        longest = self.gap_factor * max(self.nominal_period, self._usual.long)
         if not self._usual.longest > longest:
             return ()
         found = np.flatnonzero(np.diff(self.time) > longest)

@@ -14,25 +14,27 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight, Gap, OdometrySeries, ReferenceSeries, Series
-from wrenchgap.flight.offsets import ALIKE, EVERYWHERE, Intervals, Offset, Signal, offset
+from wrenchgap.flight.offsets import EVERYWHERE, OFFSETS, Intervals, Offset, Signal, offset
 from wrenchgap.flight.row_kernels import empty
 
-ONE_MOTION = 0.85
-"""Coherence of two sensors below which what they have in common may be the noise of one of them, which has moved the
-vehicle through the controller: coherent, and late by whatever the controller's phase is."""
 GRAVITY_E = np.array([0.0, 0.0, GRAVITY])
 """What an accelerometer at rest reads, in E [m/s^2]."""
 
 
-def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
+def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE, one_motion: float = 0.85) -> tuple[Offset, ...]:
     """Offsets between the sensor topics: IMU to odometry, and odometry's pose to its own twist.
 
     Rates and accelerations are differences of neighbouring samples, stamped half-way: exactly the mean over the
     interval, so without any phase. What the accelerometer should read is made from the odometry alone, attitude and
     velocity, so that its clock is in one of the two signals only.
+
+    Below the coherence `one_motion` what two sensors have in common may be the noise of one of them, which has moved
+    the vehicle through the controller: coherent, and late by whatever the controller's phase is.
     """
     pairs = map(_measured, _sensor_pairs(flight))
-    return tuple(offset(*pair, within=within, gains=ALIKE, coherent=ONE_MOTION) for pair in pairs if pair[0].axes)
+    return tuple(
+        offset(*pair, within=within, gains=OFFSETS.alike, coherent=one_motion) for pair in pairs if pair[0].axes
+    )
 
 
 def _measured(pair: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
@@ -135,16 +137,14 @@ def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> 
 
 SHIFTABLE = ("imu", "odometry", "reference", "battery")
 """Roles whose stamps may be moved. Not the commands: a response that lags them is a candidate effect."""
-LARGEST = 10.0
-"""Largest shift [s]: beyond it, somebody mistook milliseconds for seconds."""
 
 
-def shifted(flight: Flight, shifts: Mapping[str, float]) -> Flight:
+def shifted(flight: Flight, shifts: Mapping[str, float], largest: float = 10.0) -> Flight:
     """The flight with the stamps of some topics moved by seconds (positive: later); named by role or topic.
 
     The shifts are kept in `Flight.shifts` and said in its notes. To undo that the odometry lags the IMU by 12 ms, move
     it by -0.012. Raises UsageError for a role or topic that this flight lacks, a role of commands, or a shift that is
-    not a sensible number of seconds.
+    not a sensible number of seconds: beyond the `largest` [s] somebody mistook milliseconds for seconds.
     """
     moved: dict[str, Series] = {}
     notes = []
@@ -155,8 +155,8 @@ def shifted(flight: Flight, shifts: Mapping[str, float]) -> Flight:
                 f"--shift {name}: stamps of the {role} wrench or actuators are not moved, because a response that lags "
                 f"them is an effect to be found (command_delay, servo_lag, motor_lag); can be moved: {_movable(flight)}"
             )
-        if not abs(seconds) <= LARGEST:
-            raise UsageError(f"--shift {name}={seconds:g}: expected seconds, at most {LARGEST:g}, e.g. -0.0123")
+        if not abs(seconds) <= largest:
+            raise UsageError(f"--shift {name}={seconds:g}: expected seconds, at most {largest:g}, e.g. -0.0123")
         if role in moved:
             raise UsageError(f"--shift {name}: {role} is shifted twice; say it once")
         gaps = tuple(Gap(gap.start + seconds, gap.stop + seconds) for gap in series.gaps)

@@ -9,8 +9,6 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.meaning import UNITS, Meaning
 
 ACCELEROMETER_UNITS = {word: scale for word, (scale, vectors) in UNITS.items() if vectors == ("accel",)}
-ONE = 0.05
-"""A factor this near to one is none: the specific force of a flight is its weight's within some per cent."""
 
 
 def option(flight: Flight, words: str, *parts: str) -> str:
@@ -68,16 +66,17 @@ def _scales(word: str) -> bool:
     return word in ACCELEROMETER_UNITS or word.startswith("accel*")
 
 
-def _rescaled(topic: str, known: Sequence[str], by: float) -> str:
+def _rescaled(topic: str, known: Sequence[str], by: float, one: float = 0.05) -> str:
     """The source with one factor in the place of the words that scale the accelerometer; none where that is about one.
 
-    A factor of about one behind a unit's word means that the word was wrong.
+    The specific force of a flight is its weight's within some per cent, so that a factor within `one` of 1 is none.
+    Behind a unit's word it means that the word was wrong.
     """
     scale = by
     for word in filter(_scales, known):
         scale *= ACCELEROMETER_UNITS.get(word) or float(word.removeprefix("accel*"))
     words = [word for word in known if not _scales(word)]
-    words += [] if abs(scale - 1.0) < ONE else [f"accel*{factor(scale)}"]
+    words += [] if abs(scale - 1.0) < one else [f"accel*{factor(scale)}"]
     return topic + (f":{','.join(words)}" if words else "")
 
 

@@ -11,7 +11,6 @@ from wrenchgap.flight.flight import Flight, Series
 from wrenchgap.flight.stamps import jitter
 
 STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
-SLOW_LINK = 0.1  # s
 
 
 def stamps(flight: Flight) -> Iterator[Check]:
@@ -84,7 +83,8 @@ def _jumps(timing: Timing) -> Iterator[Check]:
         yield Check("clock-jump", "warn", f"{topic}: stamps jump by {listed}: a clock was set; taken out.")
 
 
-def _others(timing: Timing) -> Iterator[Check]:
+def _others(timing: Timing, slow_link: float = 0.1) -> Iterator[Check]:
+    """How clocks differ from the recorder's, and links that are later than `slow_link` [s]."""
     relations = {topic: clock for topic, clock in timing.relations.items() if clock.unit is None}
     if relations and not timing.mapped and not any(clock.same for clock in relations.values()):
         topic, clock = next(iter(relations.items()))
@@ -94,7 +94,7 @@ def _others(timing: Timing) -> Iterator[Check]:
     for topic, clock in relations.items():
         if not clock.same:
             yield Check("clock", "warn", f"{topic}: {_described(clock)}; see the notes for how they are used.")
-        elif abs(clock.offset) > SLOW_LINK:
+        elif abs(clock.offset) > slow_link:
             yield Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
 
 

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Made, Stamps, cropped, cubic_at, values_at
+from wrenchgap.flight.formats.derived_topics import Made, Stamps, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.table import Table
 
-PULSES = (700.0, 2300.0)
-MOSTLY = 0.5
-"""Share of the log for which outputs must carry pulses."""
 RPM = 2.0 * np.pi / 60.0
 MOTOR_FUNCTIONS = {**{33 + i: i for i in range(8)}, **{82 + i: 8 + i for i in range(4)}}
 """Motor by the value of a SERVOn_FUNCTION."""
@@ -159,8 +156,8 @@ class _Messages:
         found = self._numbers("RCOU", *channels) if channels else None
         if found is None:
             return
-        sent = np.where((found[1] >= PULSES[0]) & (found[1] <= PULSES[1]), found[1], np.nan)
-        if np.isfinite(sent).all(axis=1).mean() > MOSTLY:  # disarmed, or behind a safety switch, there is no pulse: 0
+        sent = np.where(are_pulses(found[1]), found[1], np.nan)
+        if np.isfinite(sent).all(axis=1).mean() > 0.5:  # disarmed, or behind a safety switch, there is no pulse: 0
             yield "RCOU", cropped(self._made("outputs_pwm", found[0]).actuators(sent, unit="pwm"))
 
     def _motor_channels(self, table: Table) -> list[str]:
@@ -189,10 +186,10 @@ class _Messages:
             yield "ESC", cropped(self._made("esc_measured", found[0][0]).actuators(np.hstack(speeds) * RPM))
 
 
-def _pulses(values: NDArray[Any]) -> bool:
-    """Whether a channel carries pulses that change, but for times without any."""
+def _pulses(values: NDArray[Any], mostly: float = 0.5) -> bool:
+    """Whether a channel carries pulses that change, but for times without any; for this share of the log, at least."""
     sent = values[values > 0]
-    return bool(len(sent) > MOSTLY * len(values) and np.min(sent) >= PULSES[0] and np.ptp(sent) > 0)
+    return bool(len(sent) > mostly * len(values) and are_pulses(sent, highest=np.inf).all() and np.ptp(sent) > 0)
 
 
 def _sampled(table: Table) -> Stamps:

@@ -20,9 +20,6 @@ from wrenchgap.flight.formats.table import Columns, Table
 
 Stamps = NDArray[np.int64]
 
-GAP = 4.0  # usual periods of the source, longer than for a series of its own: autopilots thin their topics unevenly
-FASTER = 1.5  # times the rate of what asks, from which on the source is averaged
-
 
 def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
     """The rows that are finite and later than all before."""
@@ -34,8 +31,11 @@ def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
     return stamps[later], values[later]
 
 
-def values_at(wanted: Stamps, stamps: Stamps, values: Array) -> Array:
-    """`values` (K, C) at `stamps` (K,) [ns], at the `wanted` (N,) ones: (N, C), NaN where the source has none."""
+def values_at(wanted: Stamps, stamps: Stamps, values: Array, faster: float = 1.5) -> Array:
+    """`values` (K, C) at `stamps` (K,) [ns], at the `wanted` (N,) ones: (N, C), NaN where the source has none.
+
+    A source that comes `faster` than what asks by this factor is averaged.
+    """
     stamps, values = increasing_rows(stamps, values)
     if len(stamps) < 2:
         return np.full((len(wanted), values.shape[1]), np.nan)
@@ -43,19 +43,22 @@ def values_at(wanted: Stamps, stamps: Stamps, values: Array) -> Array:
     time, asked = _seconds(stamps, origin), _seconds(wanted, origin)
     usual = _usual(time)
     period = _usual(np.sort(asked)) if len(asked) > 1 else 0.0
-    interpolate = _averaged if period > FASTER * usual else _linear
+    interpolate = _averaged if period > faster * usual else _linear
     out = interpolate(asked, time, values, period)
     out[outside(asked, time, usual)] = np.nan
     return out
 
 
-def outside(asked: Array, time: Array, usual: float) -> NDArray[np.bool_]:
-    """Where `asked` lies beyond the ends of `time`, or inside a gap of it."""
+def outside(asked: Array, time: Array, usual: float, gap: float = 4.0) -> NDArray[np.bool_]:
+    """Where `asked` lies beyond the ends of `time`, or inside a gap of it.
+
+    A gap is longer than `gap` usual periods, more than for a series of its own: autopilots thin topics unevenly.
+    """
     right = np.clip(np.searchsorted(time, asked), 1, len(time) - 1)
     step = time[right] - time[right - 1]
     inside = (asked > time[right - 1]) & (asked < time[right])
     beyond = (asked < time[0] - 1e-6) | (asked > time[-1] + 1e-6)
-    return np.asarray(beyond | (inside & (step > GAP * usual)))
+    return np.asarray(beyond | (inside & (step > gap * usual)))
 
 
 def cubic_at(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Array:
@@ -109,6 +112,11 @@ def _integral(asked: Array, time: Array, values: Array) -> Array:
     into = asked - time[left]
     slope = (values[left + 1] - values[left]) / steps[left]
     return np.asarray(whole[left] + into * (values[left] + 0.5 * slope * into))
+
+
+def are_pulses(values: NDArray[Any], lowest: float = 700.0, highest: float = 2300.0) -> NDArray[np.bool_]:
+    """Which numbers are pulse widths [us] of a motor that is armed or not."""
+    return np.asarray((values >= lowest) & (values <= highest))
 
 
 def vector(prefix: str, values: Array, axes: str = "xyz") -> Columns:

@@ -15,18 +15,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array, SpeedUnit
+from wrenchgap.flight.budget import LIMITS
+from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
 from wrenchgap.flight.formats.derived_topics import Made, Stamps, taken
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
 from wrenchgap.flight.formats.table import Columns, Table
 
 RPM, DEGREE = 2.0 * np.pi / 60.0, np.pi / 180.0
-G = 9.80665
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
     "rate": {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "deg s": DEGREE, "degs": DEGREE, "dps": DEGREE},
-    "acceleration": {"m s2": 1.0, "m s 2": 1.0, "mps2": 1.0, "mss": 1.0, "ms2": 1.0, "g": G, "mg": 1e-3 * G},
+    "acceleration": {
+        "m s2": 1.0,
+        "m s 2": 1.0,
+        "mps2": 1.0,
+        "mss": 1.0,
+        "ms2": 1.0,
+        "g": GRAVITY,
+        "mg": 1e-3 * GRAVITY,
+    },
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "speed": {"m s": 1.0, "mps": 1.0, "cm s": 1e-2, "mm s": 1e-3, "km h": 1.0 / 3.6},
     "angle": {"rad": 1.0, "deg": DEGREE, "degrees": DEGREE},
@@ -85,10 +93,6 @@ _KNOWN = _REFERENCE | frozenset(
 )
 
 
-LONGEST = 200
-"""Letters beyond which a header is no name: searched for meanings, thousands of them would take for ever."""
-
-
 @dataclass(frozen=True)
 class Meaning:
     """Of one column: `field` ("gyro", "ref position", ...), place along it, factor to SI, unit if one is stated."""
@@ -102,7 +106,7 @@ class Meaning:
 @lru_cache(maxsize=4096)
 def meaning(header: str) -> Meaning | None:
     """What a column holds, or None where its header is not known."""
-    if len(header) > LONGEST:
+    if len(header) > LIMITS.header_letters:
         return None
     name, bracketed = _split(header)
     for words, index in _indexed(name):
@@ -193,10 +197,6 @@ def _factor(quantity: str, stated: str, words: list[str]) -> tuple[float, str] |
         if "throttle" in words:
             return 1.0, "normalised"
     return 1.0, ""
-
-
-MOST = 12
-"""Names of columns in a sentence."""
 
 
 def from_columns(columns: Mapping[str, Array], stamps: Stamps) -> tuple[dict[str, Table], list[str]]:
@@ -314,10 +314,10 @@ class _Known:
         return out + self.notes
 
 
-def listed(names: Sequence[str], longest: int = 100) -> str:
-    """Names for a sentence: the first `MOST`, each to its `longest` letter, and how many more there are."""
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{', '.join(f'{name:.{longest}}' for name in names[:MOST])}{more}"
+def listed(names: Sequence[str], longest: int = 100, most: int = 12) -> str:
+    """Names for a sentence: the first `most`, each to its `longest` letter, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(f'{name:.{longest}}' for name in names[:most])}{more}"
 
 
 def _present(table: Table) -> Table:

@@ -16,22 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.formats.kernels import copied
 from wrenchgap.flight.formats.reader import Places
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.walk import Definitions, UndecodableError, Walk
 from wrenchgap.flight.memory import empty_on_disk
-
-MOST_TEMPLATES = 8
-"""Layouts of one topic, at most: text or sequences that change with every message have no end of them."""
-LONGEST = 2**16
-"""Bytes of a message of which a template is made, at most: a picture is copied as it is."""
-
-
-BLOCK = 2**20
-"""Bytes of packed rows that are gathered in one piece, at most."""
-
 
 NONE: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
@@ -56,7 +46,7 @@ class Template:
         cls, payload: bytes, kind: str, encoding: str, definitions: Definitions, account: Account | None = None
     ) -> Template | None:
         """The layout of a message; None where it does not fit its definition."""
-        if len(payload) > LONGEST:
+        if len(payload) > LIMITS.layout_bytes:
             return None
         fixed: list[tuple[int, int]] = []
         order = "<"
@@ -149,7 +139,7 @@ class Rows:
         while done < len(starts):
             if not self.blocks or self.used == len(self.blocks[-1]):
                 width = known.row.itemsize
-                room = min(max(64, 2 * self.count), max(64, BLOCK // width))
+                room = min(max(64, 2 * self.count), max(64, LIMITS.packed_block // width))
                 self.account.take(room * width, "messages")
                 self.blocks.append(_block(room, width))
                 self.used = 0
@@ -198,7 +188,7 @@ def _filled(column: NDArray[Any], start: int, values: NDArray[Any]) -> NDArray[A
 def _block(room: int, width: int) -> NDArray[np.uint8]:
     """Uninitialised rows (room, width); large ones in pages of their own, which go back as soon as they are let go."""
     size = room * width
-    if size < BLOCK // 2:
+    if size < LIMITS.packed_block // 2:
         return np.empty((room, width), dtype=np.uint8)
     return np.frombuffer(mmap.mmap(-1, size), dtype=np.uint8).reshape(room, width)
 
@@ -223,7 +213,7 @@ class Packer:
             if not len(left):
                 return left
         left = np.arange(len(places)) if left is None else left
-        while len(left) and self.tried[key] < MOST_TEMPLATES:
+        while len(left) and self.tried[key] < LIMITS.layouts:
             self.tried[key] += 1
             template = Template.of(
                 places.taken(left[:1]).payloads()[0], self.kind, self.encoding, definitions, self.account

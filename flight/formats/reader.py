@@ -22,19 +22,11 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-BATCH = 8192
-"""Messages that a reader gathers before it hands them on, at most."""
-BATCH_BYTES = 2**23
-"""And bytes of their payloads, about."""
-MESSAGE = 150
-"""Bytes of a message that is held by itself, besides its payload."""
-LONGEST_MESSAGE = 2**26
-"""Bytes of a message that was compressed: a few damaged bytes may unfold to terabytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +148,7 @@ def plain_payload(payload: bytes) -> bytes:
         plain = bytearray()
         while piece := stream.read(2**17):
             plain += piece
-            if len(plain) > LONGEST_MESSAGE:
+            if len(plain) > LIMITS.longest_message:
                 raise zstandard.ZstdError("a message of more than 64 MB")
     return bytes(plain)
 
@@ -174,13 +166,13 @@ class Gatherer:
     def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Iterator[Batch]:
         """Keep one message; hands out a batch when its channel has gathered enough."""
         self.total += 1
-        self.held += len(payload) + MESSAGE
+        self.held += len(payload) + LIMITS.message_overhead
         self.account.ask(self.held, "messages side by side")
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)
         self.sizes[channel] += len(payload)
-        if len(times) >= BATCH or self.sizes[channel] >= BATCH_BYTES:
+        if len(times) >= LIMITS.batch_messages or self.sizes[channel] >= LIMITS.batch_bytes:
             yield self._popped(channel)
 
     def direct(self, channel: Channel, log_time_ns: NDArray[np.int64], payloads: Places | None) -> Iterator[Batch]:
@@ -197,7 +189,7 @@ class Gatherer:
 
     def _popped(self, channel: Channel) -> Batch:
         times, payloads = self.pending.pop(channel)
-        self.held -= self.sizes.pop(channel) + MESSAGE * len(times)
+        self.held -= self.sizes.pop(channel) + LIMITS.message_overhead * len(times)
         return Batch(channel, times, payloads)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.formats.table import Columns
 
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
@@ -37,11 +37,6 @@ DTYPES = {
     "float32": "f4",
     "float64": "f8",
 }
-
-FIELD, FIELDS = 600, 1024
-"""Bytes of a field besides its numbers: name, array and place; and of how many fields an account is asked at once."""
-DEEPEST = 40
-"""Messages within messages, at most; a recursive definition has no end of them."""
 
 
 class UndecodableError(Exception):
@@ -87,7 +82,7 @@ class Walk:
         if kind not in self.definitions:
             raise UndecodableError(f"type {kind} is not defined")
         self.depth += 1
-        if self.depth > DEEPEST:
+        if self.depth > LIMITS.depth:
             raise UndecodableError(f"type {kind} contains itself")
         for name, description in self.definitions[kind][1]:
             self.value(f"{prefix}{name}", description)
@@ -97,8 +92,8 @@ class Walk:
         """Read one field, whatever it is."""
         node, payload = description
         self.fields += 1
-        if self.fields % FIELDS == 0:
-            self.account.ask(FIELD * self.fields, f"the fields of one message, {self.fields} and more,")
+        if self.fields % LIMITS.fields_at_once == 0:
+            self.account.ask(LIMITS.field_overhead * self.fields, f"the fields of one message, {self.fields} and more,")
             self.account.check_time()
         if node == Nodetype.BASE:
             self.base(path, payload[0])
@@ -127,7 +122,7 @@ class Walk:
             elif not path.endswith("covariance"):
                 self.columns[path] = values
         elif node == Nodetype.BASE:
-            self.account.ask(FIELD * number, f"{number} texts of one message")
+            self.account.ask(LIMITS.field_overhead * number, f"{number} texts of one message")
             texts = [self.text() for _ in range(number)]
             self.columns[path] = np.stack(texts, axis=1) if texts else np.zeros((len(self.rows), 0), dtype="S1")
         else:

@@ -8,6 +8,7 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.flight import cache
+from wrenchgap.flight.budget import Limits
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.inspection import channels
 from wrenchgap.plant import model_file
@@ -69,7 +70,7 @@ def test_another_mapping_another_content_or_a_damaged_file_is_read_anew(log, rea
 
 
 def test_old_flights_make_room(log, reads, monkeypatch):
-    monkeypatch.setattr(cache, "BYTES", 1)
+    monkeypatch.setattr(cache, "LIMITS", Limits(kept_flights=1))
     cache.load(log)
     cache.load(log, {"desired": "none"})
     assert len(list(cache.folder().glob("*"))) == 1

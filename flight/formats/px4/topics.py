@@ -13,7 +13,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Made, Stamps, cropped, cubic_at, values_at
+from wrenchgap.flight.formats.derived_topics import Made, Stamps, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.px4.messages import Messages, numbers, sampled, sent, true
 from wrenchgap.flight.formats.table import Table
@@ -202,8 +202,6 @@ FIRST_MOTOR = 101
 """Of PX4's output functions, that of motor 1."""
 ROTORS_BY_TYPE = {2: 4, 13: 6, 14: 8, 15: 3}
 """Rotors by MAV_TYPE, of firmware that has no functions of outputs."""
-PULSES = (700.0, 2300.0)
-"""Between these [us] lie the pulse widths of a motor that is armed or not."""
 RPM = 2.0 * np.pi / 60.0
 
 
@@ -277,7 +275,7 @@ def _pulses(table: Table, parameters: Mapping[str, float | int]) -> Array | None
     output = numbers(table, "output")
     if output is None:
         return None
-    functions = [parameters.get(f"{bank}_FUNC{i + 1}", 0) for bank in ("PWM_MAIN",) for i in range(output.shape[1])]
+    functions = [parameters.get(f"PWM_MAIN_FUNC{i + 1}", 0) for i in range(output.shape[1])]
     motors = {int(f) - FIRST_MOTOR: i for i, f in enumerate(functions) if FIRST_MOTOR <= f < FIRST_MOTOR + 12}
     if motors:
         columns = [motors[number] for number in sorted(motors)]
@@ -285,8 +283,7 @@ def _pulses(table: Table, parameters: Mapping[str, float | int]) -> Array | None
         count = ROTORS_BY_TYPE.get(int(parameters.get("MAV_TYPE", 0)), 0)
         columns = list(range(min(count, output.shape[1]))) or np.flatnonzero(np.ptp(output, axis=0) > 0.0).tolist()
     pulses = output[:, columns]
-    inside = pulses.size and np.all((pulses >= PULSES[0]) & (pulses <= PULSES[1]))
-    return pulses if inside else None
+    return pulses if pulses.size and are_pulses(pulses).all() else None
 
 
 def _speeds(table: Table) -> Array | None:
