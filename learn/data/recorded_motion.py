@@ -37,13 +37,6 @@ On the multibody logs 8 Hz is not enough: 4 times as much torque is then left to
 above 10 Hz, which grows as white noise does (25 to 50 mNm), and the null run stays as it is (0.14 deg, 1.5 mm).
 """
 
-KNOT_SPACING = 0.25
-"""Between knots of the spline that follows the odometry [s].
-
-Half a second leaves 0.60 deg of null run on the liveliest crazyflie log, a quarter 0.43 deg, and nothing shorter helps
-much. The odometry's noise enters the disturbance with the 2.5th power of the rate of knots: on the multibody logs it
-is still lost in the IMU's at a quarter of a second (0.058 N rms), at a tenth it is three times that.
-"""
 
 _UP = np.array([0.0, 0.0, GRAVITY])
 
@@ -131,12 +124,18 @@ def _gyro_bias(time: Array, turned: Array, stamps: Array, quat: Array, window: f
     return np.asarray(np.mean(faster, axis=0) / np.mean(stamps[stride:] - stamps[:-stride]))
 
 
-def _spline(time: Array, stamps: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Least-squares cubic spline through `values` (K, 3) at `stamps` (K,): value, slope, curvature (N, 3) at `time`."""
+def _spline(time: Array, stamps: Array, values: Array, knot_spacing: float = 0.25) -> tuple[Array, Array, Array]:
+    """Least-squares cubic spline through `values` (K, 3) at `stamps` (K,): value, slope, curvature (N, 3) at `time`.
+
+    Knots are `knot_spacing` [s] apart. Half a second leaves 0.60 deg of null run on the liveliest crazyflie log, a
+    quarter 0.43 deg, and nothing shorter helps much. The odometry's noise enters the disturbance with the 2.5th power
+    of the rate of knots: on the multibody logs it is still lost in the IMU's at a quarter of a second (0.058 N rms), at
+    a tenth it is three times that.
+    """
     from scipy.interpolate import make_lsq_spline  # here: others need not wait for it
 
     span = stamps[-1] - stamps[0]
-    spacing = max(KNOT_SPACING, 6.0 * float(np.max(np.diff(stamps))))
+    spacing = max(knot_spacing, 6.0 * float(np.max(np.diff(stamps))))
     inner = np.linspace(stamps[0], stamps[-1], max(round(span / spacing), 1) + 1)
     knots = np.concatenate((np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)))
     spline = make_lsq_spline(stamps, values, knots, k=3)

@@ -129,8 +129,6 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
 
 MATERIAL = 0.2
 """Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
-SMALL = 0.3
-"""Change of a prediction, relative to the residual, up to which its linearisation will do in a search."""
 
 
 def held_out(
@@ -142,12 +140,13 @@ def held_out(
     *,
     exact: bool = True,
     groups: NDArray[np.intp] | None = None,
+    small: float = 0.3,
 ) -> Array:
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
     Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
     from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; with `exact` off,
-    linearised where the step changes it by less than `SMALL` of the residual. Not a number on axes that were not
+    linearised where the step changes it by less than `small` of the residual. Not a number on axes that were not
     measured.
     """
     problem = Problem(data, model, tuple(names))
@@ -166,7 +165,7 @@ def held_out(
         others = [own for other, own in zip(parts, sums, strict=True) if other is not test]
         step = problem.step_from(point, *(sum(of) for of in zip(*others, strict=True)))
         change = fitted.jacobian[test] @ step
-        if not exact and np.linalg.norm(change) < SMALL * np.linalg.norm(point.residual[test]):
+        if not exact and np.linalg.norm(change) < small * np.linalg.norm(point.residual[test]):
             out[test] = point.residual[test] - change
         else:
             out[test] = problem.at(point.x + step).residual[test]

@@ -33,10 +33,6 @@ from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
 
-AT_THE_NOISE = 1.05
-"""Ratio of an error to the sensor noise up to which nothing remains but noise: the estimate of the noise itself is
-good to a few per cent only."""
-
 
 class Basis(StrEnum):
     """Which time a staircase is about; see the module."""
@@ -104,9 +100,9 @@ class Staircase:
         """The error in all of a stair over that of the nominal vehicle."""
         return stair.in_all / max(self.stairs[0].in_all, 1e-30)
 
-    def at_the_noise(self, stair: Stair) -> bool:
-        """Whether nothing remains but the noise of the sensors."""
-        return stair.in_all <= AT_THE_NOISE * self.noise.in_all
+    def at_the_noise(self, stair: Stair, within: float = 1.05) -> bool:
+        """Whether nothing remains but the noise of the sensors, whose estimate is good to a few per cent only."""
+        return stair.in_all <= within * self.noise.in_all
 
 
 def staircase(basis: Basis, data: Dataset, residuals: Iterable[Array], effects: Sequence[str]) -> Staircase:

@@ -29,8 +29,6 @@ from wrenchgap.plant.model import Model
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
-UNSEEN = 0.8
-"""Standard error from which on a flight does not show a parameter, in typical sizes (the prior's)."""
 
 
 @dataclass(frozen=True)
@@ -215,6 +213,6 @@ def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTren
     return tuple(out)
 
 
-def _shown(parameter: Parameter, errors: Array) -> bool:
-    """Whether the flights say more of a parameter than what is typical of its kind."""
-    return bool(np.median(errors) < UNSEEN * parameter.scale)
+def _shown(parameter: Parameter, errors: Array, unseen: float = 0.8) -> bool:
+    """Whether the flights say more of a parameter than what is typical of its kind (the prior), times `unseen`."""
+    return bool(np.median(errors) < unseen * parameter.scale)

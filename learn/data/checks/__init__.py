@@ -31,8 +31,6 @@ SAID = (
     *("gyroscope", "body-frame"),
 )
 """Checks of numbers that make torques of another size or about other axes, which then is no news."""
-FASTER = 2.5
-"""Times the cut-off that readings and commands must come, so that the filter's band is in them (Shannon: 2)."""
 
 
 def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) -> tuple[Check, ...]:
@@ -60,23 +58,23 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     return tuple(found)
 
 
-def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True) -> tuple[Check, ...]:
+def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True, faster: float = 2.5) -> tuple[Check, ...]:
     """Whether motion and commands come fast enough for a filter of `cutoff_hz`; `rotors`: the model uses actuators.
 
-    Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors
-    by the other.
+    Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors by
+    the other. `faster` is how many times the cut-off they must come, so that the filter's band is in them (Shannon: 2).
     """
     played = flight.series()
     motion = "imu" if "imu" in played else "odometry"
     sent = ("commanded", *(("actuators",) if rotors or "commanded" not in played else ()))
     asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, *sent) if role in played]
-    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < FASTER * cutoff_hz]
+    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < faster * cutoff_hz]
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])
-    usable = np.floor(9.7 * rate / FASTER) / 10.0
+    usable = np.floor(9.7 * rate / faster) / 10.0
     words = (
-        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {FASTER * cutoff_hz:g}: "
+        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {faster * cutoff_hz:g}: "
         "what is faster is folded into what is slower"
     )
     return (Check("rate", "bad", words, f"--cutoff {usable:g}"),)
