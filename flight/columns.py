@@ -1,6 +1,6 @@
 """The numbers of a quantity out of the fields of a topic, and in which frame they are.
 
-The frame of a velocity, rate or acceleration is asked of the pose, whose derivative it is (`fitting`).
+The frame of a velocity, rate or acceleration is asked of the pose, whose derivative it is (`best_frame`).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def empty_columns(values: Array, name: str) -> list[int]:
     return [i for half in (range(3), range(3, 6)) if none[list(half)].all() for i in half]
 
 
-def sound(
+def sound_rows(
     values: Array, absent: Sequence[int], absurd_from: float = 1e12
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers.
@@ -83,7 +83,7 @@ Slope = Callable[[Array, slice], Array]
 """A derivative at the times of some rows."""
 
 
-def turned(values: Array, matrix: Array) -> Array:
+def in_other_axes(values: Array, matrix: Array) -> Array:
     """Vectors (N, 3) in other axes; as they are where these are their own."""
     return values if np.array_equal(matrix, np.eye(3)) else np.asarray(values @ matrix.T)
 
@@ -93,7 +93,7 @@ def slope_of(values: Array) -> Slope:
     return lambda time, rows: smooth(time, values[rows], derivative=1)
 
 
-def fitting(
+def best_frame(
     readings: Mapping[str, Rows], truth: Slope, time: Array, default: str, rows: int = 12_000, run: int = 4_000
 ) -> tuple[str, dict[str, float]]:
     """The frame whose reading fits a derivative: `default` unless another is clearly better; and the rms misfits.

@@ -58,6 +58,6 @@ def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array
     """
     q = so3.continuous(quat_EB)
     path = np.zeros((len(q), 3))
-    path[1:] = so3.turned(q[:-1], q[1:])
+    path[1:] = so3.rotation_between(q[:-1], q[1:])
     np.cumsum(path[1:], axis=0, out=path[1:])
     return smooth(time, path, window, derivative=1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, accepting
-from wrenchgap.flight.checks import checked
+from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Relation, one_clock, relation, without_jumps
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight
@@ -96,7 +96,7 @@ def inspect(
         known = {
             s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations
         }
-        flight = checked(raw, timing, assignment.vehicles)
+        flight = with_checks(raw, timing, assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)
@@ -178,7 +178,7 @@ Channel = tuple[Array, Array]
 """Times (N,) [s since Flight.start_ns] and values (N,), nan where a message lacks it."""
 
 
-def channels(path: str | Path, found: Flight, budget: Budget | str | None = None) -> dict[str, Channel]:
+def channels_of(path: str | Path, found: Flight, budget: Budget | str | None = None) -> dict[str, Channel]:
     """All channels of the log of a flight, topic by topic; `budget` as of `flight.load`."""
     log = read_log(Path(path), lambda topic, kind, fields: True, budget)
     motion = [series.topic for series in (found.imu, found.odometry) if series is not None]

@@ -85,7 +85,7 @@ def log(quat_wxyz: Array) -> Array:
     return np.asarray(np.where(norm > 1e-12, angle / safe, 2.0) * q[..., 1:])
 
 
-def turned(before_wxyz: Array, after_wxyz: Array) -> Array:
+def rotation_between(before_wxyz: Array, after_wxyz: Array) -> Array:
     """Rotation vector(s) [rad] from one attitude to another, log(p^-1 q), shapes (..., 4) to (..., 3)."""
     if _many(before_wxyz, after_wxyz):
         return np.asarray(_turned_rows(_whole(before_wxyz), _whole(after_wxyz)))
@@ -157,7 +157,7 @@ def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
     index = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     fraction = np.clip((time - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
     start = quat_wxyz[index]
-    return multiply(start, exp(fraction[:, None] * turned(start, quat_wxyz[index + 1])))
+    return multiply(start, exp(fraction[:, None] * rotation_between(start, quat_wxyz[index + 1])))
 
 
 def hat(vector: Array) -> Array:
@@ -267,7 +267,7 @@ def _interpolate_rows(time: Array, knots: Array, quat: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def _turned_rows(before: Array, after: Array) -> Array:
-    """As `so3.turned`, log(p^-1 q) of the rows p of `before` and q of `after`: (N, 4) and (N, 4) to (N, 3)."""
+    """As `rotation_between`, log(p^-1 q) of the rows p of `before` and q of `after`: (N, 4) and (N, 4) to (N, 3)."""
     out = np.empty((len(before), 3))
     for i in range(len(before)):
         _relative(before[i], after[i], out[i])

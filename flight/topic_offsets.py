@@ -107,7 +107,7 @@ def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
 def _rate(name: str, series: OdometrySeries | ReferenceSeries, quat: Array) -> Signal:
     """Mean body rates between neighbouring attitudes, log(q_k^-1 q_k+1) / dt."""
     q = so3.continuous(quat)
-    turned = so3.turned(q[:-1], q[1:])
+    turned = so3.rotation_between(q[:-1], q[1:])
     return differences(name, series.time, turned, series.gaps)
 
 

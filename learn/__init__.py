@@ -21,7 +21,7 @@ __getattr__, __all__ = names_of(
         "wrenchgap.learn.data.comparison": ("Comparison",),
         "wrenchgap.learn.data.errors": ("Errors",),
         "wrenchgap.learn.data.opening": ("OpenFlight",),
-        "wrenchgap.learn.design.designed": ("Design",),
+        "wrenchgap.learn.design.design_result": ("Design",),
         "wrenchgap.learn.design.manoeuvres": ("Limits",),
         "wrenchgap.learn.diagnose.model_checks": ("LogReport",),
         "wrenchgap.learn.diagnose.where": ("Where",),
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from wrenchgap.learn.data.comparison import Comparison as Comparison
     from wrenchgap.learn.data.errors import Errors as Errors
     from wrenchgap.learn.data.opening import OpenFlight as OpenFlight
-    from wrenchgap.learn.design.designed import Design as Design
+    from wrenchgap.learn.design.design_result import Design as Design
     from wrenchgap.learn.design.manoeuvres import Limits as Limits
     from wrenchgap.learn.diagnose.model_checks import LogReport as LogReport
     from wrenchgap.learn.diagnose.where import Where as Where

@@ -9,8 +9,8 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import Seen, best_axes, cosine, rms, without_mean
+from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, without_mean
+from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.derivative import smooth
 from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
 from wrenchgap.flight.meaning import FRD, NED
@@ -50,7 +50,7 @@ LARGEST = 5.0 * GRAVITY
 """Median specific force that no flight has: an odometry that says so is not in metres, and is no measure of an IMU."""
 
 
-def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def accelerometer_unit(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Unit, and gravity."""
     imu = flight.imu
     if imu is None or "force_z" in unmeasured_axes(flight):
@@ -84,7 +84,7 @@ def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield Check("accelerometer-unit", "ok", f"{described}.")
 
 
-def _without_gravity(seen: Seen | None, size: Array) -> bool:
+def _without_gravity(seen: MotionMeans | None, size: Array) -> bool:
     """Whether the accelerometer shows the acceleration alone: the odometry tells, else that its size is no constant."""
     if seen is not None and seen.accel is not None and not np.isnan(seen.accel).any():
         with_it, without = seen.force(), seen.force(gravity=0.0)
@@ -109,7 +109,7 @@ class Reading:
     up: float
 
 
-def frames(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def frames(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Axes of the IMU, and the attitude's frames."""
     imu = flight.imu
     if imu is None or "force_z" in unmeasured_axes(flight):
@@ -146,7 +146,7 @@ def _upside_down(flight: Flight, force_z: float) -> Check:
     return Check("body-frame", "bad", words, option(flight, "frd", "imu"))
 
 
-def _best_reading(seen: Seen, force_z: float) -> Reading | None:
+def _best_reading(seen: MotionMeans, force_z: float) -> Reading | None:
     """The reading of attitude and IMU that fits; where the IMU reads down in hover, one that has it so."""
     tried = [_reading(seen, words, down) for words in WORLDS for down in (False, True)]
     still = rms(without_mean(seen.rate)) < ATTITUDE.still_rate
@@ -176,7 +176,7 @@ WORLDS = (
 """Ways to read a pose."""
 
 
-def _reading(seen: Seen, words: str, down: bool) -> Reading:
+def _reading(seen: MotionMeans, words: str, down: bool) -> Reading:
     """How well rates and specific force fit where the pose is read in this way."""
     assert seen.gyro is not None
     assert seen.accel is not None
@@ -198,11 +198,11 @@ def _reading(seen: Seen, words: str, down: bool) -> Reading:
     return Reading(words, down, cosine(without_mean(rate), without_mean(gyro)), 180.0 if up is None else up)
 
 
-def _rates_of(seen: Seen, quat: Array) -> Array:
+def _rates_of(seen: MotionMeans, quat: Array) -> Array:
     """Rates (K, 3) of other attitudes at the middles of the intervals, in proportion, over as many of them."""
     q, rows = so3.continuous(quat), np.arange(len(quat))
     before, after = np.maximum(rows - seen.apart, 0), np.minimum(rows + seen.apart, len(quat) - 1)
-    turned = so3.turned(q[before], q[after])
+    turned = so3.rotation_between(q[before], q[after])
     usual = np.median(lengths(turned))
     turned[lengths(turned) > 20.0 * usual + 1e-12] = 0.0  # over a pause
     return np.asarray(turned)
@@ -217,7 +217,7 @@ def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:
     return float(np.degrees(np.arccos(np.clip(mean_E[2] / size, -1.0, 1.0))))
 
 
-def _turned(flight: Flight, seen: Seen) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
+def _turned(flight: Flight, seen: MotionMeans) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
     """An IMU that is mounted otherwise than the mapping says: all of it, and its gyroscope alone; each with its fit."""
     assert seen.gyro is not None
     assert seen.accel is not None
@@ -248,7 +248,7 @@ def _improves_force(forces: tuple[Array, Array], turn: Array) -> bool:
     return cosine(truth, reading @ turn.T) > cosine(truth, reading) - 0.02
 
 
-def gyroscope(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def gyroscope(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Unit of the gyroscope, and whether it shows the motion of the attitude."""
     if flight.imu is None or flight.odometry is None:
         return

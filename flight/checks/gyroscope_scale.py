@@ -22,8 +22,8 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import factor, option, turns
 from wrenchgap.flight.checks.motion import INTERVALS
+from wrenchgap.flight.checks.remedies import factor, option, turns
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated, spread
@@ -204,7 +204,7 @@ class _Block:
         gyro_time, gyro = imu.time[own], np.ascontiguousarray(imu.omega_B[own])
         if len(time) < 2 * SCALE.part / max(SCALE.spacing, odometry.period) or len(gyro_time) < len(time):
             return None
-        turned = np.vstack((np.zeros(3), np.cumsum(so3.turned(quat[:-1], quat[1:]), axis=0)))
+        turned = np.vstack((np.zeros(3), np.cumsum(so3.rotation_between(quat[:-1], quat[1:]), axis=0)))
         return cls(time, turned, gyro_time, gyro, integral(gyro_time, gyro))
 
     @property

@@ -64,7 +64,7 @@ AXES_SEARCH = AxesThresholds()
 
 
 @dataclass(frozen=True)
-class Seen:
+class MotionMeans:
     """Means over K intervals. `rate` (K, 3) of the attitude in B, `gyro`, `accel` (K, 3) what the IMU reads, `own_rate`
     (K, 3) of the odometry's twist; `attitude` (K, 4) at the middle, `apart` rows from that at the end of the interval.
     `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E; `acceleration`
@@ -93,7 +93,7 @@ class Seen:
         return np.asarray(so3.rotate_inverse(quat, self.accelerating + np.array([0.0, 0.0, gravity])))
 
 
-def seen(flight: Flight) -> Seen | None:
+def motion_means(flight: Flight) -> MotionMeans | None:
     """The intervals of a flight; None where there is no odometry, or one that is too slow or too short."""
     odometry = flight.odometry
     if odometry is None or odometry.period > INTERVALS.slowest:
@@ -117,8 +117,8 @@ def seen(flight: Flight) -> Seen | None:
     p, v = odometry.position_E, odometry.velocity_E
     slopes = (p[middle] - p[first]) / before, (p[last] - p[middle]) / after
     imu = flight.imu
-    return Seen(
-        rate=so3.turned(quat[first], quat[last]) / span,
+    return MotionMeans(
+        rate=so3.rotation_between(quat[first], quat[last]) / span,
         attitude=quat[middle],
         moved=(p[last] - p[first]) / span,
         curve=(slopes[1] - slopes[0]) / (0.5 * span),
@@ -133,7 +133,7 @@ def seen(flight: Flight) -> Seen | None:
 
 def _halves(quat: Array, first: NDArray[np.intp], middle: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
     """Angles [rad] turned in both halves of the intervals, added (K,)."""
-    halves = so3.turned(quat[first], quat[middle]), so3.turned(quat[middle], quat[last])
+    halves = so3.rotation_between(quat[first], quat[middle]), so3.rotation_between(quat[middle], quat[last])
     return np.asarray(sum(lengths(half) for half in halves))
 
 

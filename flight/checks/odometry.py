@@ -10,8 +10,8 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.attitude import ATTITUDE, rate_check
-from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import AXES_SEARCH, Seen, cosine, rms, without_mean
+from wrenchgap.flight.checks.motion import AXES_SEARCH, MotionMeans, cosine, rms, without_mean
+from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
 
 
@@ -37,7 +37,7 @@ ODOMETRY = OdometryThresholds()
 UNITS = {1000.0: "mm", 100.0: "cm"}
 
 
-def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def odometry_rate(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """The odometry's own rates against its attitude."""
     if seen is None or seen.own_rate is None:
         return
@@ -51,7 +51,7 @@ def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield found
 
 
-def velocity(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def velocity(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """The odometry's velocity against its positions; the accelerometer says which of them is wrong."""
     if seen is None or seen.velocity is None:
         return
@@ -73,7 +73,7 @@ def velocity(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield Check("velocity", "ok", f"Odometry's velocity agrees with its position (factor {slope:.2f}).")
 
 
-def _wrong_lengths(seen: Seen, slope: float) -> tuple[str, str]:
+def _wrong_lengths(seen: MotionMeans, slope: float) -> tuple[str, str]:
     """Which of velocity and position is in another unit, and the words that mend it."""
     of_velocity, of_position = _scale(seen, seen.acceleration), _scale(seen, seen.curve)
     position_is_wrong = of_position is not None and not 1.0 / ODOMETRY.factor < of_position < ODOMETRY.factor
@@ -90,7 +90,7 @@ def _unit(ratio: float, vector: str) -> str:
     return near or f"{vector}*{factor(1.0 / ratio)}"
 
 
-def odometry_scale(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Lengths of the odometry against the accelerometer."""
     if seen is None or seen.accel is None or np.isnan(seen.accel).any():
         return
@@ -118,7 +118,7 @@ def _velocity_words(flight: Flight, scale: float) -> str:
     return option(flight, f"velocity*{factor(1.0 / scale)}", "twist")
 
 
-def _scale(seen: Seen, acceleration: Array | None) -> float | None:
+def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:
     """Accelerations (K, 3) over those that the accelerometer shows; None where they are not alike, or too small."""
     if acceleration is None or seen.accel is None or np.isnan(seen.accel).any():
         return None

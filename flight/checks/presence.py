@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import thinned

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
-from wrenchgap.flight.checks.motion import Seen
+from wrenchgap.flight.checks.motion import MotionMeans
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated, thinned
@@ -38,7 +38,7 @@ def _axes(mend: str | None) -> str:
 
 
 def wrench_frame(
-    flight: Flight, seen: Seen | None, rows: int = 20_000, lifted: float = 0.3, opposite: float = -0.5
+    flight: Flight, seen: MotionMeans | None, rows: int = 20_000, lifted: float = 0.3, opposite: float = -0.5
 ) -> Iterator[Check]:
     """Whether the commanded force points where the specific force does.
 

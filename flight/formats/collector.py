@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
+from wrenchgap.flight.formats.message_walk import Definitions
 from wrenchgap.flight.formats.reader import Batch, Channel, Places
 from wrenchgap.flight.formats.table import Columns, Selection, Table
-from wrenchgap.flight.formats.walk import Definitions
 
 ROS = ("cdr", "ros1")
 OTHERS = ("json", "protobuf")

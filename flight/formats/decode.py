@@ -22,12 +22,12 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from wrenchgap.flight.budget import LIMITS, Account
-from wrenchgap.flight.formats.packed import Packer
+from wrenchgap.flight.formats.message_layouts import Packer
+from wrenchgap.flight.formats.message_walk import DTYPES as DTYPES
+from wrenchgap.flight.formats.message_walk import Definitions, Layout, Uneven, Walk
+from wrenchgap.flight.formats.message_walk import UndecodableError as UndecodableError
 from wrenchgap.flight.formats.reader import Channel, Places, one_line
 from wrenchgap.flight.formats.table import Columns
-from wrenchgap.flight.formats.walk import DTYPES as DTYPES
-from wrenchgap.flight.formats.walk import Definitions, Layout, Uneven, Walk
-from wrenchgap.flight.formats.walk import UndecodableError as UndecodableError
 
 ACTUATORS = {
     "actuator_msgs/msg/Actuators": (

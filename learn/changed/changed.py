@@ -43,7 +43,7 @@ from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import typical
+from wrenchgap.learn.identify.trim import typical_trim
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.posterior import FIRM, SUREST
@@ -214,7 +214,7 @@ class Baseline:
         untried = (*chosen.untried, *usual.failed)
         given = left_by(data, self.model)
         left = left_by(data, usual.model)
-        return Pool(data, usual.model, left, found, typical(self.model), {}, {}, given), untried
+        return Pool(data, usual.model, left, found, typical_trim(self.model), {}, {}, given), untried
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -284,7 +284,7 @@ def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
     """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
     if not pool.deviations:
         return pool.scatter
-    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical(pool.model))
+    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical_trim(pool.model))
 
 
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:

@@ -26,7 +26,7 @@ from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, rms
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
+from wrenchgap.learn.design.design_result import Design, Flown, Segment, rounded
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, space, usual
 from wrenchgap.learn.design.screening import Piece, Screen, broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.separability import (

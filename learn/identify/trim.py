@@ -71,7 +71,7 @@ def trim_of(model: Model, far: float = 5.0) -> Trim:
     )
 
 
-def typical(model: Model) -> Array:
+def typical_trim(model: Model) -> Array:
     """Standard deviation (6,) [N, Nm] of the trim between flights of vehicles like this, where nothing better is known.
 
     A centre of mass that is `PLACE` off in both directions, every rotor `ROTOR` off by itself, the air and the battery
@@ -106,7 +106,7 @@ def between_flights(data: Dataset, left: Array, model: Model, different: float =
     noise = np.mean(variances, axis=0)
     if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < different:
         return None
-    pooled = (spread + WORTH * typical(model) ** 2) / (count - 1 + WORTH)
+    pooled = (spread + WORTH * typical_trim(model) ** 2) / (count - 1 + WORTH)
     return np.where(known, np.sqrt(pooled * (1.0 + 1.0 / count)), 0.0)
 
 

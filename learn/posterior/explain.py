@@ -38,9 +38,8 @@ from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.one_rotor import OneRotor, one_rotor
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
-from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation, one_rotor, oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.fit import Fit, with_fit

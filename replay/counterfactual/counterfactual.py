@@ -28,7 +28,7 @@ from wrenchgap.learn.data.prediction import process_inputs
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
-from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle

@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.history import Snapshot, Value

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.diagnose.one_rotor import OneRotor
-from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.open_bands import OpenBand
 from wrenchgap.plant.vehicle import Vehicle

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.identify.fit import fit
-from wrenchgap.learn.identify.trim import WORTH, between_flights, trim_of, typical
+from wrenchgap.learn.identify.trim import WORTH, between_flights, trim_of, typical_trim
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model_file import dumps, loads
 from wrenchgap.plant.vehicle import GRAVITY
@@ -41,7 +41,7 @@ def test_the_scatter_is_that_which_was_put_in_pooled_with_what_is_typical(fly, h
     left = noise(data)
     left[:, 3] += sizes[data.flight]
     found = between_flights(data, left, hexarotor)
-    usual = typical(hexarotor)
+    usual = typical_trim(hexarotor)
     assert found[3] == pytest.approx(np.sqrt((np.sum(sizes**2) + WORTH * usual[3] ** 2) / (3 + WORTH) * 1.25), rel=0.02)
     assert found[5] == pytest.approx(usual[5] * np.sqrt(WORTH / (3 + WORTH) * 1.25), rel=0.2)
 
@@ -49,7 +49,7 @@ def test_the_scatter_is_that_which_was_put_in_pooled_with_what_is_typical(fly, h
 def test_typical_trims_follow_from_weight_and_arm(hexarotor):
     """A centre of mass that is 2 % of the arm off turns the vehicle by weight times that; rotors add little."""
     weight, arm = hexarotor.vehicle.body.mass * GRAVITY, np.linalg.norm(hexarotor.vehicle.arms.position_B[0, :2])
-    usual = typical(hexarotor)
+    usual = typical_trim(hexarotor)
     assert usual[3] == pytest.approx(0.02 * arm * weight, rel=0.05)
     assert usual[2] == pytest.approx(0.015 * weight)
     assert np.all(usual[:2] < usual[2])

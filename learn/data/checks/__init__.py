@@ -19,10 +19,10 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
-from wrenchgap.learn.data.checks.compared import compared
+from wrenchgap.learn.data.checks.commands_and_motion import commands_and_motion
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.torques import gyroscope, sizes, turned_imu
-from wrenchgap.learn.data.checks.vehicle import of_vehicle
+from wrenchgap.learn.data.checks.vehicle import vehicle_checks
 from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
@@ -35,8 +35,8 @@ SAID = (
 
 def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) -> tuple[Check, ...]:
     """What a model says of a flight whose `stretches` are on one clock."""
-    found = [*of_vehicle(model)]
-    seen = compared(stretches, model.vehicle)
+    found = [*vehicle_checks(model)]
+    seen = commands_and_motion(stretches, model.vehicle)
     if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
         found += gyroscope(flight, model, seen)
     if any(check.name == "gyroscope" for check in found):

@@ -52,7 +52,7 @@ EXPLAINED = ("rotors", "rotor-speed-unit", "tilt-unit", "wrench-frame", "force-u
 """Checks that, where bad, say why both differ, with a mend of their own."""
 
 
-def of_records(
+def record_checks(
     flight: Flight, records: Sequence[Record], model: Model, said: Sequence[Check] = ()
 ) -> tuple[Check, ...]:
     """All of them; `said` are the checks of the flight before."""
@@ -131,7 +131,7 @@ def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
     return share <= RECORDS.many and float(size[beyond].min()) > RECORDS.far * float(np.percentile(size[~beyond], 75))
 
 
-def possible(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
+def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
     """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit."""
     vehicle = model.vehicle
     if not vehicle.has_rotors:

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import cosine
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.learn.data.checks.compared import COMPARED, Compared, moving
+from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, moving
 from wrenchgap.learn.data.checks.torques import TORQUES, Turned
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
@@ -61,7 +61,7 @@ ROTORS = RotorThresholds()
 TURN = "turn every spin over"
 
 
-def rotors(flight: Flight, model: Model, seen: Compared, turned: Turned | None = None) -> Iterator[Check]:
+def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned | None = None) -> Iterator[Check]:
     """Whether another order, spin or sign of tilt explains the witness, and the stated one does not.
 
     `turned`: an IMU that is turned explains it, and is said where no order does as well.
@@ -127,7 +127,7 @@ def _columns(flight: Flight, order: list[int]) -> str:
     return f"--topic 'rotor_speed={head[:cut]}[{','.join(map(str, order))}]{head[cut:]}'"
 
 
-def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
+def _yaw(vehicle: Vehicle, seen: CommandsAndMotion, name: str) -> Iterator[Check]:
     """Spins: the torque about z alone, of vehicles whose rotors make it by drag."""
     assert seen.made is not None
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
@@ -138,7 +138,7 @@ def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
         yield Check("rotors", "bad" if alike < -ROTORS.fits else "warn", f"{words}: {TURN} in the model file")
 
 
-def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) -> bool:
+def _reordered(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array, stated: float) -> bool:
     """Whether a witness like the rotors' is that of another order, and clearly: six rotors hide two, twelve one."""
     if stated > (ROTORS.same if seen.wrench is not None else ROTORS.clear):
         return False
@@ -153,14 +153,14 @@ def _explained(stated: float, found: float) -> bool:
     return 1.0 - found**2 < ROTORS.left * (1.0 - stated**2)
 
 
-def _scale(vehicle: Vehicle, seen: Compared) -> Array:
+def _scale(vehicle: Vehicle, seen: CommandsAndMotion) -> Array:
     """Torques by which axes are made comparable: the inertia for the motion, the witness's own for a wrench."""
     if seen.wrench is None:
         return np.asarray(np.diag(vehicle.body.inertia))
     return np.asarray(np.maximum(np.std(moving(seen, seen.wrench[:, 3:]), axis=0), 1e-9))
 
 
-def _alike(seen: Compared, made: Array, scale: Array) -> float:
+def _alike(seen: CommandsAndMotion, made: Array, scale: Array) -> float:
     """Cosine of torques made with those of the witness, at the likeliest lag."""
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
     truth = moving(seen, witness[:, 3:], fast=fast) / scale
@@ -168,13 +168,13 @@ def _alike(seen: Compared, made: Array, scale: Array) -> float:
     return max(cosine(truth, moving(seen, made[:, 3:], tau, fast=fast) / scale) for tau in lags)
 
 
-def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
+def _made(vehicle: Vehicle, seen: CommandsAndMotion, tilt: Array, speed: Array) -> Array:
     """The wrench (N, 6) of other actuators, filtered as the rest."""
     wrench = about_com(vehicle.body, nominal_wrench(vehicle, Commands(np.zeros((len(speed), 6)), tilt, speed)))
     return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
 
 
-def _order(vehicle: Vehicle, seen: Compared, scale: Array) -> NDArray[np.intp]:
+def _order(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,): the likeliest of the assignment and of what people do."""
     assert seen.tilt is not None
     assert seen.speed is not None
@@ -194,7 +194,7 @@ def _usual(count: int) -> list[NDArray[np.intp]]:
     return [*(np.roll(plain, k) for k in range(1, count)), plain[::-1], *layers, *pairs]
 
 
-def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
+def _assigned(vehicle: Vehicle, seen: CommandsAndMotion) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,), by what each of both does."""
     from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
 

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import AXES_SEARCH, cosine, rms, rotation_words
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.compared import COMPARED, Compared, flown, moving
+from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, flown, moving
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
@@ -73,7 +73,7 @@ class Turned:
     whole: float
 
 
-def sizes(model: Model, seen: Compared) -> Iterator[Check]:
+def sizes(model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Torques that are of another size than the motion needs."""
     pushed = seen.made if seen.made is not None else seen.wrench
     if pushed is None:
@@ -83,7 +83,7 @@ def sizes(model: Model, seen: Compared) -> Iterator[Check]:
     yield from _of_sizes(model, found, logged=seen.made is not None)
 
 
-def _accelerations(model: Model, seen: Compared, pushed: Array) -> tuple[Array, list[Array]]:
+def _accelerations(model: Model, seen: CommandsAndMotion, pushed: Array) -> tuple[Array, list[Array]]:
     """Angular accelerations (K, 3) measured, and made by a commanded wrench (N, 6) at each of the lags."""
     inertia = np.diag(model.vehicle.body.inertia)
     felt = moving(seen, seen.measured[:, 3:], fast=True) / inertia
@@ -119,7 +119,7 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
     yield Check("inertia", "warn", f"{words}: {hint}")
 
 
-def turned_imu(flight: Flight, model: Model, seen: Compared) -> Turned | None:
+def turned_imu(flight: Flight, model: Model, seen: CommandsAndMotion) -> Turned | None:
     """An IMU that is turned about z by more than a mounting error, where no attitude tells and all of the flight does.
 
     None where that is not so, or not known.
@@ -171,7 +171,7 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def gyroscope(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def gyroscope(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Whether the rates are in deg/s, or need more torque than the rotors have; nothing where an attitude tells."""
     pushed = seen.wrench if seen.wrench is not None else seen.made
     asked = any(check.name == "gyroscope" for check in flight.checks or ())
@@ -203,13 +203,13 @@ def largest_torque(vehicle: Vehicle) -> float | None:
     return float(np.sum(rotors.c_f * rotors.speed_max**2 * np.hypot(lever, rotors.kappa)))
 
 
-def _in_radians(vehicle: Vehicle, seen: Compared) -> Array:
+def _in_radians(vehicle: Vehicle, seen: CommandsAndMotion) -> Array:
     """Torques (N, 3) of the motion whose logged rates are in deg/s."""
     whirl = cross(seen.omega, seen.omega @ vehicle.body.inertia.T)
     return np.asarray((seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2)
 
 
-def _sizes(seen: Compared, slower: Array, pushed: Array, inertia: Array) -> bool:
+def _sizes(seen: CommandsAndMotion, slower: Array, pushed: Array, inertia: Array) -> bool:
     """Whether the torques have about the size of the witness in deg/s, and are far larger as they are."""
     felt, less, made = (
         rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, pushed[:, 3:])
@@ -217,14 +217,14 @@ def _sizes(seen: Compared, slower: Array, pushed: Array, inertia: Array) -> bool
     return felt > DEGREES / TORQUES.off * made and 1.0 / TORQUES.off < less / max(made, 1e-12) < TORQUES.off
 
 
-def _carries(seen: Compared, vehicle: Vehicle) -> bool:
+def _carries(seen: CommandsAndMotion, vehicle: Vehicle) -> bool:
     """Whether the commanded force is about the weight."""
     assert seen.wrench is not None
     force = float(np.median(np.linalg.norm(flown(seen, seen.wrench[:, :3]), axis=1)))
     return TORQUES.carries[0] < force / (vehicle.body.mass * GRAVITY) < TORQUES.carries[1]
 
 
-def _alike(seen: Compared, felt: Array, pushed: Array, inertia: Array) -> float:
+def _alike(seen: CommandsAndMotion, felt: Array, pushed: Array, inertia: Array) -> float:
     """Cosine of torques (N, 3) with those of the witness, each axis by its inertia, at the likeliest lag."""
     truth = moving(seen, felt, fast=True) / inertia
     return max(cosine(truth, moving(seen, pushed[:, 3:], tau, fast=True) / inertia) for tau in COMPARED.lags)

@@ -38,7 +38,7 @@ class VehicleRanges:
 RANGES = VehicleRanges()
 
 
-def of_vehicle(model: Model) -> Iterator[Check]:
+def vehicle_checks(model: Model) -> Iterator[Check]:
     """Inertia against mass and arms, kappa and c_f against the radius."""
     vehicle = model.vehicle
     if not vehicle.has_rotors:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import factor, option
 from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
+from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.compared import COMPARED, Compared, flown, moving
+from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, flown, moving
 from wrenchgap.learn.data.checks.torques import largest_torque
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -49,7 +49,7 @@ class WrenchThresholds:
 WRENCH = WrenchThresholds()
 
 
-def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Size of the force, of the commanded wrench or of the logged rotors."""
     pushed = seen.wrench if seen.wrench is not None else seen.made
     assert pushed is not None
@@ -68,7 +68,7 @@ def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         yield _speeds(flight, model.vehicle, seen, ratio, said)
 
 
-def speed_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def speed_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Rotor speeds against the commanded wrench where both are logged: thrusts go with the square of a unit."""
     if seen.wrench is None or seen.made is None:
         return
@@ -95,7 +95,7 @@ def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
     return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
 
 
-def _speeds(flight: Flight, vehicle: Vehicle, seen: Compared, ratio: float, said: str) -> Check:
+def _speeds(flight: Flight, vehicle: Vehicle, seen: CommandsAndMotion, ratio: float, said: str) -> Check:
     """Rotor speeds in another unit make thrusts by its square; a factor that is no unit is another vehicle's."""
     for word, k, unit in (("rpm", np.pi / 30.0, "rpm"), ("*6.283185", 2.0 * np.pi, "revolutions per second")):
         if WRENCH.force[0] < ratio * k**2 < WRENCH.force[1]:
@@ -109,7 +109,7 @@ def _speeds(flight: Flight, vehicle: Vehicle, seen: Compared, ratio: float, said
     return Check("weight", "bad", f"{words} Else correct its mass or c_f")
 
 
-def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Size of the commanded torque, each axis by its inertia."""
     if seen.wrench is None:
         return
@@ -145,21 +145,21 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     yield Check("torque-unit", "ok", words)
 
 
-def _quick_ratio(seen: Compared, inertia: Array, used: NDArray[np.bool_]) -> float:
+def _quick_ratio(seen: CommandsAndMotion, inertia: Array, used: NDArray[np.bool_]) -> float:
     """Commanded over measured torque where torques turn the vehicle: a unit is the same at all frequencies."""
     assert seen.wrench is not None
     sent, felt = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.wrench, seen.measured))
     return rms(sent[:, used]) / max(rms(felt[:, used]), 1e-12)
 
 
-def _chatter(seen: Compared) -> float:
+def _chatter(seen: CommandsAndMotion) -> float:
     """How much more commanded forces vary than measured ones, at least 1: a command that the vehicle cannot follow."""
     assert seen.wrench is not None
     sent, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
     return max(1.0, sent / max(felt, 1e-12))
 
 
-def _likeliest(seen: Compared, motion: Array, inertia: Array) -> tuple[float, Array]:
+def _likeliest(seen: CommandsAndMotion, motion: Array, inertia: Array) -> tuple[float, Array]:
     """The lag [s] behind which the commanded torques are most like the motion, and those as accelerations (K, 3)."""
     assert seen.wrench is not None
     torque = seen.wrench[:, 3:]
@@ -167,7 +167,7 @@ def _likeliest(seen: Compared, motion: Array, inertia: Array) -> tuple[float, Ar
     return max(tried, key=lambda item: abs(cosine(motion, item[1])))
 
 
-def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def axes(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Axes of the commanded wrench, among 48, against those of the motion."""
     if seen.wrench is None:
         return

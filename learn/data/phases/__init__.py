@@ -19,12 +19,12 @@ import numpy as np
 
 from wrenchgap.flight.check import UNPOWERED, Check, TimeLeftOut
 from wrenchgap.flight.flight import Gap, Samples
-from wrenchgap.learn.data.intervals import MINIMUM_FLIGHT, Between, outside
 from wrenchgap.learn.data.phases.crash import crashes, spikes
 from wrenchgap.learn.data.phases.ground import contact, ground
-from wrenchgap.learn.data.phases.phase import Phase, runs, used
+from wrenchgap.learn.data.phases.phase import Phase, used_samples
 from wrenchgap.learn.data.phases.saturation import saturations
 from wrenchgap.learn.data.phases.signals import command_scale, signals
+from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -77,10 +77,7 @@ def _seconds(phases: Sequence[Phase]) -> float:
 
 
 def _flown(parts: Sequence[tuple[Samples, Commands, str]], found: Sequence[Phase]) -> float:
-    return float(sum(used(samples.time, found).sum() * samples.dt for samples, _, _ in parts))
-
-
-__all__ = ["Phase", "phases_of", "runs", "used"]
+    return float(sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts))
 
 
 def times_left_out(
@@ -90,7 +87,7 @@ def times_left_out(
 
     In a hole lie phases, and pieces of flight too short to be of use. What begins or ends with the log is open there.
     """
-    told = [TimeLeftOut(flight, gap.start, gap.stop, "not asked for (--between)") for gap in outside(between)]
+    told = [TimeLeftOut(flight, gap.start, gap.stop, "not asked for (--between)") for gap in times_outside(between)]
     for hole in holes:
         at = max(hole.start, span[0])
         for phase in phases:
@@ -121,7 +118,7 @@ def _open(start: float, stop: float, hole: Gap, span: tuple[float, float], edge:
     )
 
 
-def of_phases(phases: Sequence[Phase]) -> tuple[Check, ...]:
+def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
     """What is worth a warning: crashes and impacts, and limits that a vehicle is at all the time."""
     found = []
     for name in ("crash", "impact"):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.designer import REST
 from wrenchgap.learn.design.separability import Direction
 from wrenchgap.replay.present.figures import style

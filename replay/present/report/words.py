@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.learn.data.blocks import INDISTINCT
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.diagnose.error_grid import FEWEST, Grid
 from wrenchgap.replay.present.numbers import separation
 from wrenchgap.replay.report.contents import Absent, NextFlight, Report, Rest

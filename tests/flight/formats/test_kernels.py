@@ -11,7 +11,7 @@ from rosbags.rosbag1.reader import Header, ReaderError, read_bytes, read_uint32
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.formats import kernels, read_log
 from wrenchgap.flight.formats.decode import Decoder, definitions_of
-from wrenchgap.flight.formats.packed import Template
+from wrenchgap.flight.formats.message_layouts import Template
 from wrenchgap.flight.formats.reader import Channel, Places
 from wrenchgap.flight.formats.rosbag1 import IndexedBag, Rosbag1Reader
 

@@ -8,9 +8,9 @@ from scipy.signal import bilinear
 
 from wrenchgap import flight
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.identify import observing
+from wrenchgap.learn.identify import observer
 from wrenchgap.learn.identify.lag import LAG, Stretch
-from wrenchgap.learn.identify.observing import (
+from wrenchgap.learn.identify.observer import (
     MOST_SENSITIVE,
     OBSERVER,
     UNKNOWN,
@@ -46,7 +46,7 @@ def test_what_is_left_of_a_sinusoid_is_that_of_the_closed_form(hz, tau, told):
 @pytest.mark.parametrize("bottom", [[1.0, 12.0], [0.06, 1.0, 12.0], [2e-3, 0.1, 1.0, 12.0]])
 def test_sampled_transfer_function_is_that_of_scipy(bottom):
     top = np.array([0.5, 12.0])[-len(bottom) + 1 :]
-    found, expected = observing._sampled(top, np.array(bottom), DT), bilinear(top, bottom, fs=1.0 / DT)
+    found, expected = observer._sampled(top, np.array(bottom), DT), bilinear(top, bottom, fs=1.0 / DT)
     for ours, theirs in zip(found, expected, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-15)
 
@@ -83,9 +83,8 @@ def test_whole_loop_keeps_its_margin(quiet, lag):
 
 
 def test_lag_that_nobody_has_seen_bounds_the_bandwidth_and_one_that_is_told_does_not(quiet, monkeypatch):
-    monkeypatch.setattr(
-        observing, "OBSERVER", replace(observing.OBSERVER, worth=2.0)
-    )  # also one that removes hardly anything
+    # also one that removes hardly anything
+    monkeypatch.setattr(observer, "OBSERVER", replace(observer.OBSERVER, worth=2.0))
     unseen, ruled_out, told = chosen(quiet, 0.0), chosen(quiet, 0.0, unseen=0.01), chosen(quiet, 0.1, delay=0.0)
     assert 0.0 < unseen.observer.hz < 0.3
     assert ruled_out.observer.hz > 1.0
@@ -100,7 +99,7 @@ def test_loop_that_has_no_margin_by_itself_gets_no_observer(quiet):
 
 def test_steep_feed_forward_asks_for_a_quieter_loop(quiet, monkeypatch):
     """|T| |D| <= 1: where the slope may be wrong, an observer that raises |T| must be slower."""
-    monkeypatch.setattr(observing, "OBSERVER", replace(observing.OBSERVER, worth=2.0))
+    monkeypatch.setattr(observer, "OBSERVER", replace(observer.OBSERVER, worth=2.0))
     free, bound = chosen(quiet, 0.0, unseen=0.03), chosen(quiet, 0.0, unseen=0.03, steepest=1.4)
     at = replace(loop(0.03), delay=0.01)
     assert loop_peak(at, free.observer) > 1.4 >= loop_peak(at, bound.observer)

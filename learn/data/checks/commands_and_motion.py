@@ -13,9 +13,9 @@ from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.feedback_regressors import lagged
-from wrenchgap.learn.data.intervals import part
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
+from wrenchgap.learn.data.read_options import rows_of
 from wrenchgap.plant.state import Commands, Motion
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
@@ -48,7 +48,7 @@ COMPARED = ComparisonSettings()
 
 
 @dataclass(frozen=True)
-class Compared:
+class CommandsAndMotion:
     """K samples in the air, low-passed. `measured` (K, 6) is m f and J domega + omega x J omega.
 
     `wrench` (K, 6) is the commanded one (None: not logged), `actuators` the logged tilt and speed with the wrench that
@@ -66,7 +66,7 @@ class Compared:
     dt: float
 
 
-def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
+def commands_and_motion(stretches: Sequence[Samples], vehicle: Vehicle) -> CommandsAndMotion | None:
     """The flight side by side; None where nothing was flown for long, or an axis was not measured."""
     if not stretches or stretches[0].dt > COMPARED.slowest:
         return None
@@ -102,7 +102,7 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     dt = stretches[0].dt
     trim = int(0.5 / dt)
     parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > COMPARED.shortest]
-    return Compared(measured, omega, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
+    return CommandsAndMotion(measured, omega, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
 
 
 def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
@@ -114,7 +114,7 @@ def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
     for one in stretches:
         run = round(COMPARED.piece / one.dt)
         most = max(round(len(one) * COMPARED.enough / total), min(run, len(one)))
-        out += [part(one, rows) for rows in spread(len(one), most, run)]
+        out += [rows_of(one, rows) for rows in spread(len(one), most, run)]
     return out
 
 
@@ -141,7 +141,7 @@ def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
     return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
 
 
-def moving(seen: Compared, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
+def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
     """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C); `fast`: high-passed."""
     out = []
     for rows in seen.parts:
@@ -150,6 +150,6 @@ def moving(seen: Compared, values: Array, tau: float = 0.0, *, fast: bool = Fals
     return np.concatenate(out)
 
 
-def flown(seen: Compared, values: Array) -> Array:
+def flown(seen: CommandsAndMotion, values: Array) -> Array:
     """Values (N, C) of the parts in the air: (K, C)."""
     return np.concatenate([values[rows] for rows in seen.parts])

@@ -5,7 +5,7 @@
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
     4. a stability margin below `GUARD.least_margin` along the commands: 3. again, blind to the outputs' own components
 
-a verdict for each output, and an observer of what the process leaves (`learn.identify.observing`).
+a verdict for each output, and an observer of what the process leaves (`learn.identify.observer`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.lag import lags, shared_lag
-from wrenchgap.learn.identify.observing import choose, longest_lag
+from wrenchgap.learn.identify.observer import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.shown import unshown

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.formats.kernels import copied
+from wrenchgap.flight.formats.message_walk import Definitions, UndecodableError, Walk
 from wrenchgap.flight.formats.reader import Places
 from wrenchgap.flight.formats.table import Columns
-from wrenchgap.flight.formats.walk import Definitions, UndecodableError, Walk
 from wrenchgap.flight.memory import empty_on_disk
 
 NONE: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
