@@ -21,7 +21,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.formats import Table, read_log
 from wrenchgap.flight.load import assigned, build
-from wrenchgap.flight.roles import ROLE_PARTS, Assignment, Source
+from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import Stamps, Steps
 
 
@@ -93,9 +93,8 @@ def inspect(
     known: dict[str, Relation] = {}
     try:
         raw, timing = build(log, assignment, unmeasured)
-        known = {
-            s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations
-        }
+        plain = {s.topic for s in assignment.sources.values() if s.meaning.stamp == 1.0}  # stamps as they are logged
+        known = {topic: clock for topic, clock in timing.relations.items() if topic in plain}
         flight = with_checks(raw, timing, assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
@@ -150,11 +149,6 @@ def _told(stamps: Stamps) -> Stamps:
     """Stamps without those of zero, which say that the time was not known; all where there are no others."""
     known = stamps[stamps != 0]
     return known if len(known) else stamps
-
-
-def _plainly_stamped(assignment: Assignment) -> list[Source]:
-    """Sources whose clocks the flight's timing tells as they are logged."""
-    return [source for source in assignment.sources.values() if source.meaning.stamp == 1.0]
 
 
 def _relation(table: Table) -> Relation | None:

@@ -113,11 +113,6 @@ def gaps_of(time: Array) -> tuple[Gap, ...]:
     return Steps(time).gaps
 
 
-def jitter(time: Array) -> float:
-    """Robust spread of the intervals between samples [s]: `Steps.jitter`."""
-    return Steps(time).jitter
-
-
 def increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
     """Indices of the longest strictly increasing choice of stamps, and how many others there are and why.
 

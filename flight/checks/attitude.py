@@ -64,7 +64,7 @@ def accelerometer_unit(flight: Flight, seen: MotionMeans | None) -> Iterator[Che
     expected = GRAVITY if seen is None else float(np.median(lengths(seen.force())))
     expected = expected if expected < LARGEST else GRAVITY
     if _without_gravity(seen, size):
-        instead = _instead(flight)
+        instead = "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
         yield Check("accelerometer-unit", "bad", f"{described}: gravity was removed; record the raw one", instead)
     elif 0.8 < median / max(expected / GRAVITY, 0.1) < 1.25 and median < 4.0:
         yield Check("accelerometer-unit", "bad", f"{described}: it is in units of g", option(flight, "g", "imu"))
@@ -92,11 +92,6 @@ def _without_gravity(seen: MotionMeans | None, size: Array) -> bool:
             fits = cosine(without, seen.accel)
             return fits > 0.7 and fits > cosine(with_it, seen.accel) + 0.1 and rms(seen.accel) < 0.6 * rms(with_it)
     return float(np.median(size)) < 3.0 and float(np.std(size)) > ATTITUDE.steady * float(np.mean(size))
-
-
-def _instead(flight: Flight) -> str:
-    """How to do without the accelerometer."""
-    return "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
 
 
 @dataclass(frozen=True)

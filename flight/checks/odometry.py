@@ -107,15 +107,12 @@ def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     words = unit or f"position*{factor(1.0 / scale)}"
     mend = option(flight, words, "pose")
     if seen.velocity is not None:
-        mend = option(flight, words, "pose", "twist") if unit else f"{mend} {_velocity_words(flight, scale)}"
+        apart = f"{mend} {option(flight, f'velocity*{factor(1.0 / scale)}', 'twist')}"
+        mend = option(flight, words, "pose", "twist") if unit else apart
     yield Check(
         "odometry-scale", "bad",
         f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres", mend,
     )  # fmt: skip
-
-
-def _velocity_words(flight: Flight, scale: float) -> str:
-    return option(flight, f"velocity*{factor(1.0 / scale)}", "twist")
 
 
 def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:

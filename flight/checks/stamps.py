@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.clocks import UNIT_RATES, Relation, Timing
 from wrenchgap.flight.flight import Flight, Series
-from wrenchgap.flight.stamps import jitter
+from wrenchgap.flight.meaning import topic_of
+from wrenchgap.flight.stamps import Steps
 
 STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
 
@@ -33,7 +34,7 @@ def _stamp_faults(series: Series) -> Iterator[tuple[str, str]]:
             f"{len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s; "
             "stretches are split there.",
         )
-    spread = jitter(series.time)
+    spread = Steps(series.time).jitter
     if spread > 0.3 * series.period:
         yield (
             "jitter",
@@ -62,19 +63,13 @@ def _units(timing: Timing, mapping: Mapping[str, str]) -> Iterator[Check]:
         return
     mends = []
     for part, source in mapping.items():
-        unit = next((u for topic, u in strange.items() if _topic(source) == topic), None)
+        unit = next((u for topic, u in strange.items() if topic_of(source) == topic), None)
         if unit is not None:
             word = STAMP_WORDS.get(unit) or f"stamp*{1.0 / unit:g}"
             mends.append(f"--topic {shlex.quote(f'{part}={source}' + (',' if ':' in source else ':') + word)}")
     rates = ", ".join(f"{topic} {unit:g} times ({UNIT_RATES[unit]})" for topic, unit in strange.items())
     words = f"Stamps advance faster or slower than time by a power of a thousand: {rates}"
     yield Check("clock-unit", "bad", words, " ".join(mends))
-
-
-def _topic(source: str) -> str:
-    for mark in ".[*:":
-        source = source.partition(mark)[0]
-    return source
 
 
 def _jumps(timing: Timing) -> Iterator[Check]:

@@ -97,13 +97,11 @@ class _Messages:
 
         Quaternions of the same one first: two estimators need not agree.
         """
-        order = sorted(ESTIMATORS, key=lambda kind: kind != {2: "NK", 3: "XK"}.get(self._in_use()))
+        in_use = int(self.parameters.get("AHRS_EKF_TYPE", 3))
+        order = sorted(ESTIMATORS, key=lambda kind: kind != {2: "NK", 3: "XK"}.get(in_use))
         known = (kind for kind in order if self._numbers(ESTIMATORS[kind][0], *POSITION, *VELOCITY) is not None)
         place, own = ESTIMATORS[next(known, order[0])]
         return place, (*((name, QUATERNION) for name in own), *OTHERS)
-
-    def _in_use(self) -> int:
-        return int(self.parameters.get("AHRS_EKF_TYPE", 3))
 
     def _odometry(self) -> Iterator[tuple[str, Table]]:
         sources = (("odometry", *self._estimator()), ("odometry_truth", "SIM2", (("SIM", QUATERNION),)))

@@ -43,8 +43,10 @@ def values_at(wanted: Stamps, stamps: Stamps, values: Array, faster: float = 1.5
     time, asked = _seconds(stamps, origin), _seconds(wanted, origin)
     usual = _usual(time)
     period = _usual(np.sort(asked)) if len(asked) > 1 else 0.0
-    interpolate = _averaged if period > faster * usual else _linear
-    out = interpolate(asked, time, values, period)
+    if period > faster * usual:
+        out = _averaged(asked, time, values, period)
+    else:
+        out = np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
     out[outside(asked, time, usual)] = np.nan
     return out
 
@@ -91,10 +93,6 @@ def _seconds(stamps: Stamps, origin: int) -> Array:
 
 def _usual(time: Array) -> float:
     return max(float(np.median(np.diff(time))), 1e-9)
-
-
-def _linear(asked: Array, time: Array, values: Array, period: float) -> Array:
-    return np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
 
 
 def _averaged(asked: Array, time: Array, values: Array, period: float) -> Array:

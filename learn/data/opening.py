@@ -133,7 +133,8 @@ def opened(
     asked.pass_((*record_checks(found, records, model, asked.checks), *phase_checks(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
-    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]
+    span = float(resampled.samples[0].time[0]), float(resampled.samples[-1].time[-1])
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, span)]
     cut = resampled.samples, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
@@ -189,11 +190,6 @@ def _sent(stretches: Sequence[Samples], vehicle: Vehicle) -> list[Part]:
         return [(samples, *commands_of(samples, vehicle)) for samples in stretches]
     except FitError:
         return []
-
-
-def _span(stretches: Sequence[Samples]) -> tuple[float, float]:
-    """First and last time [s]."""
-    return float(stretches[0].time[0]), float(stretches[-1].time[-1])
 
 
 def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Samples]:

@@ -113,7 +113,8 @@ def absorbed(
     guard = _Guard(data, correction, rows)
     found: list[tuple[Absorbed, Array]] = []
     present = {e.name for e in model.effects}
-    tried = [n for n in (names or catalogue()) if n not in present and _possible(n, model, data)]
+    others = [n for n in (names or catalogue()) if n not in present and inapplicable(n, model, data.records) is None]
+    tried = [n for n in others if unexcited(n, model, data.records) is None]
     for k, name in enumerate(tried):
         if progress is not None:
             progress(k / len(tried), f"does the GP absorb {name}?")
@@ -122,11 +123,6 @@ def absorbed(
         found.append(guard.compare(name, fitted, given, left))
     found.sort(key=lambda pair: -pair[0].share)
     return Absorption(guard.choose(found), tuple(one for one, _ in found), size)
-
-
-def _possible(name: str, model: Model, data: Dataset) -> bool:
-    """Whether these flights can show the effect at all."""
-    return inapplicable(name, model, data.records) is None and unexcited(name, model, data.records) is None
 
 
 class _Guard:

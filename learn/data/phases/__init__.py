@@ -45,7 +45,8 @@ def phases_of(
     found = _grounded(parts, vehicle)
     limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
     limited = [p for p in limited if not _within(p, found)]
-    if _seconds(limited) > mostly * _flown(parts, found):
+    flown = sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts)
+    if sum(p.stop - p.start for p in limited if p.left_out) > mostly * flown:
         why = "for most of the flight: is vehicle.rotor.speed_max too low?"
         limited = [replace(p, why=why, left_out=False) for p in limited]
     every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
@@ -70,14 +71,6 @@ def _grounded(parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle) 
 def _within(phase: Phase, others: Sequence[Phase]) -> bool:
     """Whether a phase lies in another one that is left out."""
     return any(o.left_out and o.start <= phase.start and phase.stop <= o.stop for o in others)
-
-
-def _seconds(phases: Sequence[Phase]) -> float:
-    return sum(p.stop - p.start for p in phases if p.left_out)
-
-
-def _flown(parts: Sequence[tuple[Samples, Commands, str]], found: Sequence[Phase]) -> float:
-    return float(sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts))
 
 
 def times_left_out(
