@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels
-from wrenchgap.flight.derivative import smooth
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.filters import smooth
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import PART_QUANTITY, Source

@@ -18,8 +18,8 @@ from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.columns import Rows, Slope, best_frame, empty_columns, in_other_axes, slope_of, sound_rows, vector
 from wrenchgap.flight.command_units import with_units
-from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import (
     AXES,
     SERIES,

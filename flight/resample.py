@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels, so3
-from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import AXES, GRAVITY, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.stamps import interpolated, nominal_period

@@ -11,7 +11,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, without_mean
 from wrenchgap.flight.checks.remedies import factor, option
-from wrenchgap.flight.derivative import smooth
+from wrenchgap.flight.filters import smooth
 from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
 from wrenchgap.flight.meaning import FRD, NED
 from wrenchgap.flight.row_kernels import empty, lengths

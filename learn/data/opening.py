@@ -133,8 +133,7 @@ def opened(
     asked.pass_((*record_checks(found, records, model, asked.checks), *phase_checks(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
-    span = float(resampled.samples[0].time[0]), float(resampled.samples[-1].time[-1])
-    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, span)]
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, resampled.samples)]
     cut = resampled.samples, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 

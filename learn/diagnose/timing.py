@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.derivative import angular_velocity, smooth
+from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets

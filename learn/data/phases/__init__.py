@@ -74,12 +74,13 @@ def _within(phase: Phase, others: Sequence[Phase]) -> bool:
 
 
 def times_left_out(
-    flight: str, between: Between, holes: Iterable[Gap], phases: Sequence[Phase], span: tuple[float, float]
+    flight: str, between: Between, holes: Iterable[Gap], phases: Sequence[Phase], log: Sequence[Samples]
 ) -> list[TimeLeftOut]:
-    """Every time that is not used, with its reason; `holes` are those between the parts that are, `span` is the log.
+    """Every time that is not used, with its reason; `holes` are those between the parts that are, `log` is all of it.
 
     In a hole lie phases, and pieces of flight too short to be of use. What begins or ends with the log is open there.
     """
+    span = float(log[0].time[0]), float(log[-1].time[-1])
     told = [TimeLeftOut(flight, gap.start, gap.stop, "not asked for (--between)") for gap in times_outside(between)]
     for hole in holes:
         at = max(hole.start, span[0])
