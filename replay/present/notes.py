@@ -11,7 +11,7 @@ from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 
 SHORT = 8.0
-"""Flight [s] below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
+"""Flight [s] below which blocks of held-out time are shorter than half of those of `learn.data.dataset.dataset`."""
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
