@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from wrenchgap.flight.formats import Table
-from wrenchgap.flight.meaning import parse_source
+from wrenchgap.flight.mapping_units import parse_source
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment, is_none, propose
 
 

@@ -13,7 +13,7 @@ from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, 
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.filters import smooth
 from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
-from wrenchgap.flight.meaning import FRD, NED
+from wrenchgap.flight.mapping_units import FRD, NED
 from wrenchgap.flight.row_kernels import empty, lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.flight.unmeasured import unmeasured_axes

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Series
-from wrenchgap.flight.meaning import axes_word
+from wrenchgap.flight.mapping_units import axes_word
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated
 

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.meaning import UNITS, Meaning
+from wrenchgap.flight.mapping_units import UNITS, Meaning
 
 ACCELEROMETER_UNITS = {word: scale for word, (scale, vectors) in UNITS.items() if vectors == ("accel",)}
 

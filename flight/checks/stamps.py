@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.clocks import UNIT_RATES, Relation, Timing
 from wrenchgap.flight.flight import Flight, Series
-from wrenchgap.flight.meaning import topic_of
+from wrenchgap.flight.mapping_units import topic_of
 from wrenchgap.flight.stamps import Steps
 
 STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}

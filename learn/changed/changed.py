@@ -42,8 +42,8 @@ from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
+from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import typical_trim
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.posterior import FIRM, SUREST

@@ -15,7 +15,7 @@ from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, sca
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, seeming, varying
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.identify.trim import trim_of, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import bounded
 from wrenchgap.learn.posterior.spectrum import Spectrum

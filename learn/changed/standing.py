@@ -21,8 +21,8 @@ from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import typical_trim
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect

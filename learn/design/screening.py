@@ -28,7 +28,7 @@ from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict, prepare
 from wrenchgap.learn.design.manoeuvres import MANOEUVRES, Limits, violations
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
-from wrenchgap.learn.identify.trim import ACCELEROMETER_BIAS
+from wrenchgap.learn.identify.bias_and_trim import ACCELEROMETER_BIAS
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import evaluate, pushes_along_z_only
 from wrenchgap.plant.model import Model

@@ -6,7 +6,8 @@ Minimised over theta (all parameters of all named effects together):
 
 An accelerometer's bias changes from flight to flight and looks like a force that is constant in B. It is therefore
 estimated along with the effects, per flight, within +-`ACCELEROMETER_BIAS`: a constant force larger than that is an
-effect, a smaller one is not news. So is the trim, where the model knows that flights differ (`learn.identify.trim`).
+effect, a smaller one is not news. So is the trim, where the model knows that flights differ
+(`learn.identify.bias_and_trim`).
 
 w_l are the axis weights, s_p the parameter's typical size (a weak prior that only decides what the data leave open),
 and eta = dt_kept * 2 f_c at most 1 discounts samples that the filter has made dependent. Steps are bounded

@@ -1,8 +1,8 @@
 """Parameters flight by flight: each flight fitted by itself, and what each parameter did over the flights.
 
-A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.trim`): what differs is
-looked for. On axes where the commands of any flight answer the motion, what such answers could explain is left out
-of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
+A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.bias_and_trim`): what
+differs is looked for. On axes where the commands of any flight answer the motion, what such answers could explain is
+left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
 """
 
 from __future__ import annotations

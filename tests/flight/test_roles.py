@@ -6,7 +6,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.formats import Table
-from wrenchgap.flight.meaning import parse_source
+from wrenchgap.flight.mapping_units import parse_source
 from wrenchgap.flight.roles import propose
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"

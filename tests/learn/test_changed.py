@@ -22,8 +22,8 @@ from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.timing import answering_axes
+from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import WORTH, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 
 TRIED = (

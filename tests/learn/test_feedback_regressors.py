@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, lagged, shifted
-from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.identify.bias_and_trim import WORTH, between_flights, trim_of, typical_trim
 from wrenchgap.learn.identify.fit import fit
-from wrenchgap.learn.identify.trim import WORTH, between_flights, trim_of, typical_trim
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model_file import dumps, loads
 from wrenchgap.plant.vehicle import GRAVITY

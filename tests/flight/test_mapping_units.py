@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from wrenchgap import flight
 from wrenchgap.flight.checks.motion import PERMUTATIONS
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.meaning import Meaning, axes_word, meaning, parse_source
+from wrenchgap.flight.mapping_units import Meaning, axes_word, meaning, parse_source
 
 TIME = np.arange(0, 6, 0.01)
 NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
