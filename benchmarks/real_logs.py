@@ -29,7 +29,7 @@ import numpy as np
 from benchmarks.pages import renew
 from wrenchgap import explain, flight, load_model, open_flights
 from wrenchgap.flight import so3
-from wrenchgap.flight.derivative import smooth
+from wrenchgap.flight.filters import smooth
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.timing import timing_of
 from wrenchgap.replay.present.documents import plain

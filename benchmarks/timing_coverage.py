@@ -25,8 +25,7 @@ import wrenchgap as wg
 from benchmarks.meaning.flying import NANO, QUAD, Craft, Manner, fly
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.offsets import Offset
-from wrenchgap.flight.shift import shifted
-from wrenchgap.flight.topic_offsets import sensor_offsets
+from wrenchgap.flight.topic_offsets import sensor_offsets, shifted
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.response import responses
 

@@ -11,7 +11,7 @@ H is the lag and delay that the vehicle is taken to have. An observer that is to
 the low-pass Q of bandwidth k, and no loop around it (internal model control; Morari and Zafiriou, Robust Process
 Control, 1989, chapter 2). What it is not told of them counts as a disturbance: a lag tau that it works against, and a
 loop with the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That makes the vehicle follow
-faster, and bounds k, which comes from the log (`learn.identify.observing`). A delay cannot be worked against.
+faster, and bounds k, which comes from the log (`learn.identify.observer`). A delay cannot be worked against.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from .load import load as load
 from .resample import Resampling as Resampling
 from .resample import resample as resample
 from .resample import uniform as uniform
-from .shift import shifted as shifted
+from .topic_offsets import shifted as shifted
 from .unmeasured import unmeasured_axes as unmeasured_axes
 from .unmeasured import without_axes as without_axes
 from .write import Named as Named

@@ -34,7 +34,8 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
         kept = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
         _create(partial, mode if kept is None else kept | 0o200)
         yield partial
-        _flushed(partial)
+        with partial.open("rb+") as stream:  # after a loss of power a name must not stand over an empty file
+            os.fsync(stream.fileno())
         if kept is not None:
             partial.chmod(kept)
         partial.replace(target)
@@ -48,12 +49,6 @@ def _create(path: Path, mode: int) -> None:
     """An empty file that was not there, nor a link that somebody else put there to be followed."""
     path.unlink(missing_ok=True)  # of a process of the same number that was killed
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
-
-
-def _flushed(path: Path) -> None:
-    """On the disk before it has its name: after a loss of power a name must not stand over an empty file."""
-    with path.open("rb+") as stream:
-        os.fsync(stream.fileno())
 
 
 def check_writable(folder: Path, what: str) -> None:

@@ -22,14 +22,123 @@ from numba.core import event
 
 from wrenchgap.flight.errors import LogError, UsageError
 
-MEMORY, MEMORY_PER_BYTE, MOST_MEMORY = 1e9, 100.0, 4e9
-"""Bytes, by default: so many, and so many for each byte of the file, but no more than half of the machine's memory or
-the third. Ten hours at 100 Hz are 3.6 GB in MCAP and count some 1 GB; a byte of a table counts 30 at most."""
-SECONDS, SECONDS_PER_MB = 20.0, 2.0
-"""Of processor time, by default: so many, and so many for each MB of the file. Ten times what the slowest format takes
-here, for a board computer that imports its libraries meanwhile."""
-OFTEN = 0.05
-"""Seconds by the clock between two looks at the processor time, which asks the kernel."""
+
+@dataclass(frozen=True)
+class Limits:
+    """What readers take at a time, hold at most, and count for what they hold; beside the `Budget` of a log."""
+
+    memory: float = 1e9
+    """Memory [bytes] by default, besides `memory_per_byte`."""
+    memory_per_byte: float = 100.0
+    """Memory [bytes] by default for each byte of the file. Ten hours at 100 Hz are 3.6 GB in MCAP and count some 1 GB;
+    a byte of a table counts 30 at most."""
+    most_memory: float = 4e9
+    """Memory [bytes] by default at most, as half of the machine's is."""
+    seconds: float = 20.0
+    """Processor time [s] by default, besides `seconds_per_mb`: ten times what the slowest format takes here, for a
+    board computer that imports its libraries meanwhile."""
+    seconds_per_mb: float = 2.0
+    """Processor time [s] by default for each MB of the file."""
+    look_interval: float = 0.05
+    """Time by the clock [s] between two looks at the processor time, which asks the kernel."""
+    batch_messages: int = 8192
+    """Messages that a reader gathers before it hands them on, at most."""
+    batch_bytes: int = 2**23
+    """Bytes of their payloads, about."""
+    message_overhead: int = 150
+    """Bytes of a message that is held by itself, besides its payload."""
+    longest_message: int = 2**26
+    """Bytes of a message that was compressed: a few damaged bytes may unfold to terabytes."""
+    log_times: int = 150
+    """Bytes of an array of log times besides its numbers."""
+    fields: int = 5000
+    """Fields of a type that are looked at: a recursive definition has no end of them."""
+    definition_letters: int = 2**20
+    """Letters of a definition: those of the largest types with all that they use are some 20,000."""
+    field_overhead: int = 600
+    """Bytes of a field besides its numbers: name, array and place."""
+    fields_at_once: int = 1024
+    """Fields for which an account is asked at once."""
+    depth: int = 40
+    """Messages within messages: a recursive definition has no end of them."""
+    layouts: int = 8
+    """Layouts of one topic: text or sequences that change with every message have no end of them."""
+    layout_bytes: int = 2**16
+    """Bytes of a message of which a layout is made: a picture is copied as it is."""
+    packed_block: int = 2**20
+    """Bytes of packed rows that are gathered in one piece."""
+    object_depth: int = 8
+    """Objects within objects of JSON and protobuf: a definition may be recursive."""
+    array_numbers: int = 256
+    """Numbers of an array of theirs: a picture is no signal."""
+    object_rows: int = 4096
+    """Messages of theirs that become columns at once."""
+    decoded_number: int = 200
+    """Bytes of a decoded number with its name, or of a column without numbers."""
+    decoded_per_byte: int = 10
+    """Bytes that a byte of JSON takes meanwhile."""
+    schema_fields: int = 2000
+    """Names of fields of a schema: a recursive type has no end of them."""
+    mcap_piece: int = 2**18
+    """Bytes of an MCAP file that are read, or decompressed, at once."""
+    mcap_chunk: int = 2**28
+    """Bytes of a chunk's records: no recorder holds back more, and a few damaged bytes may claim terabytes."""
+    mcap_record: int = 1000
+    """Bytes of a schema or channel that is kept, besides its record."""
+    mcap_messages: int = 2**15
+    """Messages that are handed on at once."""
+    mcap_alone: int = 100
+    """Messages outside of chunks that are read one by one where the next of `mcap_piece` bytes are few, before several
+    are tried again."""
+    bag_unfolded: int = 4
+    """Bytes that a byte of a chunk of a ROS 1 bag takes, with where its messages lie."""
+    bag_connection: int = 1500
+    """Bytes of one of its connections or chunks."""
+    bag_entries: int = 500
+    """Bytes of the entries of its index, besides their numbers."""
+    bag_object: int = 150
+    """Bytes of an entry of rosbags' own index."""
+    disk_unfolded: int = 50
+    """Times its size that a compressed file may take on the disk, which is often memory, before it counts."""
+    sqlite_fetched: int = 128
+    """Rows of a table that are fetched at once."""
+    sqlite_rows: int = 4096
+    """Rows of a table that are taken at once."""
+    sqlite_bytes: int = 2**22
+    """Bytes of their messages, about."""
+    sqlite_topic: int = 1000
+    """Bytes of a topic, besides its definition."""
+    sqlite_steps: int = 100_000
+    """Steps of a query, after which the time is looked at."""
+    sqlite_copies: int = 8
+    """Share of the budget, one over this, that a message may have, as it is copied."""
+    sqlite_message: int = 10**9
+    """Bytes of a message, which is sqlite's own limit."""
+    table_column: int = 2000
+    """Bytes of a column of a table by itself."""
+    table_cell: int = 60
+    """Bytes of a number of it."""
+    table_nested: int = 400
+    """Bytes of a value of a column of lists or tables."""
+    table_dates: int = 10_000
+    """Dates that are read between two looks at the time, where each has a form of its own."""
+    header_letters: int = 200
+    """Letters beyond which a header is no name: searched for meanings, thousands of them would take for ever."""
+    ulog_field: int = 1000
+    """Bytes of a field of a ULog's subscription: its name, its place and its array, without the numbers."""
+    dataflash_block: int = 65536
+    """Messages of a dataflash log that are cut at once: their index takes eight times their bytes."""
+    dataflash_instances: int = 256
+    """Instances of a message: their number is a byte where ArduPilot writes it."""
+    dataflash_place: int = 50
+    """Bytes that pymavlink keeps of each message."""
+    channel_columns: int = 64
+    """Columns of an array that get a channel each: an image is no signal."""
+    kept_flights: int = 2_000_000_000
+    """Bytes of all flights in the cache together; the oldest go first."""
+
+
+LIMITS = Limits()
 UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -66,17 +175,18 @@ class Budget:
     def account(self, path: Path, size: int) -> Account:
         """What is left of the budget for a log of so many bytes, from now on."""
         memory = default_memory(size) if self.memory is None else self.memory
-        return Account(path, memory, SECONDS + SECONDS_PER_MB * size / 1e6 if self.seconds is None else self.seconds)
+        seconds = LIMITS.seconds + LIMITS.seconds_per_mb * size / 1e6 if self.seconds is None else self.seconds
+        return Account(path, memory, seconds)
 
 
 def default_memory(size: int) -> float:
-    """What a file of so many bytes may take [bytes]: see `MEMORY`. A container's memory is that of the machine."""
-    available = 2 * MOST_MEMORY
+    """What a file of so many bytes may take [bytes]: see `Limits`. A container's memory is that of the machine."""
+    available = 2 * LIMITS.most_memory
     with suppress(AttributeError, ValueError, OSError):  # no POSIX
         available = float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     with suppress(OSError, ValueError):  # no container, or one without a limit
         available = min(available, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
-    return min(MEMORY + MEMORY_PER_BYTE * size, max(available / 2, MEMORY), MOST_MEMORY)
+    return min(LIMITS.memory + LIMITS.memory_per_byte * size, max(available / 2, LIMITS.memory), LIMITS.most_memory)
 
 
 @dataclass
@@ -105,10 +215,10 @@ class Account:
             )
 
     def check_time(self) -> None:
-        """Raise BudgetError where the reading has taken longer than it may; looks at most every `OFTEN` seconds."""
+        """Raise BudgetError where the reading has taken longer than it may; looks now and then."""
         if (now := time.monotonic()) < self._look:
             return
-        self._look = now + OFTEN
+        self._look = now + LIMITS.look_interval
         if _worked() - self._began > self.seconds:
             raise BudgetError(
                 f"{self.path}: reading it takes more than {self.seconds:.3g} s of processor time, which is the budget. "

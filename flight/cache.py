@@ -21,15 +21,12 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from wrenchgap.flight.atomic import atomic
-from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import SERIES, Flight, Gap
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.load import load as read
-
-BYTES = 2_000_000_000
-"""Of all kept flights together; the oldest go first."""
 
 
 def folder() -> Path:
@@ -67,7 +64,7 @@ def _keep(found: Flight, file: Path) -> None:
         file.unlink(missing_ok=True)  # also a link, or a file that others may read: `atomic` would keep both
         with atomic(file, 0o600) as partial, partial.open("wb") as stream:
             np.savez(stream, **_packed(found))
-        left = BYTES
+        left = LIMITS.kept_flights
         for old in sorted(file.parent.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True):
             left -= old.stat().st_size
             if left < 0 and old != file:

@@ -28,11 +28,36 @@ from wrenchgap.flight.stamps import thinned
 
 Stamps = NDArray[np.int64]
 
-SAME_OFFSET = 1.0  # s, stamps that far from the log's clock are still of that clock: transport delay
-SAME_RATE = 0.01  # relative, a difference in rate that is a drift and not another kind of time
-TILT = 5.2  # residuals over the span: by which arrivals in bursts can tilt a line, 1.5 times their range of sqrt(12)
-SHORT = 2.0  # s, a topic that is shorter has no rate worth the name
-EDGE_WINDOW = 0.5  # s, a foreign clock's map has one knot per window
+
+@dataclass(frozen=True)
+class ClockLimits:
+    """When stamps are of another clock than the log's."""
+
+    same_offset: float = 1.0
+    """Offset from the log's clock [s] up to which stamps are of that clock: transport delay."""
+    same_rate: float = 0.01
+    """Relative difference in rate up to which it is a drift and not another kind of time."""
+    tilt: float = 5.2
+    """Residuals over the span by which arrivals in bursts can tilt a line: 1.5 times their range of sqrt(12)."""
+    shortest: float = 2.0
+    """Span of a topic [s] below which it has no rate worth the name."""
+    edge_window: float = 0.5
+    """Time [s] for which a foreign clock's map has one knot."""
+    unit_within: float = 0.005
+    """Relative difference within which a rate is that of another unit (`UNIT_RATES`)."""
+    jump: float = 1.0
+    """Step away from the log's clock [s] that stays there: somebody set a clock."""
+    slowest: float = 1e-9
+    """Rate, of real time, below which a clock stands still."""
+    messages: int = 10_000
+    """Messages of a topic that a relation is told from, at most."""
+    straight: float = 0.002
+    """Residual [s] below which a relation is a line."""
+
+
+CLOCKS = ClockLimits()
+
+
 UNIT_RATES = {
     1e3: "milliseconds",
     1e6: "microseconds",
@@ -41,11 +66,6 @@ UNIT_RATES = {
     1e-6: "milliseconds where nanoseconds were meant",
 }
 """Rates of stamps that are no clock but another unit."""
-UNIT_WITHIN = 0.005
-JUMP = 1.0  # s, by which stamps step away from the log's clock and stay there: somebody set a clock
-SLOWEST = 1e-9  # times real time, below which a clock stands still
-MESSAGES = 10_000  # of a topic that a relation is told from
-STRAIGHT = 0.002  # s, a relation with smaller residual is a line
 
 
 @dataclass(frozen=True)
@@ -64,36 +84,36 @@ class Relation:
     @property
     def doubt(self) -> float:
         """By how much the rate may be off because messages arrive late, and in bursts."""
-        return TILT * self.residual / self.span
+        return CLOCKS.tilt * self.residual / self.span
 
     @property
     def same_rate(self) -> bool:
         """Whether the stamps advance as the log's clock does, as far as can be told."""
-        return abs(self.rate - 1.0) <= SAME_RATE + self.doubt
+        return abs(self.rate - 1.0) <= CLOCKS.same_rate + self.doubt
 
     @property
     def unit(self) -> float | None:
         """The rate that this one is within half a per cent, where that is a power of a thousand; else None."""
-        return next((u for u in UNIT_RATES if abs(self.rate / u - 1.0) < UNIT_WITHIN), None)
+        return next((u for u in UNIT_RATES if abs(self.rate / u - 1.0) < CLOCKS.unit_within), None)
 
     @property
     def same(self) -> bool:
         """Whether the stamps are of the log's clock."""
-        return self.same_rate and abs(self.offset) <= SAME_OFFSET
+        return self.same_rate and abs(self.offset) <= CLOCKS.same_offset
 
 
 def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
     """Fit stamps against log times, robustly: two rounds without the points further than 5 median deviations out.
 
-    Of many messages, those of `MESSAGES` that are evenly spread.
+    Of many messages, those of `CLOCKS.messages` that are evenly spread.
     """
     if np.array_equal(log_time_ns, header_ns):  # many recorders write one time twice
         return Relation(1.0, 0.0, 0.0)
-    rows = thinned(len(header_ns), MESSAGES)
+    rows = thinned(len(header_ns), CLOCKS.messages)
     log_time_ns, header_ns = log_time_ns[rows], header_ns[rows]
     x, y = _seconds(log_time_ns), _seconds(header_ns)
     offset = float(np.median((header_ns - log_time_ns) * 1e-9))
-    if len(x) < 3 or x[-1] - x[0] < SHORT:
+    if len(x) < 3 or x[-1] - x[0] < CLOCKS.shortest:
         return Relation(1.0, offset, float(np.std(y - x)))
     rate, _, inliers = _line(x, y)
     x, y = x[inliers], y[inliers]
@@ -104,18 +124,18 @@ def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
 def without_jumps(log_time_ns: Stamps, header_ns: Stamps) -> tuple[Stamps, tuple[tuple[int, float], ...]]:
     """Stamps that go on as if nobody had set the clock, and the jumps: index of the first message after, and seconds.
 
-    A jump is a step of stamps against log times by more than `JUMP` that lasts; one wrong stamp, or a pause of both, is
-    none.
+    A jump is a step of stamps against log times by more than `CLOCKS.jump` that lasts; one wrong stamp, or a pause of
+    both, is none.
     """
     if len(header_ns) < 20 or np.array_equal(log_time_ns, header_ns):
         return header_ns, ()
     dx, dy = np.diff(log_time_ns) * 1e-9, np.diff(header_ns) * 1e-9
-    rows = thinned(len(dx), MESSAGES)
+    rows = thinned(len(dx), CLOCKS.messages)
     forward = dx[rows] > 0
     rate = float(np.median(dy[rows][forward] / dx[rows][forward])) if np.any(forward) else 1.0
     step = dy - rate * dx
     moved, jumps = header_ns.copy(), []
-    for i in np.flatnonzero(np.abs(step) > JUMP + 0.2 * np.abs(dx)):
+    for i in np.flatnonzero(np.abs(step) > CLOCKS.jump + 0.2 * np.abs(dx)):
         around = slice(max(i - 5, 0), i), slice(i + 1, i + 6)
         steady = all(float(np.abs(np.sum(step[part]))) < 0.5 * abs(step[i]) for part in around)
         if steady and i + 5 < len(header_ns):
@@ -145,7 +165,7 @@ class ClockMap:
         """Log times [ns] of stamps of the other clock."""
         y = (stamps_ns - self.origin_ns) * 1e-9
         x = np.interp(y, self.knots, self.log_knots)
-        rate = self.rate if self.rate > SLOWEST else 1.0  # a clock that stands still tells no time
+        rate = self.rate if self.rate > CLOCKS.slowest else 1.0  # a clock that stands still tells no time
         x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / rate
         return self.log_origin_ns + _nanoseconds(x)
 
@@ -156,10 +176,10 @@ def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
     rate, offset, inliers = _line(x, y)
     x, y = x[inliers], y[inliers]
     residual = y - offset - rate * x
-    if np.std(residual) < STRAIGHT:
+    if np.std(residual) < CLOCKS.straight:
         ends = np.array([x[0], x[-1]])
         return ClockMap(int(log_time_ns[0]), int(header_ns[0]), ends, offset + rate * ends, rate)
-    window = np.floor((x - x[0]) / EDGE_WINDOW).astype(int)
+    window = np.floor((x - x[0]) / CLOCKS.edge_window).astype(int)
     groups = np.split(np.arange(len(x)), np.flatnonzero(np.diff(window)) + 1)
     best = [members[np.argmax(residual[members])] for members in groups]
     log_knots, knots = x[best], np.maximum.accumulate(y[best])
@@ -255,10 +275,11 @@ def _in_clock_of(
     then = f"mapped to it: {', '.join(mapped)}."
     notes = [f"Two clocks: {base} {_describe(relations[base])}. All times are given in that clock; {then}"]
     residual = relations[base].residual
-    if residual > STRAIGHT:
+    if residual > CLOCKS.straight:
         notes.append(
-            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map is "
-            f"piecewise linear, {EDGE_WINDOW} s each; expect tens of ms of error between topics of different clocks."
+            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map "
+            f"is piecewise linear, {CLOCKS.edge_window} s each; expect tens of ms of error between topics of different "
+            "clocks."
         )
     return stamps, notes, mapped
 
@@ -281,9 +302,9 @@ def _agree(relations: list[Relation]) -> bool:
     first = relations[0] if relations else None
     return all(
         first is not None
-        and abs(other.rate - first.rate) <= SAME_RATE + first.doubt + other.doubt
+        and abs(other.rate - first.rate) <= CLOCKS.same_rate + first.doubt + other.doubt
         and abs(other.offset - first.offset)
-        <= SAME_OFFSET + 5 * (first.residual + other.residual) + abs(1.0 - first.rate) * 10.0
+        <= CLOCKS.same_offset + 5 * (first.residual + other.residual) + abs(1.0 - first.rate) * 10.0
         for other in relations
     )
 

@@ -1,18 +1,23 @@
-"""The numbers of a quantity out of the fields of a topic."""
+"""The numbers of a quantity out of the fields of a topic, and in which frame they are.
+
+The frame of a velocity, rate or acceleration is asked of the pose, whose derivative it is (`best_frame`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.filters import smooth
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import PART_QUANTITY, Source
 from wrenchgap.flight.row_kernels import empty
+from wrenchgap.flight.stamps import away_from_gaps, spread
 
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
@@ -24,10 +29,6 @@ VECTORS: dict[str, tuple[str, ...]] = {
     "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
 }
 """Fields of a quantity, in the order of its columns."""
-
-
-ABSURD = 1e12
-"""No quantity of a flight is larger in SI: a damaged sample."""
 
 
 def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
@@ -60,12 +61,57 @@ def empty_columns(values: Array, name: str) -> list[int]:
     return [i for half in (range(3), range(3, 6)) if none[list(half)].all() for i in half]
 
 
-def sound(values: Array, absent: Sequence[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers."""
+def sound_rows(
+    values: Array, absent: Sequence[int], absurd_from: float = 1e12
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers.
+
+    No quantity of a flight is as large in SI: a damaged sample.
+    """
     finite, absurd = np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
-    if absent or row_kernels.beyond(np.ascontiguousarray(values), ABSURD):
+    if absent or row_kernels.beyond(np.ascontiguousarray(values), absurd_from):
         for column in (values[:, k] for k in range(values.shape[1]) if k not in absent):  # hours are long
             finite &= np.isfinite(column)
-            absurd |= np.abs(column) > ABSURD
+            absurd |= np.abs(column) > absurd_from
         absurd &= finite
     return finite, absurd
+
+
+Rows = Callable[[slice], Array]
+"""Some rows of a quantity."""
+Slope = Callable[[Array, slice], Array]
+"""A derivative at the times of some rows."""
+
+
+def in_other_axes(values: Array, matrix: Array) -> Array:
+    """Vectors (N, 3) in other axes; as they are where these are their own."""
+    return values if np.array_equal(matrix, np.eye(3)) else np.asarray(values @ matrix.T)
+
+
+def slope_of(values: Array) -> Slope:
+    """The derivative of values (N, C) at the times of some of their rows."""
+    return lambda time, rows: smooth(time, values[rows], derivative=1)
+
+
+def best_frame(
+    readings: Mapping[str, Rows], truth: Slope, time: Array, default: str, rows: int = 12_000, run: int = 4_000
+) -> tuple[str, dict[str, float]]:
+    """The frame whose reading fits a derivative: `default` unless another is clearly better; and the rms misfits.
+
+    Of a long flight, so many `rows` are compared, in runs of `run` that are spread over it. `time` (N,) [s] is that of
+    all rows.
+    """
+    squares: dict[str, list[float]] = {frame: [] for frame in readings}
+    sizes: list[float] = []
+    for some in spread(len(time), rows, run):
+        part = time[some]
+        inside = away_from_gaps(part)
+        expected = truth(part, some)[inside]
+        sizes.append(float(np.mean(expected**2)))
+        for frame, values in readings.items():
+            squares[frame].append(float(np.mean((smooth(part, values(some))[inside] - expected) ** 2)))
+    misfit = {frame: float(np.sqrt(np.mean(found))) for frame, found in squares.items()}
+    best = min(misfit, key=lambda frame: misfit[frame])
+    scale = float(np.sqrt(np.mean(sizes)))
+    better = misfit[best] < 0.5 * misfit[default] and misfit[default] > 0.03 * scale
+    return best if better else default, misfit

@@ -57,7 +57,7 @@ def in_si(flight: Flight) -> Flight:
 
     Raises LogError, with the remedy, where no command remains: nothing there could be compared with a measured wrench.
     """
-    out = {role: series for role, series in flight.series().items() if not _is_si(series)}
+    out = {role: series for role, series in flight.series().items() if _unit(series) in ROTOR_WORDS}
     if not out:
         return flight
     said = ", ".join(f"{series.topic} ({role}, {_described(series)})" for role, series in out.items())
@@ -73,7 +73,3 @@ def _described(series: object) -> str:
 
 def _unit(series: object) -> str:
     return series.unit if isinstance(series, ActuatorSeries | WrenchSeries) else ""
-
-
-def _is_si(series: object) -> bool:
-    return _unit(series) not in ROTOR_WORDS

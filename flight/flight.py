@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check, TimeLeftOut
 
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2], the one value that every layer uses; CGPM 1901, by definition."""
+
 Array = NDArray[np.float64]
 
 SpeedUnit = Literal["rad/s", "normalised", "pwm"]
@@ -153,11 +156,12 @@ class Flight:
     reference  the trajectory that was asked for
     battery    its voltage
 
-    `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was
-    assumed, repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role (`flight.shift`).
-    `unmeasured` are axes that were not measured, with the reason (`flight.unmeasured`). `mapping` is where each part
-    comes from, as in an override (`flight.roles`), empty where no file was read; `checks` is what `flight.checks` found
-    when it was read, None where nobody has asked; `left_out` are times without samples that can be true.
+    `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was assumed,
+    repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role
+    (`flight.topic_offsets.shifted`). `unmeasured` are axes that were not measured, with the reason
+    (`flight.unmeasured`). `mapping` is where each part comes from, as in an override (`flight.roles`), empty where no
+    file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
+    times without samples that can be true.
     """
 
     name: str

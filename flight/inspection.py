@@ -1,4 +1,9 @@
-"""What is in a log, before anybody trusts it: topics, roles, rates, gaps, clocks and sanity."""
+"""What is in a log, before anybody trusts it: topics, roles, rates, gaps, clocks, sanity, and every channel.
+
+A channel is one numeric field of one topic, or one column of it where it is an array: "/imu/data.angular_velocity.x",
+"/esc.data[3]", whether or not it plays a role: for looking, not for computing. Its times are those of the flight's
+clock: header stamps where they were filled in, else log times, brought to one clock as `flight.load` does.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, accepting
-from wrenchgap.flight.checks import checked
-from wrenchgap.flight.clocks import Relation, relation, without_jumps
+from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.clocks import Relation, one_clock, relation, without_jumps
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats import Table
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.formats import Table, read_log
 from wrenchgap.flight.load import assigned, build
-from wrenchgap.flight.roles import ROLE_PARTS, Assignment, Source
+from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import Stamps, Steps
 
 
@@ -88,10 +93,9 @@ def inspect(
     known: dict[str, Relation] = {}
     try:
         raw, timing = build(log, assignment, unmeasured)
-        known = {
-            s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations
-        }
-        flight = checked(raw, timing, assignment.vehicles)
+        plain = {s.topic for s in assignment.sources.values() if s.meaning.stamp == 1.0}  # stamps as they are logged
+        known = {topic: clock for topic, clock in timing.relations.items() if topic in plain}
+        flight = with_checks(raw, timing, assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)
@@ -147,11 +151,6 @@ def _told(stamps: Stamps) -> Stamps:
     return known if len(known) else stamps
 
 
-def _plainly_stamped(assignment: Assignment) -> list[Source]:
-    """Sources whose clocks the flight's timing tells as they are logged."""
-    return [source for source in assignment.sources.values() if source.meaning.stamp == 1.0]
-
-
 def _relation(table: Table) -> Relation | None:
     if table.header_ns is None:
         return None
@@ -167,3 +166,33 @@ def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
         if own:
             played.append(role if set(topics.values()) == {topic} else f"{role} ({', '.join(own)})")
     return tuple(played)
+
+
+Channel = tuple[Array, Array]
+"""Times (N,) [s since Flight.start_ns] and values (N,), nan where a message lacks it."""
+
+
+def channels_of(path: str | Path, found: Flight, budget: Budget | str | None = None) -> dict[str, Channel]:
+    """All channels of the log of a flight, topic by topic; `budget` as of `flight.load`."""
+    log = read_log(Path(path), lambda topic, kind, fields: True, budget)
+    motion = [series.topic for series in (found.imu, found.odometry) if series is not None]
+    stamps = one_clock(log.tables, [topic for topic in motion if topic in log.tables]).stamps
+    out: dict[str, Channel] = {}
+    for topic, table in log.tables.items():
+        time = np.asarray(stamps[topic] - found.start_ns, dtype=float) * 1e-9
+        for name, values in _numbers(table).items():
+            out[f"{topic}.{name}" if name else topic] = (time, values)
+    return out
+
+
+def _numbers(table: Table) -> Mapping[str, Array]:
+    """The numeric columns of a topic by their dotted names, without the header's own."""
+    out: dict[str, Array] = {}
+    for name, values in table.columns.items():
+        if name.startswith("header.") or name.endswith("covariance") or values.dtype.kind not in "fiub":
+            continue
+        if values.ndim == 1:
+            out[name] = values.astype(float)
+        elif values.shape[1] <= LIMITS.channel_columns:
+            out |= {f"{name}[{i}]": values[:, i].astype(float) for i in range(values.shape[1])}
+    return {name: values for name, values in out.items() if np.isfinite(values).any()}

@@ -14,12 +14,12 @@ import numpy as np
 from wrenchgap._escaping import printable
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.checks import checked
+from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
-from wrenchgap.flight.columns import empty_columns, sound, vector
+from wrenchgap.flight.columns import Rows, Slope, best_frame, empty_columns, in_other_axes, slope_of, sound_rows, vector
 from wrenchgap.flight.command_units import with_units
-from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import (
     AXES,
     SERIES,
@@ -32,13 +32,12 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
-from wrenchgap.flight.formats.table_roles import listed
+from wrenchgap.flight.formats.headers import listed
 from wrenchgap.flight.memory import give_back, on_disk
-from wrenchgap.flight.preferred import assignment
+from wrenchgap.flight.model_topics import assignment
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
-from wrenchgap.flight.twist_frames import Rows, Slope, fitting, slope_of, turned
 from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasured_axes, without_axes
 
 AnySeries = TypeVar("AnySeries", bound=Series)
@@ -63,7 +62,7 @@ def load(
     all; UsageError where `topics` is not understood.
     """
     log, assignment = assigned(path, topics, preferred, budget)
-    found = checked(*build(log, assignment, unmeasured), assignment.vehicles)
+    found = with_checks(*build(log, assignment, unmeasured), assignment.vehicles)
     give_back(max((len(series.time) for series in found.series().values()), default=0))
     return found
 
@@ -173,7 +172,7 @@ class _Builder:
         absent = empty_columns(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
-        finite, absurd = sound(values, absent)
+        finite, absurd = sound_rows(values, absent)
         dropped: Counter[str] = Counter(
             {"not finite": int((~finite).sum()), "absurd": int(absurd.sum()), "no stamp": int(unset.sum())}
         )
@@ -295,16 +294,16 @@ class _Builder:
         velocity_E = omega = None
         if np.isfinite(linear).all():
             readings: dict[str, Rows] = {
-                frame: lambda rows: so3.rotate(quat[rows], turned(linear[rows], meant.body("velocity"))),
-                "E": lambda rows: turned(linear[rows], meant.world),
+                frame: lambda rows: so3.rotate(quat[rows], in_other_axes(linear[rows], meant.body("velocity"))),
+                "E": lambda rows: in_other_axes(linear[rows], meant.world),
             }
             default = frame if in_body else "E"
             truth = slope_of(pose.values[:, :3])
             velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, default)
         if np.isfinite(angular).all():
             readings = {
-                frame: lambda rows: turned(angular[rows], meant.body("rate")),
-                "E": lambda rows: so3.rotate_inverse(quat[rows], turned(angular[rows], meant.world)),
+                frame: lambda rows: in_other_axes(angular[rows], meant.body("rate")),
+                "E": lambda rows: so3.rotate_inverse(quat[rows], in_other_axes(angular[rows], meant.world)),
             }
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
             omega = self._in_frame(
@@ -337,7 +336,7 @@ class _Builder:
         self, topic: str, what: str, readings: Mapping[str, Rows], truth: Slope, time: Array, default: str
     ) -> Array:
         """The reading that fits the derivative of the pose, with a note where it is not the convention's."""
-        frame, misfit = fitting(readings, truth, time, default)
+        frame, misfit = best_frame(readings, truth, time, default)
         if frame != default:
             self._note(
                 f"{topic}: its {what} is in frame {frame}, not {default} as its type suggests (rms difference from "

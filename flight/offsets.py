@@ -40,40 +40,57 @@ Intervals = Sequence[tuple[float, float]]
 
 EVERYWHERE: Intervals = ((-np.inf, np.inf),)
 
-LOWEST_HZ, HIGHEST_HZ = 0.5, 20.0
-"""Frequencies that are listened to: motion of the vehicle, not drift of a bias and not vibration."""
-BANDS_HZ = ((0.5, 2.0), (2.0, 5.0), (5.0, 10.0), (10.0, 20.0))
-"""In these the delay is told apart: a delay is the same in all of them, a lag shrinks with frequency."""
-OF_NYQUIST = 0.8
-"""Share of the slower topic's Nyquist frequency up to which its samples show a phase."""
-BLOCK_SECONDS, SHORTEST_BLOCK = 2.0, 1.0
-FEWEST_BLOCKS, MOST_BLOCKS = 7, 120
-"""Overlapping blocks below which nothing is said; blocks, spread over the log, beyond which no more are taken."""
-FEWEST_BINS = 3
-"""Frequencies below which a phase is no delay: in one bin whatever delays, lags or answers looks alike."""
-CHANCE = 1e-3
-"""Probability that noise alone passes for something in common, over all frequencies and axes together."""
-COHERENCE_CAP = 0.99
-"""Coherence beyond which a frequency gets no more weight: what is left there is not noise but systematic."""
-LOUDEST = 3.0
-"""What is louder than this many times the median over blocks is turned down to it, so that a crash does not decide."""
-ALIKE = (0.5, 1.25)
-"""Gains between which two sensors of one motion must be. With noise on both, the gain seen from the first,
-|S_xy| / S_xx, is too small, and that seen from the second, S_yy / |S_xy|, too large: the true one is between. Where
-both are beyond, it is no common motion: one sensor's noise has moved the vehicle through the controller."""
-ANY_GAIN = (0.0, np.inf)
-RIVAL, TWIN = 0.9, 0.98
-"""Height of another peak, relative to the highest, at which the delay may not be unique, and at which it is not."""
-WIDEST = 0.05
-"""Half width of the 95 % interval [s] beyond which a delay is not worth printing."""
-NUDGE = 1e-3
-"""By how much stamps are moved to see how the phase of each bin turns [s]."""
-HEARD = (0.0, 1.5)
-"""Bounds on the frequency that a bin is found to listen to, relative to its own."""
-SAME = 1e-6
-"""Offset and standard deviation [s] below which two series are copies of each other."""
-CERTAIN = 3.0
-"""Standard deviations beyond which a difference is not chance."""
+
+@dataclass(frozen=True)
+class OffsetSettings:
+    """How an offset between two signals is estimated, and when there is none."""
+
+    lowest_hz: float = 0.5
+    """Lowest frequency that is looked at [Hz]: motion of the vehicle, not drift of a bias."""
+    highest_hz: float = 20.0
+    """Highest frequency that is looked at [Hz]: no vibration."""
+    bands_hz: tuple[tuple[float, float], ...] = ((0.5, 2.0), (2.0, 5.0), (5.0, 10.0), (10.0, 20.0))
+    """Bands [Hz] in which the delay is told apart: a delay is the same in all of them, a lag shrinks with frequency."""
+    of_nyquist: float = 0.8
+    """Share of the slower topic's Nyquist frequency up to which its samples show a phase."""
+    block: float = 2.0
+    """Length of a block [s]."""
+    shortest_block: float = 1.0
+    """Length [s] down to which blocks are shortened where the log is short."""
+    fewest_blocks: int = 7
+    """Overlapping blocks below which nothing is said."""
+    most_blocks: int = 120
+    """Blocks, spread over the log, beyond which no more are taken."""
+    fewest_bins: int = 3
+    """Frequencies below which a phase is no delay: in one bin whatever delays, lags or answers looks alike."""
+    chance: float = 1e-3
+    """Probability that noise alone passes for something in common, over all frequencies and axes together."""
+    coherence_cap: float = 0.99
+    """Coherence beyond which a frequency gets no more weight: what is left there is not noise but systematic."""
+    loudest: float = 3.0
+    """What is louder than this many times the median over blocks is turned down to it, so that a crash does not
+    decide."""
+    alike: tuple[float, float] = (0.5, 1.25)
+    """Gains between which two sensors of one motion must be. With noise on both, the gain seen from the first, |S_xy| /
+    S_xx, is too small, and that seen from the second, S_yy / |S_xy|, too large: the true one is between. Where both are
+    beyond, it is no common motion: one sensor's noise has moved the vehicle through the controller."""
+    rival: float = 0.9
+    """Height of another peak, relative to the highest, at which the delay may not be unique."""
+    twin: float = 0.98
+    """Height of another peak at which the delay is not unique."""
+    widest: float = 0.05
+    """Half width of the 95 % interval [s] beyond which a delay is not worth printing."""
+    nudge: float = 1e-3
+    """By how much stamps are moved to see how the phase of each bin turns [s]."""
+    heard: tuple[float, float] = (0.0, 1.5)
+    """Bounds on the frequency that a bin is found to listen to, relative to its own."""
+    same: float = 1e-6
+    """Offset and standard deviation [s] below which two series are copies of each other."""
+    certain: float = 3.0
+    """Standard deviations beyond which a difference is not chance."""
+
+
+OFFSETS = OffsetSettings()
 
 
 class Problem(StrEnum):
@@ -142,7 +159,7 @@ class Offset:
     @property
     def same(self) -> bool:
         """Whether the two are copies of one series."""
-        return self.seconds is not None and abs(self.seconds) < SAME and (self.std or 0.0) < SAME
+        return self.seconds is not None and abs(self.seconds) < OFFSETS.same and (self.std or 0.0) < OFFSETS.same
 
     @property
     def certain(self) -> bool:
@@ -156,10 +173,10 @@ class Offset:
 
     @property
     def _doubt(self) -> float:
-        """Standard deviations that mean with these few blocks what `CERTAIN` means with many."""
+        """Standard deviations that mean with these few blocks what `OFFSETS.certain` means with many."""
         from scipy.special import ndtr, stdtrit  # here: others need not wait for it
 
-        chance = 2.0 * float(ndtr(-CERTAIN))
+        chance = 2.0 * float(ndtr(-OFFSETS.certain))
         return -float(stdtrit(max(2.0, 0.5 * self.blocks), 0.5 * chance))
 
 
@@ -167,15 +184,15 @@ def offset(
     first: Signal,
     second: Signal,
     *,
-    band: tuple[float, float] = (LOWEST_HZ, HIGHEST_HZ),
+    band: tuple[float, float] = (OFFSETS.lowest_hz, OFFSETS.highest_hz),
     within: Intervals = EVERYWHERE,
-    gains: tuple[float, float] = ANY_GAIN,
+    gains: tuple[float, float] = (0.0, np.inf),
     coherent: float = 0.0,
 ) -> Offset:
     """By how much the second signal lags the first, from the frequencies in `band` [Hz] and the times `within` [s].
 
     Frequencies at which the size of the second relative to the first cannot be within `gains` do not count, nor those
-    with a coherence below `coherent`; fewer than `FEWEST_BINS` of them give no number. Delays up
+    with a coherence below `coherent`; fewer than `OFFSETS.fewest_bins` of them give no number. Delays up
     to a quarter of a block (0.5 s) are searched, twice that with alignment. Both signals have the same axes.
     """
     none = Offset(first.name, second.name)
@@ -189,13 +206,13 @@ def offset(
             replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
         )
     period, slower = max(((nominal_period(s.time), s) for s in (first, second)), key=lambda pair: pair[0])
-    top = min(band[1], OF_NYQUIST * 0.5 / period)
+    top = min(band[1], OFFSETS.of_nyquist * 0.5 / period)
     if top < max(2.0, 2.0 * band[0]):
         about = f"{slower.name}, {1.0 / period:.1f} Hz"
         return replace(none, problem=Problem.SLOW, about=about)
     pair = _Pair(first, second, (band[0], top), within, gains, coherent)
-    if len(pair.starts) < FEWEST_BLOCKS:
-        least = 0.5 * (FEWEST_BLOCKS + 1) * SHORTEST_BLOCK
+    if len(pair.starts) < OFFSETS.fewest_blocks:
+        least = 0.5 * (OFFSETS.fewest_blocks + 1) * OFFSETS.shortest_block
         return replace(none, problem=Problem.SHORT, about=f"{least:g} s")
     return pair.estimate(none)
 
@@ -250,7 +267,7 @@ class Correlated:
     def part(self, name: str, u: Complex) -> Part:
         """The delay of some axes or frequencies alone."""
         delay, score, curvature = self.newton(u)
-        if not abs(delay) < 0.25 * BLOCK_SECONDS:
+        if not abs(delay) < 0.25 * OFFSETS.block:
             return Part(name, None, None)
         return Part(name, self.seconds + delay, scatter(score) / float(curvature.sum()))
 
@@ -279,16 +296,16 @@ class _Pair:
         first, second = (replace(s, values=np.ascontiguousarray(s.values, dtype=float)) for s in (first, second))
         self.first, self.second, self.gains, self.coherent = first, second, gains, coherent
         common = [(max(a, c, e), min(b, d, f)) for a, b in _runs(first) for c, d in _runs(second) for e, f in within]
-        common = [(a, b) for a, b in common if b - a >= SHORTEST_BLOCK]
+        common = [(a, b) for a, b in common if b - a >= OFFSETS.shortest_block]
         total = sum(b - a for a, b in common)
-        self.length = float(np.clip(total / 8.0, SHORTEST_BLOCK, BLOCK_SECONDS))
+        self.length = float(np.clip(total / 8.0, OFFSETS.shortest_block, OFFSETS.block))
         self.reach = 0.25 * self.length
         every = np.zeros(0)
         for a, b in common:  # blocks overlap by half and fill the interval
             count = max(int((b - a) / (0.5 * self.length) + 1e-9) - 1, 0)
             every = np.append(every, np.linspace(a, b - self.length, count))
-        if len(every) > MOST_BLOCKS:  # spread, in pairs of neighbours
-            every = every[np.linspace(0, len(every) - 1, MOST_BLOCKS).astype(int)]
+        if len(every) > OFFSETS.most_blocks:  # spread, in pairs of neighbours
+            every = every[np.linspace(0, len(every) - 1, OFFSETS.most_blocks).astype(int)]
         self.starts = every
         lowest = max(1, int(np.ceil(band[0] * self.length - 1e-9)))
         self.harmonics = np.arange(lowest, int(np.floor(band[1] * self.length + 1e-9)) + 1)
@@ -304,7 +321,9 @@ class _Pair:
         found: Correlated | None = None
         for round_ in range(12):
             time = self.second.time - seconds - slope * (self.second.time - middle)
-            moved, nudged = (self._integrals(replace(self.second, time=time - by), self.starts) for by in (0.0, NUDGE))
+            moved, nudged = (
+                self._integrals(replace(self.second, time=time - by), self.starts) for by in (0.0, OFFSETS.nudge)
+            )
             found = self._correlate(x, moved, nudged, seconds)
             if found is None:
                 return replace(none, blocks=len(self.starts), problem=Problem.UNRELATED)
@@ -318,7 +337,7 @@ class _Pair:
             spread = scatter(score) / float(curvature.sum())
             seconds += step
             turn, turn_std = _slope(found.when, score, curvature)
-            drifts = len(self.starts) >= 2 * FEWEST_BLOCKS and abs(turn) > CERTAIN * turn_std
+            drifts = len(self.starts) >= 2 * OFFSETS.fewest_blocks and abs(turn) > OFFSETS.certain * turn_std
             slope += turn if drifts else 0.0
             if abs(step) < max(0.05 * spread, 1e-9) and not (drifts and abs(turn) > 1e-9):
                 break
@@ -329,19 +348,19 @@ class _Pair:
         """The result, or why there is none."""
         none = replace(none, blocks=len(self.starts))
         heard = found.omega[(np.abs(found.u).sum(axis=0) > 0).any(axis=0)] / (2.0 * np.pi)
-        if len(heard) < FEWEST_BINS:
+        if len(heard) < OFFSETS.fewest_bins:
             return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
             return replace(none, problem=Problem.AMBIGUOUS)
         from scipy.special import stdtrit  # here: others need not wait for it
 
         interval = float(stdtrit(max(2.0, 0.5 * len(self.starts)), 0.975)) * spread
-        if interval > WIDEST:
+        if interval > OFFSETS.widest:
             about = f"{1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms"
             return replace(none, problem=Problem.VAGUE, about=about)
         _, score, curvature = found.newton()
         turn, turn_std = _slope(found.when, score, curvature)
-        enough = len(self.starts) >= 2 * FEWEST_BLOCKS
+        enough = len(self.starts) >= 2 * OFFSETS.fewest_blocks
         used = np.abs(found.u).sum(axis=0) > 0
         hz = found.omega[used.any(axis=0)] / (2.0 * np.pi)
         frequency = found.omega / (2.0 * np.pi)
@@ -365,7 +384,7 @@ class _Pair:
             ),
             bands=tuple(
                 found.part(f"{low:g}-{high:g} Hz", np.where((frequency >= low) & (frequency < high), found.u, 0.0))
-                for low, high in BANDS_HZ
+                for low, high in OFFSETS.bands_hz
                 if low < frequency[-1]
             ),
             coherence=float(found.coherence[used].mean()),
@@ -379,12 +398,12 @@ class _Pair:
         delays = np.linspace(-self.reach, self.reach, 801)
         curve = found.curve(delays)
         other = _rival(curve)
-        if other is None or curve[other] < RIVAL * curve[len(curve) // 2]:
+        if other is None or curve[other] < OFFSETS.rival * curve[len(curve) // 2]:
             return False
-        if curve[other] > TWIN * curve[len(curve) // 2]:
+        if curve[other] > OFFSETS.twin * curve[len(curve) // 2]:
             return True
         difference = found.by_block(0.0) - found.by_block(float(delays[other]))
-        return float(difference.sum()) < CERTAIN * scatter(difference)
+        return float(difference.sum()) < OFFSETS.certain * scatter(difference)
 
     def _integrals(self, signal: Signal, starts: Array) -> Complex:
         """Fourier integrals (B, C, F) of the tapered blocks, each over the samples that lie in it."""
@@ -392,10 +411,10 @@ class _Pair:
         return integrals(signal.time, signal.values, starts, self.length, lowest, count)
 
     def _correlate(self, x: Complex, y: Complex, nudged: Complex, seconds: float) -> Correlated | None:
-        """Weighted cross-spectra, or None where nothing is in common; `nudged` is y with stamps `NUDGE` earlier."""
+        """Weighted cross-spectra, or None where nothing is in common; `nudged` is y, `OFFSETS.nudge` earlier."""
         sizes = [z.real**2 + z.imag**2 for z in (x, y)]
         loud = np.sqrt(sizes[0] * sizes[1])
-        usual = np.median(loud, axis=0) * LOUDEST**2
+        usual = np.median(loud, axis=0) * OFFSETS.loudest**2
         down = np.minimum(1.0, np.divide(usual, loud, out=np.ones_like(loud), where=loud > usual))
         weighted = down * np.conj(x)
         cross = weighted * y
@@ -406,12 +425,12 @@ class _Pair:
         least = max(_chance(len(x), coherence.size), self.coherent)
         gain: Array = np.divide(np.abs(total), first, out=np.zeros_like(power), where=first > 0)
         alike = (gain < self.gains[1]) & (gain > self.gains[0] * coherence)
-        w = np.where(alike & (coherence > least), coherence / (1.0 - np.minimum(coherence, COHERENCE_CAP)), 0.0)
+        w = np.where(alike & (coherence > least), coherence / (1.0 - np.minimum(coherence, OFFSETS.coherence_cap)), 0.0)
         if not w.any():
             return None
         u = cross * np.divide(w, np.abs(total), out=np.zeros_like(w), where=w > 0)
-        turn = np.angle(np.sum(weighted * nudged, axis=0) * np.conj(total)) / NUDGE
-        heard = np.clip(turn, HEARD[0] * self.omega, HEARD[1] * self.omega)
+        turn = np.angle(np.sum(weighted * nudged, axis=0) * np.conj(total)) / OFFSETS.nudge
+        heard = np.clip(turn, OFFSETS.heard[0] * self.omega, OFFSETS.heard[1] * self.omega)
         return Correlated(u, self.omega, heard, self.starts + 0.5 * self.length, coherence, gain, seconds)
 
 
@@ -421,7 +440,7 @@ def _chance(blocks: int, tried: int) -> float:
     For n independent blocks the coherence of noise exceeds c with probability (1 - c)^(n-1) (Carter, "Coherence and
     time delay estimation", Proc. IEEE 75(2), 1987); overlapping Hann blocks count 0.95 each (Welch 1967).
     """
-    return float(1.0 - (CHANCE / tried) ** (1.0 / max(0.95 * blocks - 1.0, 1.0)))
+    return float(1.0 - (OFFSETS.chance / tried) ** (1.0 / max(0.95 * blocks - 1.0, 1.0)))
 
 
 def _slope(when: Array, score: Array, curvature: Array) -> tuple[float, float]:

@@ -20,14 +20,24 @@ from wrenchgap.flight.flight import Array, Flight
 
 Hashes = NDArray[np.uint64]
 
-KEPT = 32768
-"""Hashes of a series, at most."""
-FEWEST = 50
-"""Rows that two series must share: less is chance, a rest, or a moment that two cuts have in common."""
-SHARED = 0.05
-"""Of the rows of the shorter one."""
-DROPPED_BITS = 7
-"""Of the 24 bits of a number in single precision: what is kept, 17, are five digits."""
+
+@dataclass(frozen=True)
+class SketchSettings:
+    """How two logs are found to be of one flight."""
+
+    kept: int = 32768
+    """Hashes of a series that are kept, at most."""
+    fewest: int = 50
+    """Rows that two series must share: less is chance, a rest, or a moment that two cuts have in common."""
+    shared: float = 0.05
+    """Share of the rows of the shorter one from which on two logs are of one flight."""
+    dropped_bits: int = 7
+    """Of the 24 bits of a number in single precision: what is kept, 17, are five digits."""
+
+
+SKETCH = SketchSettings()
+
+
 ODD = np.uint64(0x9E3779B97F4A7C15)
 """By which a row's numbers are told apart from the same in another order."""
 
@@ -55,23 +65,23 @@ def sketch(flight: Flight) -> Sketch:
         found["actuators"] = row_hashes([flight.actuators.rotor_speed, flight.actuators.tilt])
     if flight.imu is None and flight.odometry is not None:
         found["odometry"] = row_hashes([flight.odometry.position_E, flight.odometry.quat_EB])
-    return Sketch({role: hashes for role, hashes in found.items() if len(hashes) >= FEWEST})
+    return Sketch({role: hashes for role, hashes in found.items() if len(hashes) >= SKETCH.fewest})
 
 
 def row_hashes(columns: Sequence[Array]) -> Hashes:
-    """The smallest `KEPT` hashes of the distinct rows of arrays (N, C) side by side, ascending."""
+    """The smallest `SKETCH.kept` hashes of the distinct rows of arrays (N, C) side by side, ascending."""
     total: Hashes = np.zeros(len(columns[0]), dtype=np.uint64)
-    half = np.uint32(1 << (DROPPED_BITS - 1))
+    half = np.uint32(1 << (SKETCH.dropped_bits - 1))
     for column in (column for values in columns for column in values.T):
         bits = (column.astype(np.float32) + np.float32(0.0)).view(np.uint32)  # -0.0 is 0.0
         total *= ODD
-        total += (bits + half) >> np.uint32(DROPPED_BITS)
+        total += (bits + half) >> np.uint32(SKETCH.dropped_bits)
     hashes = _mixed(total)
-    some = min(len(hashes), 4 * KEPT)
+    some = min(len(hashes), 4 * SKETCH.kept)
     if some < len(hashes):  # hours of log need not be sorted
         fewer = np.unique(np.partition(hashes, some)[:some])
-        hashes = hashes if len(fewer) < KEPT else fewer
-    return np.unique(hashes)[:KEPT]
+        hashes = hashes if len(fewer) < SKETCH.kept else fewer
+    return np.unique(hashes)[: SKETCH.kept]
 
 
 def _mixed(numbers: Hashes) -> Hashes:
@@ -84,10 +94,10 @@ def _mixed(numbers: Hashes) -> Hashes:
 
 def _shared(first: Hashes, second: Hashes) -> float:
     """Share of the shorter one's rows that both have, from the hashes up to where both are whole."""
-    whole = min((h[-1] for h in (first, second) if len(h) == KEPT), default=np.uint64(2**64 - 1))
+    whole = min((h[-1] for h in (first, second) if len(h) == SKETCH.kept), default=np.uint64(2**64 - 1))
     a, b = (h[h <= whole] for h in (first, second))
     common = len(np.intersect1d(a, b, assume_unique=True))
-    return common / min(len(a), len(b)) if common >= FEWEST else 0.0
+    return common / min(len(a), len(b)) if common >= SKETCH.fewest else 0.0
 
 
 class Repeats:
@@ -101,7 +111,7 @@ class Repeats:
         own = sketch(flight)
         for other, known in self._known:
             share = 1.0 if other.content_hash == flight.content_hash else own.shared(known)
-            if share > SHARED:
+            if share > SKETCH.shared:
                 same = (
                     f"is the same flight as {other.path} ({100 * share:.0f} % of the shorter one's samples are in both)"
                 )

@@ -20,19 +20,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels, so3
-from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.filters import angular_velocity, smooth
+from wrenchgap.flight.flight import AXES, GRAVITY, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.stamps import interpolated, nominal_period
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
-MAXIMUM_RATE = 250.0  # Hz
-ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
-ANTI_ALIAS_CUTOFF = 0.4  # of the grid rate
-FORCE_WINDOW = 0.15  # s, local fits that turn a velocity into an acceleration
-MINIMUM_COVER = 0.5  # a role that is not required and covers less of the flight is left out
+
+@dataclass(frozen=True)
+class ResamplingSettings:
+    """How a flight is put on one clock."""
+
+    maximum_rate: float = 250.0
+    """Highest rate of the clock [Hz] that is chosen by itself."""
+    anti_alias_ratio: float = 1.3
+    """A series that is faster than this many rates of the clock is low-passed first."""
+    anti_alias_cutoff: float = 0.4
+    """Cut-off of that low-pass, over the clock's rate."""
+    force_window: float = 0.15
+    """Length [s] of local fits that turn a velocity into an acceleration."""
+    minimum_cover: float = 0.5
+    """Share of the flight below which a role that is not required is left out."""
+
+
+GRID = ResamplingSettings()
+
 
 _HELD = ("commanded", "desired", "actuators")
 _USED = ("commanded", "desired", "actuators", "imu", "odometry")
@@ -72,7 +85,7 @@ def resample(
     require: tuple[str, ...] = ("commanded", "imu"),
     minimum_duration: float = 2.0,
 ) -> Resampling:
-    """Put a flight on a uniform clock of `rate` [Hz], by default that of its commands, at most `MAXIMUM_RATE`.
+    """Put a flight on a uniform clock of `rate` [Hz], by default that of its commands, at most `GRID.maximum_rate`.
 
     A stretch is where all used roles have samples; it ends at every gap of any of them. Roles beyond `require` are
     used where the log plays them. Without an IMU, rates and specific force come from the odometry. Stretches shorter
@@ -134,7 +147,7 @@ def _grid_rate(flight: Flight, rate: float | None) -> float:
         return float(rate)
     played = flight.series()
     leader = next(played[role] for role in ("commanded", "actuators", "imu", "odometry") if role in played)
-    native = min(1.0 / nominal_period(leader.time), MAXIMUM_RATE)
+    native = min(1.0 / nominal_period(leader.time), GRID.maximum_rate)
     return float(round(native)) if abs(native - round(native)) < 0.002 * native else native
 
 
@@ -149,7 +162,7 @@ def _used_series(flight: Flight, require: tuple[str, ...], rate: float, notes: l
     for role, item in played.items():
         if role not in needed:
             both = _intersection([core, _cover(role, item, 1.0 / rate)])
-            if sum(stop - start for start, stop in both) < MINIMUM_COVER * total:
+            if sum(stop - start for start, stop in both) < GRID.minimum_cover * total:
                 notes.append(f"{flight.name}: {role} covers less than half of the flight: left out.")
                 continue
         used[role] = item
@@ -272,7 +285,7 @@ class _Grid:
         run = self.run(odometry)
         time, quat_EB = odometry.time[run], odometry.quat_EB[run]
         omega_B = angular_velocity(time, quat_EB) if odometry.omega_B is None else odometry.omega_B[run]
-        acceleration_E = smooth(time, _velocity_E(odometry, run)[run], FORCE_WINDOW, derivative=1)
+        acceleration_E = smooth(time, _velocity_E(odometry, run)[run], GRID.force_window, derivative=1)
         force_B = so3.rotate_inverse(quat_EB, acceleration_E + np.array([0.0, 0.0, GRAVITY]))
         at = self.time
         return tuple(interpolated(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
@@ -292,11 +305,11 @@ def anti_alias(stamps: Array, rate: float) -> Array | None:
     None where the readings are not much faster than the clock.
     """
     native = 1.0 / float(np.median(np.diff(stamps)))
-    if native <= ANTI_ALIAS_RATIO * rate or len(stamps) < 16:
+    if native <= GRID.anti_alias_ratio * rate or len(stamps) < 16:
         return None
     from scipy.signal import butter  # here: others need not wait for it
 
-    return np.asarray(butter(4, ANTI_ALIAS_CUTOFF * rate, fs=native, output="sos"))
+    return np.asarray(butter(4, GRID.anti_alias_cutoff * rate, fs=native, output="sos"))
 
 
 def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
@@ -314,5 +327,5 @@ def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
     if odometry.velocity_E is not None:
         return odometry.velocity_E
     velocity: NDArray[np.float64] = np.zeros_like(odometry.position_E)
-    velocity[run] = smooth(odometry.time[run], odometry.position_E[run], FORCE_WINDOW, derivative=1)
+    velocity[run] = smooth(odometry.time[run], odometry.position_E[run], GRID.force_window, derivative=1)
     return velocity

@@ -13,7 +13,7 @@ Overrides: `{"imu": "/my/imu"}`. The topic may be followed by a field and by col
     commanded=/debug.data[0:6]             force x y z, torque x y z
     desired=none                           nobody plays this role
 
-What the numbers mean stands behind it: a factor, and words for units, axes and stamps (`flight.meaning`):
+What the numbers mean stands behind it: a factor, and words for units, axes and stamps (`flight.mapping_units`):
 
     rotor_speed=/esc.rpm*0.10472           everything times a factor
     imu=/imu:frd,g                         axes forward-right-down, accelerometer in g
@@ -32,10 +32,8 @@ from typing import Any
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.meaning import Meaning, meaning
-from wrenchgap.flight.namespaces import apart, fleet, namespace, twins, within
-from wrenchgap.flight.topic_names import TYPES, by_fields, no_command, score
-from wrenchgap.flight.topic_sources import parse_source, topic_of
+from wrenchgap.flight.mapping_units import Meaning, meaning, parse_source, topic_of
+from wrenchgap.flight.topic_names import TYPES, apart, by_fields, fleet, namespace, no_command, score, twins, within
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),

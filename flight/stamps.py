@@ -1,4 +1,4 @@
-"""Order, gaps and pairs of time stamps."""
+"""Order, gaps and pairs of time stamps, and what of a long series is worked on or shown."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ Stamps = NDArray[np.int64]
 
 MANY = 4096
 """Stamps from which on it is worth looking whether others like them were sorted before."""
-GAP_FACTOR = 2.5
-"""An interval longer than this many usual periods is a gap."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,7 @@ class Steps:
     """What the intervals between samples at `time` (N,) [s] are like; sorted once for all that is asked."""
 
     time: Array
+    gap_factor: float = 2.5
 
     @cached_property
     def _usual(self) -> _Usual:
@@ -91,13 +90,13 @@ class Steps:
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Intervals longer than `GAP_FACTOR` usual periods.
+        """Intervals longer than `gap_factor` usual periods.
 
         Where more than a tenth of the intervals are long, as in bursts, long is usual.
         """
         if len(self.time) < 3:
             return ()
-        longest = GAP_FACTOR * max(self.nominal_period, self._usual.long)
+        longest = self.gap_factor * max(self.nominal_period, self._usual.long)
         if not self._usual.longest > longest:
             return ()
         found = np.flatnonzero(np.diff(self.time) > longest)
@@ -112,11 +111,6 @@ def nominal_period(time: Array) -> float:
 def gaps_of(time: Array) -> tuple[Gap, ...]:
     """Intervals that are too long to be bridged: `Steps.gaps`."""
     return Steps(time).gaps
-
-
-def jitter(time: Array) -> float:
-    """Robust spread of the intervals between samples [s]: `Steps.jitter`."""
-    return Steps(time).jitter
 
 
 def increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
@@ -193,3 +187,31 @@ def away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:
     for gap in gaps_of(time):
         inside &= (time < gap.start - margin) | (time > gap.stop + margin)
     return inside if inside.sum() > 10 else np.ones(len(time), dtype=bool)
+
+
+def envelope(time: Array, values: Array, start: float, stop: float, bins: int = 450) -> tuple[Array, Array]:
+    """Lines (C, N) over `time` (N,) between `start` and `stop`, as at most 2 bins + 2 points: (M,), (C, M).
+
+    So that a long series fits a narrow plot and no peak is lost; `bins` is about the pixels of its width.
+
+    Where there are more samples than that, every bin of equal length gives each line's smallest and largest value, in
+    the order in which they came; the times of the two are those of a third and two thirds of the bin. A bin without
+    samples gives nothing. One sample on either side of the range is kept, so that lines reach the edges.
+    """
+    first = max(int(np.searchsorted(time, start)) - 1, 0)
+    last = min(int(np.searchsorted(time, stop, side="right")) + 1, len(time))
+    time, values = time[first:last], values[:, first:last]
+    if len(time) <= 2 * bins:
+        return time, values
+    edges = np.linspace(time[0], time[-1], bins + 1)
+    begins = np.searchsorted(time, edges[:-1])
+    ends = np.append(begins[1:], len(time))
+    filled = ends > begins
+    begins, ends, left = begins[filled], ends[filled], edges[:-1][filled]
+    low = np.fmin.reduceat(values, begins, axis=1)
+    high = np.fmax.reduceat(values, begins, axis=1)
+    rising = values[:, begins] <= values[:, ends - 1]
+    width = float(edges[1] - edges[0])
+    x = np.stack((left + width / 3.0, left + 2.0 * width / 3.0), axis=1).ravel()
+    y = np.stack((np.where(rising, low, high), np.where(rising, high, low)), axis=2).reshape(len(values), -1)
+    return x, y

@@ -1,37 +1,40 @@
 """Which topics of a flight are compared, and as what: rates, specific forces, velocities, wrenches.
 
-How two signals are compared is in `flight.offsets`.
+How two signals are compared is in `flight.offsets`. `shifted` moves a topic's stamps when the user says so: never by
+itself, and always on record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, ReferenceSeries
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.offsets import ALIKE, EVERYWHERE, Intervals, Offset, Signal, offset
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight, Gap, OdometrySeries, ReferenceSeries, Series
+from wrenchgap.flight.offsets import EVERYWHERE, OFFSETS, Intervals, Offset, Signal, offset
 from wrenchgap.flight.row_kernels import empty
 
-ONE_MOTION = 0.85
-"""Coherence of two sensors below which what they have in common may be the noise of one of them, which has moved the
-vehicle through the controller: coherent, and late by whatever the controller's phase is."""
 GRAVITY_E = np.array([0.0, 0.0, GRAVITY])
 """What an accelerometer at rest reads, in E [m/s^2]."""
 
 
-def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
+def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE, one_motion: float = 0.85) -> tuple[Offset, ...]:
     """Offsets between the sensor topics: IMU to odometry, and odometry's pose to its own twist.
 
     Rates and accelerations are differences of neighbouring samples, stamped half-way: exactly the mean over the
     interval, so without any phase. What the accelerometer should read is made from the odometry alone, attitude and
     velocity, so that its clock is in one of the two signals only.
+
+    Below the coherence `one_motion` what two sensors have in common may be the noise of one of them, which has moved
+    the vehicle through the controller: coherent, and late by whatever the controller's phase is.
     """
     pairs = map(_measured, _sensor_pairs(flight))
-    return tuple(offset(*pair, within=within, gains=ALIKE, coherent=ONE_MOTION) for pair in pairs if pair[0].axes)
+    return tuple(
+        offset(*pair, within=within, gains=OFFSETS.alike, coherent=one_motion) for pair in pairs if pair[0].axes
+    )
 
 
 def _measured(pair: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
@@ -104,7 +107,7 @@ def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
 def _rate(name: str, series: OdometrySeries | ReferenceSeries, quat: Array) -> Signal:
     """Mean body rates between neighbouring attitudes, log(q_k^-1 q_k+1) / dt."""
     q = so3.continuous(quat)
-    turned = so3.turned(q[:-1], q[1:])
+    turned = so3.rotation_between(q[:-1], q[1:])
     return differences(name, series.time, turned, series.gaps)
 
 
@@ -130,3 +133,55 @@ def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> 
     for gap in gaps:
         keep &= (middle < gap.start) | (middle > gap.stop)
     return Signal(name, middle[keep], steps[keep] / interval[keep, None], gaps=gaps)
+
+
+SHIFTABLE = ("imu", "odometry", "reference", "battery")
+"""Roles whose stamps may be moved. Not the commands: a response that lags them is a candidate effect."""
+
+
+def shifted(flight: Flight, shifts: Mapping[str, float], largest: float = 10.0) -> Flight:
+    """The flight with the stamps of some topics moved by seconds (positive: later); named by role or topic.
+
+    The shifts are kept in `Flight.shifts` and said in its notes. To undo that the odometry lags the IMU by 12 ms, move
+    it by -0.012. Raises UsageError for a role or topic that this flight lacks, a role of commands, or a shift that is
+    not a sensible number of seconds: beyond the `largest` [s] somebody mistook milliseconds for seconds.
+    """
+    moved: dict[str, Series] = {}
+    notes = []
+    for name, seconds in shifts.items():
+        role, series = _named(flight, name)
+        if role not in SHIFTABLE:
+            raise UsageError(
+                f"--shift {name}: stamps of the {role} wrench or actuators are not moved, because a response that lags "
+                f"them is an effect to be found (command_delay, servo_lag, motor_lag); can be moved: {_movable(flight)}"
+            )
+        if not abs(seconds) <= largest:
+            raise UsageError(f"--shift {name}={seconds:g}: expected seconds, at most {largest:g}, e.g. -0.0123")
+        if role in moved:
+            raise UsageError(f"--shift {name}: {role} is shifted twice; say it once")
+        gaps = tuple(Gap(gap.start + seconds, gap.stop + seconds) for gap in series.gaps)
+        moved[role] = replace(series, time=series.time + seconds, gaps=gaps)
+        notes.append(f"{flight.name}: stamps of {series.topic} ({role}) moved by {1e3 * seconds:+.4g} ms, as asked.")
+    together = {role: shifts.get(role, shifts.get(series.topic, 0.0)) for role, series in moved.items()}
+    return replace(
+        flight,
+        **moved,  # type: ignore[arg-type]
+        checks=None if moved else flight.checks,
+        shifts={**flight.shifts, **together},
+        notes=(*flight.notes, *notes),
+    )
+
+
+def _named(flight: Flight, name: str) -> tuple[str, Series]:
+    """The role and series that a role or a topic stands for."""
+    played = flight.series()
+    if name in played:
+        return name, played[name]
+    for role, series in played.items():
+        if name in series.topic.split(" + "):
+            return role, series
+    raise UsageError(f"--shift {name}: {flight.path.name} has no such role or topic; can be moved: {_movable(flight)}")
+
+
+def _movable(flight: Flight) -> str:
+    return ", ".join(f"{r} ({s.topic})" for r, s in flight.series().items() if r in SHIFTABLE) or "none"

@@ -1,7 +1,7 @@
 from .data.comparison import Comparison as Comparison
 from .data.errors import Errors as Errors
 from .data.opening import OpenFlight as OpenFlight
-from .design.designed import Design as Design
+from .design.design_result import Design as Design
 from .design.manoeuvres import Limits as Limits
 from .diagnose.model_checks import LogReport as LogReport
 from .diagnose.where import Where as Where

@@ -27,8 +27,8 @@ class Model:
     """A vehicle and what is known about it.
 
     `topics` maps roles to topics for logs of this vehicle, `unmeasured` are axes that its IMU does not measure
-    (`flight.unmeasured`). `between_flights` (6,) [N, Nm] is by how much the constant wrench differs between
-    flights, one standard deviation (`learn.identify.trim`), where that was measured. `text` is the file's own text
+    (`flight.unmeasured`). `between_flights` (6,) [N, Nm] is by how much the constant wrench differs between flights,
+    one standard deviation (`learn.identify.bias_and_trim`), where that was measured. `text` is the file's own text
     (empty for a model made in code), kept so that comments survive a rewrite. `history` are the versions that led here,
     oldest first; `notes` is what a user should know about the file. `command` turns the rotor commands of logs into
     speeds where they are none.

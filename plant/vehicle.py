@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import GRAVITY as GRAVITY
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.gravity import GRAVITY as GRAVITY
 
 PART = re.compile(r"(arm|rotor)_(\d+)")
 """How parameters of effects and JSON keys call an arm or a rotor, in the order of the model file."""

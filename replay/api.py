@@ -23,7 +23,7 @@ from wrenchgap.learn.data.opening import open_flights as open_every
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.diagnose import model_checks
 from wrenchgap.learn.diagnose.model_checks import LogReport

@@ -18,7 +18,7 @@ from wrenchgap.flight import AXES, WrenchgapError
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
-from wrenchgap.learn.data.applicable import Lack, inapplicable
+from wrenchgap.learn.data.candidates import Lack, inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.design.designer import design

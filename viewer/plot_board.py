@@ -1,7 +1,8 @@
 """The plots beside the scene: one chart each, all over one range of time, with the cursor drawn on top.
 
 While the flight plays, only the cursor's line and the values at it are sent; a chart's data are sent when its range or
-its flight changes. Zooming is therefore done here and not in the charts, which also keeps peaks (`flight.decimate`).
+its flight changes. Zooming is therefore done here and not in the charts, which also keeps peaks
+(`flight.stamps.envelope`).
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.stamps import envelope
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.axis import limits, ticks
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from benchmarks import pages
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 
 MAGIC = b"\x89MCAP0\r\n"
 START = 1_700_000_000_000_000_000

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.harm import parts, rows, smooth, vehicles
 from benchmarks.paper.plants import believed
 from benchmarks.paper.running import mrad, table
-from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.plant.stability import Observer, sensitivity_peak
 
 PAGE = Path(__file__).parents[2] / "docs" / "do-no-harm.md"

@@ -8,8 +8,7 @@
     wrench      the commanded force against the specific force
     stamps      gaps, jitter, clocks
     masking     samples that cannot be true
-    axes        the search for axes among 48, and for a rotation
-    motion      means over intervals, which all of these compare
+    motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
 Each check looks at one way in which real logs are wrong, and says what mends it (docs/checks.md). What needs the
 vehicle is in `learn.data.against_model`.
@@ -23,7 +22,7 @@ from dataclasses import replace
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks import attitude, clipping, gyroscope_scale, odometry, presence, stamps, wrench
 from wrenchgap.flight.checks.masking import masked
-from wrenchgap.flight.checks.motion import Seen, seen
+from wrenchgap.flight.checks.motion import MotionMeans, motion_means
 from wrenchgap.flight.clocks import Timing
 from wrenchgap.flight.flight import Flight
 
@@ -36,7 +35,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     stamps.stamps,
     stamps.dropped,
 )
-AGAINST_ODOMETRY: tuple[Callable[[Flight, Seen | None], Iterator[Check]], ...] = (
+AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,
     attitude.frames,
     attitude.gyroscope,
@@ -51,14 +50,14 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     """Everything that can be asked of a flight without knowing the vehicle, bad ones first."""
     found = [check for ask in ALONE for check in ask(flight)]
     stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
-    moved = None if stuck else seen(flight)
+    moved = None if stuck else motion_means(flight)
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
     found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
     found = wrench.behind_body_frame(found, found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 
 
-def checked(flight: Flight, timing: Timing | None = None, vehicles: Sequence[tuple[str, str]] = ()) -> Flight:
+def with_checks(flight: Flight, timing: Timing | None = None, vehicles: Sequence[tuple[str, str]] = ()) -> Flight:
     """The flight with its checks, and without samples that cannot be true; as it is where that was done before.
 
     `timing` and `vehicles` are those of the reader (`flight.clocks`, `flight.roles`).

@@ -9,50 +9,62 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.axes import best_axes
-from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import Seen, cosine, rms, without_mean
-from wrenchgap.flight.derivative import smooth
-from wrenchgap.flight.flight import AXES, Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.meaning import FRD, NED
+from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, without_mean
+from wrenchgap.flight.checks.remedies import factor, option
+from wrenchgap.flight.filters import smooth
+from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
+from wrenchgap.flight.mapping_units import FRD, NED
 from wrenchgap.flight.row_kernels import empty, lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 DEGREES = 180.0 / np.pi
-COMPARED, RUN = 12_000, 4_000
-"""Rows of an IMU from which its unit is told, and of each run of them, spread over the flight."""
-STILL = 0.03
-"""[rad/s] Rates below which an attitude tells nothing of a gyroscope."""
-UPRIGHT = 15.0
-"""[deg] The median specific force, rotated to E, points up within this."""
-EXPLAINS = 0.8
-"""Cosine between rates of attitude and gyroscope from which on they show one motion."""
+
+
+@dataclass(frozen=True)
+class AttitudeThresholds:
+    """From when on IMU and attitude contradict each other."""
+
+    rows: int = 12_000
+    """Rows of an IMU from which its unit is told."""
+    run: int = 4_000
+    """Rows of each run of them; the runs are spread over the flight."""
+    still_rate: float = 0.03
+    """Rate [rad/s] below which an attitude tells nothing of a gyroscope."""
+    upright_deg: float = 15.0
+    """Angle from up [deg] within which the median specific force, rotated to E, points up."""
+    same_motion: float = 0.8
+    """Cosine between the rates of attitude and gyroscope from which on they show one motion."""
+    rate_factor: float = 1.25
+    """Factor between rates of attitude and gyroscope from which on they are not said to agree. Of 78 recorded logs two
+    are beyond, where the attitude's noise is half of its rate; at 1.5 none of these, at 1.12 three healthy ones
+    more."""
+    steady: float = 0.35
+    """Spread of the size of a specific force over its mean below which it has gravity in it."""
+
+
+ATTITUDE = AttitudeThresholds()
+
+
 LARGEST = 5.0 * GRAVITY
 """Median specific force that no flight has: an odometry that says so is not in metres, and is no measure of an IMU."""
-APART = 1.25
-"""Factor between rates of attitude and gyroscope from which on they are not said to agree. Of 78 recorded logs two are
-beyond, where the attitude's noise is half of its rate; at 1.5 none of these, at 1.12 three healthy ones more."""
-STEADY = 0.35
-"""Spread of the size of a specific force over its mean below which it has gravity in it."""
 
 
-def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def accelerometer_unit(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Unit, and gravity."""
     imu = flight.imu
     if imu is None or "force_z" in unmeasured_axes(flight):
         return
     absent = empty(imu.specific_force_B)
     values = imu.specific_force_B[:, ~absent] if absent.any() else imu.specific_force_B
-    parts = spread(len(values), COMPARED, RUN)
+    parts = spread(len(values), ATTITUDE.rows, ATTITUDE.run)
     size = np.concatenate([lengths(smooth(imu.time[rows], values[rows])) for rows in parts])
     median = float(np.median(size))
     described = f"Median specific force is {median:.2f} m/s^2"
     expected = GRAVITY if seen is None else float(np.median(lengths(seen.force())))
     expected = expected if expected < LARGEST else GRAVITY
     if _without_gravity(seen, size):
-        instead = _instead(flight)
+        instead = "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
         yield Check("accelerometer-unit", "bad", f"{described}: gravity was removed; record the raw one", instead)
     elif 0.8 < median / max(expected / GRAVITY, 0.1) < 1.25 and median < 4.0:
         yield Check("accelerometer-unit", "bad", f"{described}: it is in units of g", option(flight, "g", "imu"))
@@ -72,19 +84,14 @@ def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield Check("accelerometer-unit", "ok", f"{described}.")
 
 
-def _without_gravity(seen: Seen | None, size: Array) -> bool:
+def _without_gravity(seen: MotionMeans | None, size: Array) -> bool:
     """Whether the accelerometer shows the acceleration alone: the odometry tells, else that its size is no constant."""
     if seen is not None and seen.accel is not None and not np.isnan(seen.accel).any():
         with_it, without = seen.force(), seen.force(gravity=0.0)
         if rms(without) > 0.3 and rms(seen.accel) > 0.3:
             fits = cosine(without, seen.accel)
             return fits > 0.7 and fits > cosine(with_it, seen.accel) + 0.1 and rms(seen.accel) < 0.6 * rms(with_it)
-    return float(np.median(size)) < 3.0 and float(np.std(size)) > STEADY * float(np.mean(size))
-
-
-def _instead(flight: Flight) -> str:
-    """How to do without the accelerometer."""
-    return "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
+    return float(np.median(size)) < 3.0 and float(np.std(size)) > ATTITUDE.steady * float(np.mean(size))
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ class Reading:
     up: float
 
 
-def frames(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def frames(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Axes of the IMU, and the attitude's frames."""
     imu = flight.imu
     if imu is None or "force_z" in unmeasured_axes(flight):
@@ -111,16 +118,16 @@ def frames(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     if away is None:
         return
     together, alone = _turned(flight, seen)
-    moving = rms(without_mean(seen.rate)) > STILL
+    moving = rms(without_mean(seen.rate)) > ATTITUDE.still_rate
     alike = cosine(without_mean(seen.rate), without_mean(seen.gyro)) if moving else 1.0
-    best = _best_reading(seen, force_z) if away > UPRIGHT or alike < EXPLAINS else None
+    best = _best_reading(seen, force_z) if away > ATTITUDE.upright_deg or alike < ATTITUDE.same_motion else None
     if together is not None and (best is None or best.imu_down or together[1] > best.gyro - 0.02):
         yield together[0]
     elif best is not None and (best.words or best.imu_down):
         yield from _as_read(flight, best, away, force_z)
     elif alone is not None:
         yield alone[0]
-    elif away > UPRIGHT:
+    elif away > ATTITUDE.upright_deg:
         hint = "the attitude is not body to east-north-up (NED, inverted, or another quaternion order), and no reading "
         words = f"Rotated to E, the median specific force points {away:.0f} deg away from up"
         yield Check("inertial-frame", "bad", f"{words}: {hint}of it fits the IMU")
@@ -134,11 +141,11 @@ def _upside_down(flight: Flight, force_z: float) -> Check:
     return Check("body-frame", "bad", words, option(flight, "frd", "imu"))
 
 
-def _best_reading(seen: Seen, force_z: float) -> Reading | None:
+def _best_reading(seen: MotionMeans, force_z: float) -> Reading | None:
     """The reading of attitude and IMU that fits; where the IMU reads down in hover, one that has it so."""
     tried = [_reading(seen, words, down) for words in WORLDS for down in (False, True)]
-    still = rms(without_mean(seen.rate)) < STILL
-    fitting = [r for r in tried if r.up < UPRIGHT and (r.gyro > EXPLAINS or still)]
+    still = rms(without_mean(seen.rate)) < ATTITUDE.still_rate
+    fitting = [r for r in tried if r.up < ATTITUDE.upright_deg and (r.gyro > ATTITUDE.same_motion or still)]
     likely = (force_z < 0.0,)
     return max(fitting, key=lambda r: (round(r.gyro, 1), r.imu_down in likely, -len(r.words)), default=None)
 
@@ -164,7 +171,7 @@ WORLDS = (
 """Ways to read a pose."""
 
 
-def _reading(seen: Seen, words: str, down: bool) -> Reading:
+def _reading(seen: MotionMeans, words: str, down: bool) -> Reading:
     """How well rates and specific force fit where the pose is read in this way."""
     assert seen.gyro is not None
     assert seen.accel is not None
@@ -186,11 +193,11 @@ def _reading(seen: Seen, words: str, down: bool) -> Reading:
     return Reading(words, down, cosine(without_mean(rate), without_mean(gyro)), 180.0 if up is None else up)
 
 
-def _rates_of(seen: Seen, quat: Array) -> Array:
+def _rates_of(seen: MotionMeans, quat: Array) -> Array:
     """Rates (K, 3) of other attitudes at the middles of the intervals, in proportion, over as many of them."""
     q, rows = so3.continuous(quat), np.arange(len(quat))
     before, after = np.maximum(rows - seen.apart, 0), np.minimum(rows + seen.apart, len(quat) - 1)
-    turned = so3.turned(q[before], q[after])
+    turned = so3.rotation_between(q[before], q[after])
     usual = np.median(lengths(turned))
     turned[lengths(turned) > 20.0 * usual + 1e-12] = 0.0  # over a pause
     return np.asarray(turned)
@@ -205,12 +212,12 @@ def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:
     return float(np.degrees(np.arccos(np.clip(mean_E[2] / size, -1.0, 1.0))))
 
 
-def _turned(flight: Flight, seen: Seen) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
+def _turned(flight: Flight, seen: MotionMeans) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
     """An IMU that is mounted otherwise than the mapping says: all of it, and its gyroscope alone; each with its fit."""
     assert seen.gyro is not None
     assert seen.accel is not None
     rates = without_mean(seen.rate), without_mean(seen.gyro)
-    if rms(rates[0]) < STILL or rms(rates[1]) == 0.0:
+    if rms(rates[0]) < ATTITUDE.still_rate or rms(rates[1]) == 0.0:
         return None, None
     forces = seen.force(), seen.accel
     together, whole = best_axes([rates, forces]), None
@@ -236,7 +243,7 @@ def _improves_force(forces: tuple[Array, Array], turn: Array) -> bool:
     return cosine(truth, reading @ turn.T) > cosine(truth, reading) - 0.02
 
 
-def gyroscope(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def gyroscope(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Unit of the gyroscope, and whether it shows the motion of the attitude."""
     if flight.imu is None or flight.odometry is None:
         return
@@ -256,7 +263,7 @@ def gyroscope(flight: Flight, seen: Seen | None) -> Iterator[Check]:
 def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tuple[str, ...], vector: str) -> Check:
     """A rate against that of the attitude: unit, size, likeness. `pair` is truth and reading, (K, C) each."""
     truth, reading = (without_mean(v) for v in pair)
-    if rms(truth) < STILL:
+    if rms(truth) < ATTITUDE.still_rate:
         return Check(name, "ok", "The attitude hardly moves: its unit cannot be checked.")
     alike, ratio = cosine(truth, reading), rms(reading) / rms(truth)
     slope = float(np.sum(truth * reading) / np.sum(truth**2))
@@ -269,7 +276,7 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
     if alike > 0.9 and not 0.75 < ratio < 1.33:
         mend = option(flight, f"{vector}*{factor(1.0 / slope)}", *parts)
         return Check(name, "bad", f"{said}: another unit or scale", mend)
-    if not 1.0 / APART < slope < APART and rms(truth) > 2.0 * STILL:
+    if not 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor and rms(truth) > 2.0 * ATTITUDE.still_rate:
         return Check(name, "warn", f"{said}: {_apart(flight, slope, ratio, parts, vector)}")
     between = f"{slope:.2f}" if alike > 0.995 else f"{slope:.2f} to {ratio**2 / slope:.2f}, by the noise of either"
     return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")

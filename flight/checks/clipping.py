@@ -15,15 +15,26 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Array, Flight
 
-SAMPLES = 6
-"""In runs at the end of the range, at least: white noise does not repeat its largest value. With 3 or 12, and `OFTENER`
-halved or doubled, the same logs are found among those of benchmarks/meaning (seed 31) and 78 recorded ones."""
-MOST = 0.5
-"""Share of the samples: a channel that hardly ever changes is another check's (`constant-channel`, `frozen`)."""
-NEIGHBOURS, OFTENER = 10, 4.0
-"""Values next to the end of the range, and how much more often than each of them it must come."""
-STOPS = 0.05
-"""Share of clipped samples from which on the log stops: the rms of such a channel is off by several per cent."""
+
+@dataclass(frozen=True)
+class ClippingThresholds:
+    """From when on repeated values at the end of a channel's range are clipping."""
+
+    fewest_samples: int = 6
+    """In runs at the end of the range, at least: white noise does not repeat its largest value. With 3 or 12, and
+    `oftener` halved or doubled, the same logs are found among those of benchmarks/meaning (seed 31) and 78 recorded
+    ones."""
+    largest_share: float = 0.5
+    """Share of the samples: a channel that hardly ever changes is another check's (`constant-channel`, `frozen`)."""
+    neighbours: int = 10
+    """Values next to the end of the range that it is compared with."""
+    oftener: float = 4.0
+    """How many times as often as each of its neighbours the end of the range must come."""
+    stops: float = 0.05
+    """Share of clipped samples from which on the log stops: the rms of such a channel is off by several per cent."""
+
+
+CLIPPING = ClippingThresholds()
 
 
 @dataclass(frozen=True)
@@ -59,7 +70,7 @@ def clipped(flight: Flight) -> Iterator[Check]:
             f"{sensor} reaches the end of its range: {said} ({100 * share:.2g} %); what it missed is in no filter or "
         )
         words += "fit: set a larger range in the driver"
-        yield Check("clipped", "bad" if share > STOPS else "warn", words)
+        yield Check("clipped", "bad" if share > CLIPPING.stops else "warn", words)
 
 
 def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[Clipped]:
@@ -67,12 +78,16 @@ def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[C
     for sign in (1.0, -1.0):
         end = float(values.max() if sign > 0.0 else values.min())
         at = values == end
-        if not np.isfinite(end) or end == 0.0 or not SAMPLES <= np.count_nonzero(at) < MOST * len(values):
+        if (
+            not np.isfinite(end)
+            or end == 0.0
+            or not CLIPPING.fewest_samples <= np.count_nonzero(at) < CLIPPING.largest_share * len(values)
+        ):
             continue  # no range ends at zero: a simulator without noise rests there
         edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
         runs = zip(edges[::2], edges[1::2], strict=True)
         flat = sum(b - a for a, b in runs if b - a > 1 and any(_moves(v[a:b]) for v in readings))
-        if flat >= SAMPLES and at.sum() > OFTENER * _most_beside(sign * values, sign * end):
+        if flat >= CLIPPING.fewest_samples and at.sum() > CLIPPING.oftener * _most_beside(sign * values, sign * end):
             yield Clipped(name, end, int(at.sum()), len(values))
 
 
@@ -82,8 +97,8 @@ def _moves(readings: Array) -> bool:
 
 
 def _most_beside(values: Array, top: float) -> int:
-    """How often the most frequent of the `NEIGHBOURS` values below the largest comes."""
-    count = min(len(values), 50 * NEIGHBOURS + int(np.sum(values == top)))
+    """How often the most frequent of the `CLIPPING.neighbours` values below the largest comes."""
+    count = min(len(values), 50 * CLIPPING.neighbours + int(np.sum(values == top)))
     high = np.partition(values, len(values) - count)[len(values) - count :]
     _, often = np.unique(high[high < top], return_counts=True)
-    return int(max(often[-NEIGHBOURS:], default=0))
+    return int(max(often[-CLIPPING.neighbours :], default=0))

@@ -1,8 +1,9 @@
 """The scale of the gyroscope, axis by axis: angles that the attitude turns by against the integral of the rates.
 
 Over windows of time, the attitude turns by T about an axis of the body and the gyroscope's integral says R = k T, k its
-scale. Both are seen through the same windows, in two bands (`BANDS`), after the delay between them and, in every
-block, a bias and its drift. Noise on both is why k is given as two bounds and not as a slope: seen from the attitude,
+scale. Both are seen through the same windows, in two bands (`SCALE.windows`), after the delay between them and, in
+every block, a bias and its drift. Noise on both is why k is given as two bounds and not as a slope: seen from the
+attitude,
 
     sum T R / sum T^2  <=  k  <=  sum R^2 / sum T R,
 
@@ -21,37 +22,52 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import factor, option, turns
-from wrenchgap.flight.checks.motion import SLOWEST
+from wrenchgap.flight.checks.motion import INTERVALS
+from wrenchgap.flight.checks.remedies import factor, option, turns
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated, spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
-BANDS = (0.15, 0.6)
-"""Windows [s] over which angles are compared: up to 3 Hz and up to 0.8 Hz."""
-BLOCK, PART = 8.0, 2.0
-"""Of time [s]: a bias and its slope are removed from each block, and the scatter of its parts says how sure k is."""
-MARGIN = 0.1
-"""Of a block's ends [s], for stamps that move."""
-APART = 0.03
-"""Between attitudes of which angles are taken [s]: short enough for turns about changing axes to add up."""
-MOST = 60
-"""Blocks, evenly spread over the flight, beyond which no more are taken."""
-FEWEST = 6
-"""Parts of `PART` s below which nothing is said."""
-LOUDEST = 75.0
-"""Percentile of the motion in the parts to which louder ones are turned down: a crash does not decide."""
-SLOWEST_IMU = 0.05
-"""Period of an IMU [s] beyond which its integral misses the motion."""
-SAID, STOPS = 0.02, 0.05
-"""Off by so much of one a scale is said, and stops: mass and thrust that explain it come out wrong by about as much."""
-SURE = 4.0
-"""Standard deviations that both bounds lie on one side of one: a chance of 1 % with so few parts (Student, 5)."""
-STEADY, OF_ITS_OWN = 0.01, 0.25
-"""By which bounds and bands may differ: that, or this share of how far the scale is from one."""
-LONGEST = 0.1
-"""Of a delay [s] between the two, beyond which they show no common motion."""
+
+@dataclass(frozen=True)
+class ScaleThresholds:
+    """How the scale of a gyroscope is estimated, and when it is wrong."""
+
+    windows: tuple[float, float] = (0.15, 0.6)
+    """Windows [s] over which angles are compared: up to 3 Hz and up to 0.8 Hz."""
+    block: float = 8.0
+    """Time [s] from which a bias and its slope are removed."""
+    part: float = 2.0
+    """Parts of a block [s], whose scatter says how sure the scale is."""
+    margin: float = 0.1
+    """Margin at a block's ends [s], for stamps that move."""
+    spacing: float = 0.03
+    """Time between attitudes of which angles are taken [s]: short enough for turns about changing axes to add up."""
+    most_blocks: int = 60
+    """Blocks, evenly spread over the flight, beyond which no more are taken."""
+    fewest_parts: int = 6
+    """Parts below which nothing is said."""
+    loudest: float = 75.0
+    """Percentile of the motion in the parts to which louder ones are turned down: a crash does not decide."""
+    slowest_imu: float = 0.05
+    """Period of an IMU [s] beyond which its integral misses the motion."""
+    said: float = 0.02
+    """How far from one a scale is said: mass and thrust that explain it come out wrong by about as much."""
+    stops: float = 0.05
+    """How far from one a scale stops the log."""
+    sure: float = 4.0
+    """Standard deviations that both bounds lie on one side of one: a chance of 1 % with so few parts (Student, 5)."""
+    steady: float = 0.01
+    """By which bounds and bands may differ."""
+    steady_share: float = 0.25
+    """Or by this share of how far the scale is from one."""
+    longest_delay: float = 0.1
+    """Delay [s] between the two beyond which they show no common motion."""
+
+
+SCALE = ScaleThresholds()
+
 
 Span = tuple[float, float]
 
@@ -77,7 +93,7 @@ class Bounds:
     @property
     def off(self) -> bool:
         """Whether one is surely not between the bounds."""
-        return self.low - SURE * self.std > 1.0 or 0.0 < self.high + SURE * self.std < 1.0
+        return self.low - SCALE.sure * self.std > 1.0 or 0.0 < self.high + SCALE.sure * self.std < 1.0
 
 
 @dataclass(frozen=True)
@@ -93,18 +109,18 @@ class Scale:
 
     def allows(self, value: float) -> bool:
         """Whether the scale may be this one."""
-        slack = [SURE * b.std + STEADY for b in self.bounds]
+        slack = [SCALE.sure * b.std + SCALE.steady for b in self.bounds]
         return all(b.low - s < value < b.high + s for b, s in zip(self.bounds, slack, strict=True))
 
     @property
     def off(self) -> bool:
-        """Whether all bands say that it is off, by at least `SAID` and by the same."""
+        """Whether all bands say that it is off, by at least `SCALE.said` and by the same."""
         middles = [b.middle for b in self.bounds]
-        if not all(b.off for b in self.bounds) or min(abs(m - 1.0) for m in middles) < SAID - STEADY:
+        if not all(b.off for b in self.bounds) or min(abs(m - 1.0) for m in middles) < SCALE.said - SCALE.steady:
             return False
-        if abs(self.value - 1.0) < SAID:
+        if abs(self.value - 1.0) < SCALE.said:
             return False
-        apart = max(STEADY, OF_ITS_OWN * abs(self.value - 1.0))
+        apart = max(SCALE.steady, SCALE.steady_share * abs(self.value - 1.0))
         return max(b.width for b in self.bounds) < apart and float(np.ptp(middles)) < apart
 
 
@@ -121,13 +137,15 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
         return
     off = {axis: scale for axis, scale in scales.items() if scale.off}
     if not off:
-        yield Check("gyroscope-scale", "ok", f"No axis is off by {100 * SAID:g} % beyond doubt ({_listed(scales)}).")
+        yield Check(
+            "gyroscope-scale", "ok", f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({_listed(scales)})."
+        )
         return
     furthest = max(abs(scale.value - 1.0) for scale in off.values())
     said = ", ".join(f"{axis} {scale.value:.3f}" for axis, scale in off.items())
     words = f"The gyroscope is not the attitude's rate: scale {said}, steady over time and frequency; its datasheet's "
     words += "sensitivity, or the full-scale range that the driver assumes, may be another"
-    yield Check("gyroscope-scale", "bad" if furthest > STOPS else "warn", words, _mend(flight, scales, off))
+    yield Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, _mend(flight, scales, off))
 
 
 BEFORE = ("gyroscope", "body-frame", "inertial-frame", "clock-unit")
@@ -137,15 +155,15 @@ BEFORE = ("gyroscope", "body-frame", "inertial-frame", "clock-unit")
 def gyroscope_scales(flight: Flight) -> dict[str, Scale] | None:
     """The scale by measured axis ("x"); None where attitude or IMU are missing, too slow, or too short."""
     odometry, imu = flight.odometry, flight.imu
-    if odometry is None or imu is None or odometry.period > SLOWEST or imu.period > SLOWEST_IMU:
+    if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
         return None
     blocks = [block for span in _blocks(odometry, imu) if (block := _Block.of(flight, span)) is not None]
-    if sum(block.parts for block in blocks) < FEWEST:
+    if sum(block.parts for block in blocks) < SCALE.fewest_parts:
         return None
     shift = _delay(blocks)
     if shift is None:
         return None
-    seen = [[block.angles(window, shift) for block in blocks] for window in BANDS]
+    seen = [[block.angles(window, shift) for block in blocks] for window in SCALE.windows]
     measured = [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]
     return {"xyz"[k]: Scale(tuple(_bounds(band, k) for band in seen)) for k in measured}
 
@@ -157,11 +175,11 @@ def _blocks(*series: Series) -> list[Span]:
     found, since = [], start
     for until, then in [*gaps, (stop, stop)]:
         length = until - since
-        count = max(1, int(np.ceil(length / BLOCK)))
+        count = max(1, int(np.ceil(length / SCALE.block)))
         size = length / count
-        found += [(since + k * size, since + (k + 1) * size) for k in range(count) if size > 2.0 * PART]
+        found += [(since + k * size, since + (k + 1) * size) for k in range(count) if size > 2.0 * SCALE.part]
         since = max(since, then)
-    return [found[k] for rows in spread(len(found), MOST, 1) for k in range(rows.start, rows.stop)]
+    return [found[k] for rows in spread(len(found), SCALE.most_blocks, 1) for k in range(rows.start, rows.stop)]
 
 
 @dataclass(frozen=True)
@@ -179,20 +197,20 @@ class _Block:
         odometry, imu = flight.odometry, flight.imu
         assert odometry is not None
         assert imu is not None
-        rows = slice(*np.searchsorted(odometry.time, (span[0] + MARGIN, span[1] - MARGIN)))
-        every = max(1, round(APART / odometry.period))
+        rows = slice(*np.searchsorted(odometry.time, (span[0] + SCALE.margin, span[1] - SCALE.margin)))
+        every = max(1, round(SCALE.spacing / odometry.period))
         time, quat = odometry.time[rows][::every], so3.continuous(odometry.quat_EB[rows][::every])
         own = slice(*np.searchsorted(imu.time, span))
         gyro_time, gyro = imu.time[own], np.ascontiguousarray(imu.omega_B[own])
-        if len(time) < 2 * PART / max(APART, odometry.period) or len(gyro_time) < len(time):
+        if len(time) < 2 * SCALE.part / max(SCALE.spacing, odometry.period) or len(gyro_time) < len(time):
             return None
-        turned = np.vstack((np.zeros(3), np.cumsum(so3.turned(quat[:-1], quat[1:]), axis=0)))
+        turned = np.vstack((np.zeros(3), np.cumsum(so3.rotation_between(quat[:-1], quat[1:]), axis=0)))
         return cls(time, turned, gyro_time, gyro, integral(gyro_time, gyro))
 
     @property
     def parts(self) -> int:
-        """Whole parts of `PART`."""
-        return max(1, round(float(self.time[-1] - self.time[0]) / PART))
+        """Whole parts of `SCALE.part`."""
+        return max(1, round(float(self.time[-1] - self.time[0]) / SCALE.part))
 
     def angles(self, window: float, shift: float) -> tuple[Array, Array, Array, Array]:
         """Angles of attitude and gyroscope over windows (K, 3), the latter's change with `shift`, parts (K,)."""
@@ -206,7 +224,7 @@ class _Block:
         )
         turned = np.diff(self.turned[ends], axis=0)[0]
         when = self.time[start]
-        part = np.minimum(((when - when[0]) / PART).astype(int), self.parts - 1)
+        part = np.minimum(((when - when[0]) / SCALE.part).astype(int), self.parts - 1)
         return _straightened(when, turned), _straightened(when, known), _straightened(when, rates), part
 
 
@@ -221,12 +239,12 @@ def _delay(blocks: Sequence[_Block]) -> float | None:
     shift = 0.0
     for _ in range(5):
         turned, known, rates = (
-            np.concatenate(v) for v in zip(*(b.angles(BANDS[0], shift)[:3] for b in blocks), strict=True)
+            np.concatenate(v) for v in zip(*(b.angles(SCALE.windows[0], shift)[:3] for b in blocks), strict=True)
         )
         scale = float(np.sum(turned * known)) / max(float(np.sum(turned**2)), 1e-30)
         change = float(np.sum(rates * (known - scale * turned))) / max(float(np.sum(rates**2)), 1e-30)
         shift += change
-        if abs(shift) > LONGEST:
+        if abs(shift) > SCALE.longest_delay:
             return None
         if abs(change) < 1e-4:
             break
@@ -240,7 +258,7 @@ def _bounds(band: Sequence[tuple[Array, Array, Array, Array]], axis: int) -> Bou
         t, r = turned[:, axis], known[:, axis]
         sums += [np.bincount(part, weights=w) for w in (t * t, t * r, r * r)]
     tt, tr, rr = (np.concatenate(sums[k::3]) for k in range(3))
-    weight = np.minimum(1.0, np.percentile(tt, LOUDEST) / np.maximum(tt, 1e-30))
+    weight = np.minimum(1.0, np.percentile(tt, SCALE.loudest) / np.maximum(tt, 1e-30))
     tt, tr, rr = weight * tt, weight * tr, weight * rr
     total = [float(np.sum(v)) for v in (tt, tr, rr)]
     if total[0] <= 0.0 or total[1] <= 0.0:

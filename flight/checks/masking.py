@@ -10,7 +10,7 @@ of the log: there the other sensors alone are asked, because commands go on wher
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,14 +23,35 @@ from wrenchgap.flight.stamps import gaps_of
 
 LIMITS = {"specific_force_B": 500.0, "omega_B": 100.0, "velocity_E": 300.0, "position_E": 1e5}
 """Beyond these nothing flies: 50 g, 5700 deg/s, 300 m/s, 100 km."""
-BEYOND = 10.0
-"""Times the 95th percentile of its channel that a spike is at least."""
-RARE = 0.04
-"""Share of the samples that spikes are at most."""
-FROZEN_SECONDS, FROZEN_SAMPLES = 0.5, 25
-"""A channel that repeats itself for that long, and for that many samples."""
-LIVELY = 0.05
-"""Share of repeated values of a channel that otherwise changes with every sample."""
+
+
+@dataclass(frozen=True)
+class MaskThresholds:
+    """From when on samples cannot be true."""
+
+    spike: float = 10.0
+    """Times the 95th percentile of its channel that a spike is at least."""
+    rare: float = 0.04
+    """Share of the samples that spikes are at most."""
+    frozen_seconds: float = 0.5
+    """Time [s] for which a frozen channel repeats itself."""
+    frozen_samples: int = 25
+    """Samples for which a frozen channel repeats itself."""
+    lively: float = 0.05
+    """Share of repeated values of a channel that otherwise changes with every sample."""
+    leap: float = 5.0
+    """Times the 99th percentile of its steps by which a channel leaps to a value and from it."""
+    stirring: float = 0.2
+    """Share of its usual steps that another channel makes where the flight goes on."""
+    alive: float = 0.5
+    """Share of the other sensors' channels that go on where one of the IMU has died and the vehicle has not landed."""
+    largest_share: float = 0.5
+    """Share of the flight that may be frozen."""
+
+
+MASKING = MaskThresholds()
+
+
 WATCHED = {
     "imu": ("omega_B", "specific_force_B"),
     "odometry": ("position_E", "quat_EB", "velocity_E", "omega_B"),
@@ -40,14 +61,6 @@ WATCHED = {
 """Channels that are watched, by role."""
 LIMITED = ("commanded", "actuators")
 """Roles whose channels may rest at a limit."""
-JUMP = 5.0
-"""Times the 99th percentile of its steps by which a channel leaps to a value and from it."""
-STIRRING = 0.2
-"""Share of its usual steps that another channel makes where the flight goes on."""
-ALIVE = 0.5
-"""Share of the other sensors' channels that go on where one of the IMU has died and the vehicle has not landed."""
-MOST = 0.5
-"""Share of the flight that may be frozen."""
 
 
 def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut, ...]]:
@@ -72,7 +85,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
         words = f"{role} ({names}) stands still for {b - a:.2f} s at {a:.2f} s"
         words += ", to the end of the log" if runs[0][1] == series.time[-1] else ""
         words += f" and {len(runs) - 1} time(s) more" if len(runs) > 1 else ""
-        if share > MOST:
+        if share > MASKING.largest_share:
             mend = f"--topic {role}=none" if role in ("imu", "odometry") else None
             found.append(Check("frozen", "bad", f"{words}, {100 * share:.0f} % of the log", mend))
             continue
@@ -92,8 +105,8 @@ def spikes(series: Series) -> NDArray[np.bool_]:
         beyond = np.zeros(len(values), dtype=bool)
         for k in np.flatnonzero(row_kernels.largest(values) > limit):
             size = np.nan_to_num(np.abs(values[:, k]))
-            beyond |= (size > limit) & (size > BEYOND * np.percentile(size, 95))
-        if beyond.any() and beyond.mean() <= RARE:
+            beyond |= (size > limit) & (size > MASKING.spike * np.percentile(size, 95))
+        if beyond.any() and beyond.mean() <= MASKING.rare:
             bad |= beyond
     return bad
 
@@ -121,7 +134,7 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
     for role, channels in lively.items():
         for name, values, longest in channels:
-            if longest < FROZEN_SAMPLES:
+            if longest < MASKING.frozen_samples:
                 continue
             for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role == "imu"):
                 if role in LIMITED and not jumps and _saturated(series, lively, start, stop):
@@ -156,7 +169,7 @@ def _dead(series: dict[str, Series], lively: dict[str, list[_Channel]], name: st
         for moving in [_moves(series[role].time, column, start, stop)]
         if moving is not None
     ]
-    return len(others) >= 2 and float(np.mean(others)) > ALIVE
+    return len(others) >= 2 and float(np.mean(others)) > MASKING.alive
 
 
 def _saturated(series: dict[str, Series], lively: dict[str, list[_Channel]], start: float, stop: float) -> bool:
@@ -181,10 +194,10 @@ def _lively(series: Series, names: tuple[str, ...]) -> list[_Channel]:
     found = []
     for name in names:
         values = getattr(series, name)
-        if values is None or len(values) < 4 * FROZEN_SAMPLES:
+        if values is None or len(values) < 4 * MASKING.frozen_samples:
             continue
         for k, (count, longest) in enumerate(row_kernels.repeats(values).T.tolist()):
-            if longest < len(values) - 1 and (count - longest) <= LIVELY * max(len(values) - 1 - longest, 1):
+            if longest < len(values) - 1 and (count - longest) <= MASKING.lively * max(len(values) - 1 - longest, 1):
                 found.append(_Channel(f"{name} {k}", values[:, k], longest))
     return found
 
@@ -200,14 +213,14 @@ def _runs(time: Array, column: Array, *, limited: bool, dies: bool) -> Iterator[
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
     usual = None
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first < FROZEN_SAMPLES or time[last] - time[first] < FROZEN_SECONDS:
+        if last - first < MASKING.frozen_samples or time[last] - time[first] < MASKING.frozen_seconds:
             continue
         if first == 0 or (last == len(same) and not dies):
             continue
         if last == len(same):
             yield float(time[first]), float(time[last]), False
             continue
-        usual = JUMP * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
+        usual = MASKING.leap * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
         jumps = column[first] == 0.0 and min(abs(steps[first - 1]), abs(steps[last])) > usual
         at_limit = limited and column[first] in (column.min(), column.max())
         if jumps or not at_limit:
@@ -220,4 +233,4 @@ def _moves(time: Array, column: Array, start: float, stop: float) -> bool | None
     if b - a < 3:
         return None
     steps = np.abs(np.diff(column))
-    return bool(np.mean(steps[a : b - 1]) > STIRRING * np.mean(np.delete(steps, np.s_[a : b - 1])))
+    return bool(np.mean(steps[a : b - 1]) > MASKING.stirring * np.mean(np.delete(steps, np.s_[a : b - 1])))

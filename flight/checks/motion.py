@@ -1,37 +1,70 @@
 """What odometry and IMU say of the same intervals of time: mean rates, mean specific forces, mean velocities.
 
-Means over intervals of about `INTERVAL` and not derivatives, so that an odometry of 10 Hz can be held against an IMU of
-1 kHz: a displacement over an interval is exactly the mean velocity, a rotation nearly the mean rate.
+Means over intervals of about `INTERVALS.length` and not derivatives, so that an odometry of 10 Hz can be held against
+an IMU of 1 kHz: a displacement over an interval is exactly the mean velocity, a rotation nearly the mean rate.
+
+`best_axes` searches which of 48 ways to name and sign three axes, or which rotation, makes truths t (K, 3) and readings
+r (K, 3) of the same vector agree. With A = sum t r^T the rotation that brings the readings closest to the truths is
+U V^T of A = U S V^T (Schoenemann 1966; Wahba 1965), and what a signed permutation P achieves is trace(P^T A). Blocks of
+time tell how well the rotation is known.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels, so3
-from wrenchgap.flight.flight import Array, Flight, Series
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Array, Flight, Series
+from wrenchgap.flight.mapping_units import axes_word
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated
 
-INTERVAL = 0.1
-"""[s]"""
-SLOWEST = 0.2
-"""Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
-FEWEST = 20
-"""Intervals below which nothing is said."""
-MOST = 8_000
-"""Intervals that are compared of a flight of many; they overlap."""
-FULL = 2.5
-"""Angle [rad] turned in an interval beyond which two attitudes do not tell which way round: half a turn is none."""
-BLOCKS = 8
+
+@dataclass(frozen=True)
+class IntervalLimits:
+    """Over which intervals odometry and IMU are compared."""
+
+    length: float = 0.1
+    """Length of an interval [s]: an odometry of 10 Hz can be held against an IMU of 1 kHz."""
+    slowest: float = 0.2
+    """Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
+    fewest: int = 20
+    """Intervals below which nothing is said."""
+    most: int = 8_000
+    """Intervals that are compared of a flight of many; they overlap."""
+    half_turn: float = 2.5
+    """Angle [rad] turned in an interval beyond which two attitudes do not tell which way round: half a turn is none."""
+
+
+INTERVALS = IntervalLimits()
 
 
 @dataclass(frozen=True)
-class Seen:
+class AxesThresholds:
+    """From when on a search for axes has found others than the mapping says."""
+
+    blocks: int = 8
+    """Blocks of time, over which the scatter of a rotation is taken."""
+    turned_deg: float = 20.0
+    """Rotation [deg] below which a sensor has a mounting error, which is an effect and no mistake in a mapping."""
+    known_deg: float = 10.0
+    """Scatter of the rotation over blocks [deg] up to which it is believed."""
+    explains: float = 0.8
+    """Cosine between truths and turned readings from which on they are the same vector."""
+    better: float = 0.06
+    """By how much the cosine must rise for another reading to be taken."""
+
+
+AXES_SEARCH = AxesThresholds()
+
+
+@dataclass(frozen=True)
+class MotionMeans:
     """Means over K intervals. `rate` (K, 3) of the attitude in B, `gyro`, `accel` (K, 3) what the IMU reads, `own_rate`
     (K, 3) of the odometry's twist; `attitude` (K, 4) at the middle, `apart` rows from that at the end of the interval.
     `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E; `acceleration`
@@ -60,32 +93,32 @@ class Seen:
         return np.asarray(so3.rotate_inverse(quat, self.accelerating + np.array([0.0, 0.0, gravity])))
 
 
-def seen(flight: Flight) -> Seen | None:
+def motion_means(flight: Flight) -> MotionMeans | None:
     """The intervals of a flight; None where there is no odometry, or one that is too slow or too short."""
     odometry = flight.odometry
-    if odometry is None or odometry.period > SLOWEST:
+    if odometry is None or odometry.period > INTERVALS.slowest:
         return None
     time, quat = odometry.time, so3.continuous(odometry.quat_EB)
-    m = max(1, round(INTERVAL / odometry.period))
+    m = max(1, round(INTERVALS.length / odometry.period))
     first = np.arange(0, len(time) - 2 * m)
-    thinned = max(1, len(first) // MOST)
+    thinned = max(1, len(first) // INTERVALS.most)
     first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
     if flight.imu is not None:
         usable &= _covered(flight.imu, time[first], time[last])
     first, middle, last = first[usable], middle[usable], last[usable]
-    slow = _halves(quat, first, middle, last) < FULL
+    slow = _halves(quat, first, middle, last) < INTERVALS.half_turn
     first, middle, last = first[slow], middle[slow], last[slow]
-    if len(first) < FEWEST:
+    if len(first) < INTERVALS.fewest:
         return None
     span = (time[last] - time[first])[:, None]
     before, after = (time[middle] - time[first])[:, None], (time[last] - time[middle])[:, None]
     p, v = odometry.position_E, odometry.velocity_E
     slopes = (p[middle] - p[first]) / before, (p[last] - p[middle]) / after
     imu = flight.imu
-    return Seen(
-        rate=so3.turned(quat[first], quat[last]) / span,
+    return MotionMeans(
+        rate=so3.rotation_between(quat[first], quat[last]) / span,
         attitude=quat[middle],
         moved=(p[last] - p[first]) / span,
         curve=(slopes[1] - slopes[0]) / (0.5 * span),
@@ -100,7 +133,7 @@ def seen(flight: Flight) -> Seen | None:
 
 def _halves(quat: Array, first: NDArray[np.intp], middle: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
     """Angles [rad] turned in both halves of the intervals, added (K,)."""
-    halves = so3.turned(quat[first], quat[middle]), so3.turned(quat[middle], quat[last])
+    halves = so3.rotation_between(quat[first], quat[middle]), so3.rotation_between(quat[middle], quat[last])
     return np.asarray(sum(lengths(half) for half in halves))
 
 
@@ -133,3 +166,112 @@ def without_mean(values: Array) -> Array:
 def rms(values: Array) -> float:
     """Root mean square length of vectors (K, C)."""
     return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+PERMUTATIONS: tuple[Array, ...] = tuple(
+    np.diag(signs) @ np.eye(3)[list(order)]
+    for order in itertools.permutations(range(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
+)
+"""All 48; the first is the identity."""
+
+Pair = tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Axes:
+    """`matrix` (3, 3) with truth = matrix @ reading, the cosine `fits` with it and `as_is`, and its `words`."""
+
+    matrix: Array
+    fits: float
+    as_is: float
+    words: str
+
+
+def cross(pair: Pair) -> Array:
+    """Sum of truth reading^T (3, 3), of signals of length one."""
+    truth, reading = pair
+    return np.asarray(truth.T @ reading / max(float(np.linalg.norm(truth) * np.linalg.norm(reading)), 1e-30))
+
+
+def best_axes(pairs: Sequence[Pair]) -> Axes | None:
+    """How the readings of all pairs must be turned alike, None where they need not be or nothing can be said.
+
+    The first pair must improve; pairs are weighted alike.
+    """
+    total = np.sum([cross(pair) for pair in pairs], axis=0)
+    leading = cross(pairs[0])
+    scores = [float(np.sum(p * total)) for p in PERMUTATIONS]
+    chosen = PERMUTATIONS[int(np.argmax(scores))]
+    turn = _rotation(total)
+    as_is = float(np.trace(leading))
+    scatter = _scatter(pairs, turn)
+    if (
+        angle(turn) > AXES_SEARCH.turned_deg
+        and scatter < AXES_SEARCH.known_deg
+        and angle(turn @ nearest(turn).T) > 0.75 * AXES_SEARCH.turned_deg
+    ):
+        fits = float(np.sum(turn * leading))
+        if (
+            fits > AXES_SEARCH.explains
+            and fits > as_is + AXES_SEARCH.better
+            and fits > float(np.sum(chosen * leading)) + 0.02
+        ):
+            return Axes(turn, fits, as_is, rotation_words(turn))
+    fits = float(np.sum(chosen * leading))
+    if (
+        np.array_equal(chosen, np.eye(3))
+        or fits < AXES_SEARCH.explains
+        or fits < as_is + AXES_SEARCH.better
+        or not _steady(pairs, chosen)
+    ):
+        return None
+    return Axes(chosen, fits, as_is, axes_word(chosen))
+
+
+def nearest(turn: Array) -> Array:
+    """The signed permutation that is closest to a matrix."""
+    return max(PERMUTATIONS, key=lambda p: float(np.sum(p * turn)))
+
+
+def angle(turn: Array) -> float:
+    """Of a rotation [deg]."""
+    return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))))
+
+
+def rotation_words(turn: Array) -> str:
+    """Roll, pitch and yaw in degrees, those that matter: the words of a mapping, applied in this order."""
+    yaw = np.arctan2(turn[1, 0], turn[0, 0])
+    pitch = -np.arcsin(np.clip(turn[2, 0], -1.0, 1.0))
+    roll = np.arctan2(turn[2, 1], turn[2, 2])
+    found = {"roll": np.degrees(roll), "pitch": np.degrees(pitch), "yaw": np.degrees(yaw)}
+    rounded = {name: _round(float(value)) for name, value in found.items()}
+    return ",".join(f"{name}={value:g}" for name, value in rounded.items() if value)
+
+
+def _round(degrees: float) -> float:
+    """To what somebody would mount: a multiple of 15 deg where one is near, nothing below 6 deg."""
+    grid = 15.0 * round(degrees / 15.0)
+    return grid if abs(degrees - grid) < 6.0 else float(round(degrees))
+
+
+def _rotation(matrix: Array) -> Array:
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
+def _blocks(pairs: Sequence[Pair]) -> list[Array]:
+    """Summed cross products (3, 3) block by block."""
+    parts = [[np.array_split(signal, AXES_SEARCH.blocks) for signal in pair] for pair in pairs]
+    return [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(AXES_SEARCH.blocks)]
+
+
+def _scatter(pairs: Sequence[Pair], turn: Array) -> float:
+    """Median angle [deg] between the rotation and those of blocks."""
+    return float(np.median([angle(_rotation(block) @ turn.T) for block in _blocks(pairs)]))
+
+
+def _steady(pairs: Sequence[Pair], chosen: Array) -> bool:
+    """Whether a permutation beats the identity in nearly every block."""
+    better = [float(np.sum((chosen - np.eye(3)) * block)) > 0.0 for block in _blocks(pairs)]
+    return sum(better) >= AXES_SEARCH.blocks - 1

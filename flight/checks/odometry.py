@@ -3,36 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.attitude import STILL, rate_check
-from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import BLOCKS, Seen, cosine, rms, without_mean
-from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.checks.attitude import ATTITUDE, rate_check
+from wrenchgap.flight.checks.motion import AXES_SEARCH, MotionMeans, cosine, rms, without_mean
+from wrenchgap.flight.checks.remedies import factor, option
+from wrenchgap.flight.flight import GRAVITY, Array, Flight
 
-STANDING = 0.05
-"""[m/s] Motion below which velocities are not compared."""
-SHAKEN = 0.3
-"""[m/s^2] Acceleration below which lengths are not compared with the accelerometer."""
-EMPTY = 0.01
-"""Share of the attitude's rates below which the odometry's own are no rates."""
-ALIKE = 0.8
-"""Cosine from which on two signals are the same up to a factor."""
-FACTOR = 1.4
-"""Factor beyond which lengths are in another unit or scale: an estimator's filter takes down a fifth."""
+
+@dataclass(frozen=True)
+class OdometryThresholds:
+    """From when on an odometry contradicts itself or the accelerometer."""
+
+    standing: float = 0.05
+    """Speed [m/s] below which velocities are not compared."""
+    shaken: float = 0.3
+    """Acceleration [m/s^2] below which lengths are not compared with the accelerometer."""
+    empty: float = 0.01
+    """Share of the attitude's rates below which the odometry's own are no rates."""
+    alike: float = 0.8
+    """Cosine from which on two signals are the same up to a factor."""
+    factor: float = 1.4
+    """Factor beyond which lengths are in another unit or scale: an estimator's filter takes down a fifth."""
+
+
+ODOMETRY = OdometryThresholds()
+
+
 UNITS = {1000.0: "mm", 100.0: "cm"}
 
 
-def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def odometry_rate(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """The odometry's own rates against its attitude."""
     if seen is None or seen.own_rate is None:
         return
     turned, logged = rms(without_mean(seen.rate)), rms(seen.own_rate)
-    if logged < EMPTY * turned and turned > STILL:
+    if logged < ODOMETRY.empty * turned and turned > ATTITUDE.still_rate:
         words = f"Odometry's rates are {logged / turned:.1g} times those of its attitude: nobody fills them in"
         yield Check("odometry-rate", "bad", words, "--topic twist=none")
         return
@@ -41,21 +51,21 @@ def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield found
 
 
-def velocity(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def velocity(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """The odometry's velocity against its positions; the accelerometer says which of them is wrong."""
     if seen is None or seen.velocity is None:
         return
     moved, logged = seen.moved, seen.velocity
-    if rms(moved) < STANDING and rms(logged) < STANDING:
+    if rms(moved) < ODOMETRY.standing and rms(logged) < ODOMETRY.standing:
         return
     alike = cosine(moved, logged)
     slope = float(np.sum(logged * moved) / max(np.sum(moved**2), 1e-30))
     misfit = rms(logged - moved) / max(rms(moved), 1e-12)
     said = f"Odometry's velocity is {slope:.3g} times the differentiated position (misfit {100 * misfit:.0f} %)"
-    if alike > 0.9 and not 1.0 / FACTOR < slope < FACTOR:
+    if alike > 0.9 and not 1.0 / ODOMETRY.factor < slope < ODOMETRY.factor:
         parts, words = _wrong_lengths(seen, slope)
         yield Check("velocity", "bad", f"{said}: another unit or scale", option(flight, words, parts))
-    elif alike < 0.3 and rms(moved) > 6.0 * STANDING:
+    elif alike < 0.3 and rms(moved) > 6.0 * ODOMETRY.standing:
         yield Check("velocity", "bad", f"{said}: another frame or vehicle", "--topic twist=none")
     elif abs(slope - 1.0) > 0.15 or misfit > 0.5:
         yield Check("velocity", "warn", f"{said}: another frame, unit or clock.")
@@ -63,11 +73,11 @@ def velocity(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         yield Check("velocity", "ok", f"Odometry's velocity agrees with its position (factor {slope:.2f}).")
 
 
-def _wrong_lengths(seen: Seen, slope: float) -> tuple[str, str]:
+def _wrong_lengths(seen: MotionMeans, slope: float) -> tuple[str, str]:
     """Which of velocity and position is in another unit, and the words that mend it."""
     of_velocity, of_position = _scale(seen, seen.acceleration), _scale(seen, seen.curve)
-    position_is_wrong = of_position is not None and not 1.0 / FACTOR < of_position < FACTOR
-    if position_is_wrong and (of_velocity is None or 1.0 / FACTOR < of_velocity < FACTOR):
+    position_is_wrong = of_position is not None and not 1.0 / ODOMETRY.factor < of_position < ODOMETRY.factor
+    if position_is_wrong and (of_velocity is None or 1.0 / ODOMETRY.factor < of_velocity < ODOMETRY.factor):
         return "pose", _unit(1.0 / slope, "position")
     if of_position is None and slope < 0.02:
         return "pose", _unit(1.0 / slope, "position")
@@ -80,44 +90,42 @@ def _unit(ratio: float, vector: str) -> str:
     return near or f"{vector}*{factor(1.0 / ratio)}"
 
 
-def odometry_scale(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Lengths of the odometry against the accelerometer."""
     if seen is None or seen.accel is None or np.isnan(seen.accel).any():
         return
     scale = _scale(seen, seen.accelerating)
     if scale is None:
         return
-    if 1.0 / FACTOR < scale < FACTOR:
+    if 1.0 / ODOMETRY.factor < scale < ODOMETRY.factor:
         yield Check("odometry-scale", "ok", f"Accelerations of the odometry are {scale:.2f} times the accelerometer's.")
         return
     other = None if seen.velocity is None else _scale(seen, seen.curve)
-    if other is not None and 1.0 / FACTOR < other < FACTOR:
+    if other is not None and 1.0 / ODOMETRY.factor < other < ODOMETRY.factor:
         return  # the positions are right: `velocity` says it
     unit = next((word for k, word in UNITS.items() if 0.7 < scale / k < 1.4), None)
     words = unit or f"position*{factor(1.0 / scale)}"
     mend = option(flight, words, "pose")
     if seen.velocity is not None:
-        mend = option(flight, words, "pose", "twist") if unit else f"{mend} {_velocity_words(flight, scale)}"
+        apart = f"{mend} {option(flight, f'velocity*{factor(1.0 / scale)}', 'twist')}"
+        mend = option(flight, words, "pose", "twist") if unit else apart
     yield Check(
         "odometry-scale", "bad",
         f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres", mend,
     )  # fmt: skip
 
 
-def _velocity_words(flight: Flight, scale: float) -> str:
-    return option(flight, f"velocity*{factor(1.0 / scale)}", "twist")
-
-
-def _scale(seen: Seen, acceleration: Array | None) -> float | None:
+def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:
     """Accelerations (K, 3) over those that the accelerometer shows; None where they are not alike, or too small."""
     if acceleration is None or seen.accel is None or np.isnan(seen.accel).any():
         return None
     felt = without_mean(so3.rotate(seen.attitude, seen.accel) - np.array([0.0, 0.0, GRAVITY]))
     shown = without_mean(acceleration)
-    if rms(felt) < SHAKEN or cosine(shown, felt) < ALIKE:
+    if rms(felt) < ODOMETRY.shaken or cosine(shown, felt) < ODOMETRY.alike:
         return None
     ratios = [
-        rms(a) / max(rms(b), 1e-12) for a, b in zip(*(np.array_split(v, BLOCKS) for v in (shown, felt)), strict=True)
+        rms(a) / max(rms(b), 1e-12)
+        for a, b in zip(*(np.array_split(v, AXES_SEARCH.blocks) for v in (shown, felt)), strict=True)
     ]
     spread = float(np.std(np.log(ratios)))
     return float(np.exp(np.median(np.log(ratios)))) if spread < 0.7 else None

@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import thinned
 from wrenchgap.flight.unmeasured import sentence, unmeasured_axes
-
-ROWS = 20_000
-"""Of a flight, evenly spread, by which the size of a command is told."""
 
 
 def roles(flight: Flight) -> Iterator[Check]:
@@ -47,12 +44,12 @@ def vehicles(found: Sequence[tuple[str, str]]) -> tuple[Check, ...]:
     return (Check("vehicles", "bad", words, f"--topic {part}={topic}"),)
 
 
-def units(flight: Flight) -> Iterator[Check]:
-    """Rotor speeds and tilt angles, by their sizes."""
+def units(flight: Flight, rows: int = 20_000) -> Iterator[Check]:
+    """Rotor speeds and tilt angles, by their sizes in so many rows, evenly spread over the flight."""
     if flight.actuators is None or flight.actuators.unit != "rad/s":
         return
-    rows = thinned(len(flight.actuators.time), ROWS)
-    speeds, tilts = np.abs(flight.actuators.rotor_speed[rows]), np.abs(flight.actuators.tilt[rows])
+    some = thinned(len(flight.actuators.time), rows)
+    speeds, tilts = np.abs(flight.actuators.rotor_speed[some]), np.abs(flight.actuators.tilt[some])
     if speeds.size and float(np.median(speeds)) > 3500.0:
         yield Check(
             "rotor-speed-unit",

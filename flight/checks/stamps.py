@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.clocks import UNIT_RATES, Relation, Timing
 from wrenchgap.flight.flight import Flight, Series
-from wrenchgap.flight.stamps import jitter
+from wrenchgap.flight.mapping_units import topic_of
+from wrenchgap.flight.stamps import Steps
 
 STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
-SLOW_LINK = 0.1  # s
 
 
 def stamps(flight: Flight) -> Iterator[Check]:
@@ -34,7 +34,7 @@ def _stamp_faults(series: Series) -> Iterator[tuple[str, str]]:
             f"{len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s; "
             "stretches are split there.",
         )
-    spread = jitter(series.time)
+    spread = Steps(series.time).jitter
     if spread > 0.3 * series.period:
         yield (
             "jitter",
@@ -63,7 +63,7 @@ def _units(timing: Timing, mapping: Mapping[str, str]) -> Iterator[Check]:
         return
     mends = []
     for part, source in mapping.items():
-        unit = next((u for topic, u in strange.items() if _topic(source) == topic), None)
+        unit = next((u for topic, u in strange.items() if topic_of(source) == topic), None)
         if unit is not None:
             word = STAMP_WORDS.get(unit) or f"stamp*{1.0 / unit:g}"
             mends.append(f"--topic {shlex.quote(f'{part}={source}' + (',' if ':' in source else ':') + word)}")
@@ -72,19 +72,14 @@ def _units(timing: Timing, mapping: Mapping[str, str]) -> Iterator[Check]:
     yield Check("clock-unit", "bad", words, " ".join(mends))
 
 
-def _topic(source: str) -> str:
-    for mark in ".[*:":
-        source = source.partition(mark)[0]
-    return source
-
-
 def _jumps(timing: Timing) -> Iterator[Check]:
     for topic, found in timing.jumps.items():
         listed = ", ".join(f"{seconds:+.3f} s at message {index}" for index, seconds in found)
         yield Check("clock-jump", "warn", f"{topic}: stamps jump by {listed}: a clock was set; taken out.")
 
 
-def _others(timing: Timing) -> Iterator[Check]:
+def _others(timing: Timing, slow_link: float = 0.1) -> Iterator[Check]:
+    """How clocks differ from the recorder's, and links that are later than `slow_link` [s]."""
     relations = {topic: clock for topic, clock in timing.relations.items() if clock.unit is None}
     if relations and not timing.mapped and not any(clock.same for clock in relations.values()):
         topic, clock = next(iter(relations.items()))
@@ -94,7 +89,7 @@ def _others(timing: Timing) -> Iterator[Check]:
     for topic, clock in relations.items():
         if not clock.same:
             yield Check("clock", "warn", f"{topic}: {_described(clock)}; see the notes for how they are used.")
-        elif abs(clock.offset) > SLOW_LINK:
+        elif abs(clock.offset) > slow_link:
             yield Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
 
 

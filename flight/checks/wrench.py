@@ -8,18 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
-from wrenchgap.flight.checks.motion import Seen
+from wrenchgap.flight.checks.motion import MotionMeans
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated, thinned
-
-OPPOSITE = -0.5
-"""Median cosine below which force and specific force are opposite."""
-ROWS = 20_000
-"""Of a flight, evenly spread, on which the two are compared."""
-LIFTED = 0.3
-"""Of the 90th percentile of the commanded force: less is the ground."""
 
 
 def behind_body_frame(found: Iterable[Check], known: Iterable[Check]) -> list[Check]:
@@ -44,13 +37,19 @@ def _axes(mend: str | None) -> str:
     return (mend or "").rpartition(":")[2].strip("'").rpartition(",")[2]
 
 
-def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:
-    """Whether the commanded force points where the specific force does."""
+def wrench_frame(
+    flight: Flight, seen: MotionMeans | None, rows: int = 20_000, lifted: float = 0.3, opposite: float = -0.5
+) -> Iterator[Check]:
+    """Whether the commanded force points where the specific force does.
+
+    They are compared on so many `rows`, evenly spread, where the commanded force is above the share `lifted` of its
+    90th percentile: less is the ground. `opposite` is the median cosine below which they are.
+    """
     sent, imu = flight.commanded, flight.imu
     if sent is None:
         return
-    rows = thinned(len(sent.time), ROWS)
-    time, force = sent.time[rows], sent.wrench_B[rows, :3]
+    some = thinned(len(sent.time), rows)
+    time, force = sent.time[some], sent.wrench_B[some, :3]
     if imu is not None and not np.isnan(imu.specific_force_B).any():
         felt = interpolated(time, imu.time, imu.specific_force_B)
     elif seen is not None and len(seen.attitude) > 1 and flight.odometry is not None:
@@ -58,12 +57,12 @@ def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     else:
         return
     size = lengths(force)
-    flying = size > LIFTED * np.percentile(size, 90)
+    flying = size > lifted * np.percentile(size, 90)
     if not flying.any():
         return
     alike = np.sum(force * felt, axis=1) / np.maximum(size * lengths(felt), 1e-12)
     median = float(np.median(alike[flying]))
-    if median < OPPOSITE:
+    if median < opposite:
         down = float(np.median(force[flying, 2]))
         words = (
             f"The commanded force (median force_z {down:.3g}) is opposite to the specific force (cosine {median:.2f})"

@@ -14,14 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.aerospace import enu, flu, quat_flu_to_enu, quat_of_euler
-from wrenchgap.flight.formats.made import Made, cropped
-from wrenchgap.flight.formats.merging import Stamps, at, cubic
+from wrenchgap.flight.formats.derived_topics import Made, Stamps, are_pulses, cropped, cubic_at, values_at
+from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.table import Table
 
-PULSES = (700.0, 2300.0)
-MOSTLY = 0.5
-"""Share of the log for which outputs must carry pulses."""
 RPM = 2.0 * np.pi / 60.0
 MOTOR_FUNCTIONS = {**{33 + i: i for i in range(8)}, **{82 + i: 8 + i for i in range(4)}}
 """Motor by the value of a SERVOn_FUNCTION."""
@@ -91,7 +87,7 @@ class _Messages:
             rate, force = self._numbers(one, "GyrX", "GyrY", "GyrZ"), self._numbers(other, "AccX", "AccY", "AccZ")
             if rate is not None and force is not None:
                 stamps = [_sampled(table) for table, _ in (rate, force)]
-                specific = at(stamps[0], stamps[1], force[1])
+                specific = values_at(stamps[0], stamps[1], force[1])
                 raw = self._made("imu/raw", rate[0], stamps[0]).imu(flu(rate[1]), flu(specific))
                 yield f"{one} + {other}", cropped(raw)
                 return
@@ -101,13 +97,11 @@ class _Messages:
 
         Quaternions of the same one first: two estimators need not agree.
         """
-        order = sorted(ESTIMATORS, key=lambda kind: kind != {2: "NK", 3: "XK"}.get(self._in_use()))
+        in_use = int(self.parameters.get("AHRS_EKF_TYPE", 3))
+        order = sorted(ESTIMATORS, key=lambda kind: kind != {2: "NK", 3: "XK"}.get(in_use))
         known = (kind for kind in order if self._numbers(ESTIMATORS[kind][0], *POSITION, *VELOCITY) is not None)
         place, own = ESTIMATORS[next(known, order[0])]
         return place, (*((name, QUATERNION) for name in own), *OTHERS)
-
-    def _in_use(self) -> int:
-        return int(self.parameters.get("AHRS_EKF_TYPE", 3))
 
     def _odometry(self) -> Iterator[tuple[str, Table]]:
         sources = (("odometry", *self._estimator()), ("odometry_truth", "SIM2", (("SIM", QUATERNION),)))
@@ -120,8 +114,8 @@ class _Messages:
             assert moved is not None
             known, motion = moved[0].log_time_ns, moved[1]
             stamps = table.log_time_ns
-            position_E = enu(cubic(stamps, known, motion[:, :3], motion[:, 3:]))
-            velocity_E = enu(at(stamps, known, motion[:, 3:]))
+            position_E = enu(cubic_at(stamps, known, motion[:, :3], motion[:, 3:]))
+            velocity_E = enu(values_at(stamps, known, motion[:, 3:]))
             made = self._made(name, table).odometry(position_E, quat_flu_to_enu(quat), velocity_E)
             yield f"{attitude[0]} + {place}", cropped(made)
 
@@ -137,7 +131,7 @@ class _Messages:
         if asked is None or any(part is None for part in wanted):
             return
         stamps = asked[0].log_time_ns
-        parts = [at(stamps, part[0].log_time_ns, part[1]) for part in wanted if part is not None]
+        parts = [values_at(stamps, part[0].log_time_ns, part[1]) for part in wanted if part is not None]
         place, velocity = (np.stack([part[:, k] for part in parts], axis=1) for k in (0, 1))
         quat = quat_flu_to_enu(quat_of_euler(*np.radians(asked[1]).T))
         if np.isfinite(place).all(axis=1).any():
@@ -160,8 +154,8 @@ class _Messages:
         found = self._numbers("RCOU", *channels) if channels else None
         if found is None:
             return
-        sent = np.where((found[1] >= PULSES[0]) & (found[1] <= PULSES[1]), found[1], np.nan)
-        if np.isfinite(sent).all(axis=1).mean() > MOSTLY:  # disarmed, or behind a safety switch, there is no pulse: 0
+        sent = np.where(are_pulses(found[1]), found[1], np.nan)
+        if np.isfinite(sent).all(axis=1).mean() > 0.5:  # disarmed, or behind a safety switch, there is no pulse: 0
             yield "RCOU", cropped(self._made("outputs_pwm", found[0]).actuators(sent, unit="pwm"))
 
     def _motor_channels(self, table: Table) -> list[str]:
@@ -186,14 +180,14 @@ class _Messages:
         found = [part for part in every if part is not None and np.any(part[1])]
         if found:
             stamps = found[0][0].log_time_ns
-            speeds = [found[0][1], *(at(stamps, table.log_time_ns, rpm) for table, rpm in found[1:])]
+            speeds = [found[0][1], *(values_at(stamps, table.log_time_ns, rpm) for table, rpm in found[1:])]
             yield "ESC", cropped(self._made("esc_measured", found[0][0]).actuators(np.hstack(speeds) * RPM))
 
 
-def _pulses(values: NDArray[Any]) -> bool:
-    """Whether a channel carries pulses that change, but for times without any."""
+def _pulses(values: NDArray[Any], mostly: float = 0.5) -> bool:
+    """Whether a channel carries pulses that change, but for times without any; for this share of the log, at least."""
     sent = values[values > 0]
-    return bool(len(sent) > MOSTLY * len(values) and np.min(sent) >= PULSES[0] and np.ptp(sent) > 0)
+    return bool(len(sent) > mostly * len(values) and are_pulses(sent, highest=np.inf).all() and np.ptp(sent) > 0)
 
 
 def _sampled(table: Table) -> Stamps:

@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
+from wrenchgap.flight.formats.message_walk import Definitions
 from wrenchgap.flight.formats.reader import Batch, Channel, Places
 from wrenchgap.flight.formats.table import Columns, Selection, Table
-from wrenchgap.flight.formats.walk import Definitions
 
 ROS = ("cdr", "ros1")
 OTHERS = ("json", "protobuf")
-TIMES = 150
-"""Bytes of an array of log times besides its numbers."""
 STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("header.stamp.sec", "header.stamp.nsec"),
@@ -101,7 +99,7 @@ class Collector:
         decoder = self.decoders[channel]
         if channel.type != first.type or (decoder is None and self.decoders.get(first) is not None):
             return
-        self.account.take(TIMES + 8 * len(batch.log_time_ns), "log times")
+        self.account.take(LIMITS.log_times + 8 * len(batch.log_time_ns), "log times")
         self.account.check_time()
         self.times.setdefault(channel.topic, []).append(np.array(batch.log_time_ns, dtype=np.int64))
         if isinstance(decoder, Decoder):

@@ -15,16 +15,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.extras import required, silenced
-from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.reader import TableReader, one_line, required, silenced
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 HEADER = 3
 """Bytes before a message: two of a mark, one of the type."""
-BLOCK = 65536
-"""Messages cut at once: their index takes eight times their bytes."""
 CODES: dict[str, tuple[str, float]] = {
     "b": ("i1", 1.0),
     "B": ("u1", 1.0),
@@ -51,10 +48,6 @@ CODES: dict[str, tuple[str, float]] = {
 """Of each letter of a format: the primitive, and the factor that the letter implies."""
 INSTANCES = ("I", "Instance", "Inst", "C")
 """Columns that number instances, for logs that do not say which does; `C` is an estimator's core."""
-MOST_INSTANCES = 256
-"""Of a message, at most: their number is a byte where ArduPilot writes it."""
-PLACE = 50
-"""Bytes that pymavlink keeps of each message."""
 NUMBERED = frozenset({"IMU", "ACC", "GYR", "ESC", "BAT", "XKQ", "XKF1", "NKQ", "NKF1"})
 
 
@@ -110,7 +103,7 @@ def _messages(path: Path, account: Account, only: str | None = None) -> tuple[di
         raise LogError(f"{path}: not a readable dataflash log ({one_line(error) or type(error).__name__})") from error
     data = np.memmap(path, dtype=np.uint8, mode="r")
     out, strange = {}, len(data)
-    account.take(PLACE * sum(map(len, log.offsets)), "the places of messages")
+    account.take(LIMITS.dataflash_place * sum(map(len, log.offsets)), "the places of messages")
     for kind, layout in log.formats.items():
         account.check_time()
         places = np.array(log.offsets[kind], dtype=np.int64)
@@ -132,8 +125,8 @@ def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) ->
     if not letters or dtype.itemsize != layout.len - HEADER or len(letters) != len(layout.columns):
         return {}
     rows = np.empty((len(places), dtype.itemsize), dtype=np.uint8)
-    for first in range(0, len(places), BLOCK):
-        some = slice(first, first + BLOCK)
+    for first in range(0, len(places), LIMITS.dataflash_block):
+        some = slice(first, first + LIMITS.dataflash_block)
         rows[some] = data[places[some, None] + np.arange(HEADER, layout.len)]
     fields = rows.view(dtype)[:, 0]
     factors = (CODES[letter][1] for letter in letters)
@@ -146,7 +139,7 @@ def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) ->
 def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]:
     """A table for each instance, in the order of the stamps; none for messages without a time.
 
-    Nor for more than `MOST_INSTANCES`, of which the notes are told.
+    Nor for more than `LIMITS.dataflash_instances`, of which the notes are told.
     """
     clock, unit = next(((c, u) for c, u in (("TimeUS", 1000), ("TimeMS", 1_000_000)) if c in columns), ("", 0))
     if not unit or columns[clock].dtype.kind not in "iu":
@@ -157,8 +150,10 @@ def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]
         number = np.zeros(len(number), dtype=int)
     known = columns[clock] <= 2**63 // unit - 1
     instances = np.unique(number[known]).tolist()
-    if len(instances) > MOST_INSTANCES:
-        notes.append(f"{name} numbers {len(instances):,} instances, and no vehicle has {MOST_INSTANCES}: left out.")
+    if len(instances) > LIMITS.dataflash_instances:
+        notes.append(
+            f"{name} numbers {len(instances):,} instances, and no vehicle has {LIMITS.dataflash_instances}: left out."
+        )
         return
     for instance in instances:
         rows = np.flatnonzero(known & (number == instance))

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from wrenchgap.flight.budget import Account
-from wrenchgap.flight.formats.packed import Packer
+from wrenchgap.flight.budget import LIMITS, Account
+from wrenchgap.flight.formats.message_layouts import Packer
+from wrenchgap.flight.formats.message_walk import DTYPES as DTYPES
+from wrenchgap.flight.formats.message_walk import Definitions, Layout, Uneven, Walk
+from wrenchgap.flight.formats.message_walk import UndecodableError as UndecodableError
 from wrenchgap.flight.formats.reader import Channel, Places, one_line
 from wrenchgap.flight.formats.table import Columns
-from wrenchgap.flight.formats.walk import DTYPES as DTYPES
-from wrenchgap.flight.formats.walk import FIELD, Definitions, Layout, Uneven, Walk
-from wrenchgap.flight.formats.walk import UndecodableError as UndecodableError
 
 ACTUATORS = {
     "actuator_msgs/msg/Actuators": (
@@ -40,10 +40,6 @@ ACTUATORS = {
 """Common types that no ROS distribution ships, for files without definitions."""
 
 
-MOST_FIELDS = 5000
-"""Fields of a type that are looked at, at most: a recursive definition has no end of them."""
-LONGEST_DEFINITION = 2**20
-"""Characters of a definition: those of the largest types with all that they use are some 20,000."""
 NO_SYNTAX = re.compile(r""""(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|//[^\n]*|/\*.*?(?:\*/|\Z)""", re.DOTALL)
 """Texts and comments of IDL."""
 CONSTANT = re.compile(r"\bconst\b[^=;]*=\s*([^;]*);")
@@ -86,7 +82,7 @@ def _known(store: Stores) -> Definitions:
 
 @lru_cache(maxsize=512)
 def _parsed(text: str, kind: str, definition_format: str) -> Definitions:
-    if len(text) > LONGEST_DEFINITION:
+    if len(text) > LIMITS.definition_letters:
         raise UndecodableError(f"its definition of {kind} is {len(text):,} characters long")
     if definition_format == "msg":
         return get_types_from_msg(text, kind)
@@ -112,7 +108,7 @@ def _check_idl(text: str) -> None:
 
 def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str]:
     """Dotted names of a type's fields, e.g. twist.linear.x; sequences of messages are not entered."""
-    return [name for name in islice(_flat(kind, definitions, depth), MOST_FIELDS) if name]
+    return [name for name in islice(_flat(kind, definitions, depth), LIMITS.fields) if name]
 
 
 def _flat(kind: str, definitions: Definitions, depth: int) -> Iterator[str]:
@@ -180,7 +176,9 @@ class Decoder:
             for order, part in _by_byte_order(rows, self.channel.encoding):
                 walk = Walk(rows[part], definitions, self.channel.encoding, order, self.account)
                 walk.message("", self.channel.type)
-                self.account.take(FIELD * len(walk.columns) + sum(v.nbytes for v in walk.columns.values()), "messages")
+                self.account.take(
+                    LIMITS.field_overhead * len(walk.columns) + sum(v.nbytes for v in walk.columns.values()), "messages"
+                )
                 self.parts.append((index[part], walk.columns))
         except Uneven as uneven:
             for value in np.unique(uneven.counts):

@@ -19,24 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.decode import UndecodableError
-from wrenchgap.flight.formats.extras import required
-from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.reader import Channel, one_line, required
 from wrenchgap.flight.formats.table import Columns
-
-DEEPEST = 8
-"""Messages within messages, at most: a definition may be recursive."""
-LONGEST = 256
-"""Numbers of an array, at most: a picture is no signal."""
-
-ROWS = 4096
-"""Messages that become columns at once."""
-NUMBER, DECODED = 200, 10
-"""Bytes of a decoded number with its name, or of a column without numbers; and that a byte of JSON takes meanwhile."""
-MOST = 2000
-"""Names of fields, at most: a recursive type has no end of them."""
 
 Value = float | list[float]
 
@@ -45,7 +32,8 @@ Value = float | list[float]
 class Encoded(ABC):
     """Gathers the columns of one channel, batch by batch; `fields` are the dotted names that its schema tells.
 
-    Messages become columns `ROWS` at a time: a message by itself takes twenty times the bytes of its numbers.
+    Messages become columns `LIMITS.object_rows` at a time: a message by itself takes twenty times the bytes of its
+    numbers.
     """
 
     channel: Channel
@@ -64,7 +52,7 @@ class Encoded(ABC):
     def add(self, payloads: list[bytes]) -> None:
         """Decode some messages; those that cannot be are counted in `malformed`."""
         for payload in payloads:
-            self.account.ask(self._held + DECODED * len(payload), "decoded messages")
+            self.account.ask(self._held + LIMITS.decoded_per_byte * len(payload), "decoded messages")
             try:
                 row = self.row(payload)
             except (ValueError, RecursionError, OverflowError):
@@ -72,9 +60,9 @@ class Encoded(ABC):
                 self.malformed += 1
             self._rows.append(row)
             self.count += 1
-            self._held += NUMBER * (2 + len(row)) + DECODED * len(payload)
+            self._held += LIMITS.decoded_number * (2 + len(row)) + LIMITS.decoded_per_byte * len(payload)
             self.account.check_time()
-            if len(self._rows) == ROWS:
+            if len(self._rows) == LIMITS.object_rows:
                 self._gather()
 
     def _gather(self) -> None:
@@ -89,7 +77,9 @@ class Encoded(ABC):
         columns: Columns = {}
         for name, (where, values) in cells.items():
             width = max((len(cell) for cell in values if isinstance(cell, list)), default=0)
-            self.account.take(NUMBER + 8 * len(rows) * max(width, 1), f"columns, of which {name:.100} is one,")
+            self.account.take(
+                LIMITS.decoded_number + 8 * len(rows) * max(width, 1), f"columns, of which {name:.100} is one,"
+            )
             self.account.check_time()
             columns[name] = _column(len(rows), where, values, width)
         self._parts.append((slice(self.count - len(rows), self.count), columns))
@@ -134,7 +124,7 @@ class JsonMessages(Encoded):
     def row(self, payload: bytes) -> Mapping[str, Value]:
         """Numbers and arrays of numbers, however deep."""
         found: dict[str, Value] = {}
-        _gather(json.loads(payload), "", found, DEEPEST)
+        _gather(json.loads(payload), "", found, LIMITS.object_depth)
         return found
 
 
@@ -148,7 +138,9 @@ def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
         found[path] = value
     elif kind is int or kind is bool:
         found[path] = _number(value)
-    elif kind is list and 0 < len(value) <= LONGEST and all(isinstance(item, int | float) for item in value):
+    elif (
+        kind is list and 0 < len(value) <= LIMITS.array_numbers and all(isinstance(item, int | float) for item in value)
+    ):
         found[path] = [_number(item) for item in value]
 
 
@@ -157,7 +149,7 @@ def _number(value: float) -> float:
     return float(value) if not isinstance(value, int) or abs(value) < 1e300 else float("nan")
 
 
-def _schema_fields(schema: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
+def _schema_fields(schema: Any, path: str = "", depth: int = LIMITS.object_depth) -> Iterator[str]:
     """Dotted names of a JSON schema's properties."""
     properties = schema.get("properties") if isinstance(schema, dict) else None
     if isinstance(properties, dict) and depth:
@@ -182,14 +174,14 @@ class ProtobufMessages(Encoded):
         return dict(_leaves(message, ""))
 
 
-def _leaves(message: Any, path: str, depth: int = DEEPEST) -> Iterator[tuple[str, Value]]:
+def _leaves(message: Any, path: str, depth: int = LIMITS.object_depth) -> Iterator[tuple[str, Value]]:
     for described, value in _fields(message):
         name = f"{path}.{described.name}" if path else described.name
         if described.message_type is not None:
             if depth and not _repeated(described) and hasattr(value, "DESCRIPTOR"):
                 yield from _leaves(value, name, depth - 1)
         elif _repeated(described):
-            if 0 < len(value) <= LONGEST and isinstance(value[0], int | float):
+            if 0 < len(value) <= LIMITS.array_numbers and isinstance(value[0], int | float):
                 yield name, [float(item) for item in value]
         elif isinstance(value, int | float):
             yield name, float(value)
@@ -206,7 +198,7 @@ def _repeated(described: Any) -> bool:
     return bool(described.is_repeated) if hasattr(described, "is_repeated") else described.label == 3
 
 
-def _described(kind: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
+def _described(kind: Any, path: str = "", depth: int = LIMITS.object_depth) -> Iterator[str]:
     """Dotted names of a protobuf type's fields, and nothing for a message that is entered, so that it is counted."""
     for described in kind.fields:
         name = f"{path}.{described.name}" if path else described.name
@@ -224,7 +216,7 @@ def encoded(channel: Channel, account: Account) -> Encoded:
             schema = json.loads(channel.definition or "{}")
         except (ValueError, RecursionError):
             schema = {}
-        return JsonMessages(channel, list(islice(_schema_fields(schema), MOST)), account)
+        return JsonMessages(channel, list(islice(_schema_fields(schema), LIMITS.schema_fields)), account)
     return _protobuf(channel, account)
 
 
@@ -241,7 +233,7 @@ def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
         for file in files.file:
             pool.Add(file)
         kind = pool.FindMessageTypeByName(channel.type)
-        fields = [name for name in islice(_described(kind), MOST) if name]
+        fields = [name for name in islice(_described(kind), LIMITS.schema_fields) if name]
         return ProtobufMessages(channel, fields, account, kind=factory.GetMessageClass(kind))
     except Exception as error:  # of a damaged description protobuf raises many kinds
         raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error

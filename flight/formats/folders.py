@@ -14,22 +14,14 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from wrenchgap.flight.budget import Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 
 STORAGE = (".db3", ".mcap")
 SINGLE = (".bag", ".ulg", ".bin", ".csv", ".parquet")
 """Endings of logs that are always one file."""
-JOINED = 5.0
-"""Files whose times follow within this [s] are one recording."""
-OVERLAP = 1.0
-"""By so much [s] the next file of a recording may begin before the last one ends."""
 TABLES = ("messages", "topics", "message_definitions")
 """Of a ROS 2 bag in SQLite; older ones have no definitions."""
-STEPS = 100_000
-"""Of a query, after which the time is looked at."""
-COPIES, LONGEST = 8, 10**9
-"""A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
 
 Range = tuple[int, int]
 
@@ -45,8 +37,11 @@ def natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
 
-def recordings(folder: Path) -> list[list[Path]]:
-    """The bag files of a folder, by recording, in the order of their times; where one tells none, of their names."""
+def recordings(folder: Path, joined: float = 5.0, overlap: float = 1.0) -> list[list[Path]]:
+    """The bag files of a folder, by recording, in the order of their times; where one tells none, of their names.
+
+    The next file of a recording follows within `joined` [s], or begins up to `overlap` [s] before the last one ends.
+    """
     files = sorted((p for p in folder.iterdir() if p.is_file() and storage(p)), key=natural)
     if len(files) < 2:
         return [files] if files else []
@@ -58,7 +53,7 @@ def recordings(folder: Path) -> list[list[Path]]:
     groups = [[known[0][0]]]
     for (_, last), (path, now) in pairwise(known):
         pause = (now[0] - last[1]) * 1e-9
-        if now[0] > last[0] and -OVERLAP <= pause <= JOINED:
+        if now[0] > last[0] and -overlap <= pause <= joined:
             groups[-1].append(path)
         else:
             groups.append([path])
@@ -111,8 +106,10 @@ def bag_database(path: Path, account: Account) -> sqlite3.Connection:
     """
     database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(account.memory / COPIES, LONGEST)))
-        database.set_progress_handler(lambda: _over_time(account), STEPS)
+        database.setlimit(
+            sqlite3.SQLITE_LIMIT_LENGTH, int(min(account.memory / LIMITS.sqlite_copies, LIMITS.sqlite_message))
+        )
+        database.set_progress_handler(lambda: _over_time(account), LIMITS.sqlite_steps)
         database.text_factory = lambda text: text.decode(errors="replace")
         kinds = dict(database.execute(f"SELECT name, type FROM sqlite_master WHERE name IN {TABLES}"))
         if not {"messages", "topics"} <= kinds.keys() or set(kinds.values()) != {"table"}:

@@ -3,24 +3,38 @@
 A header is a name, an axis or number, and perhaps a unit, which stands in brackets or at the end: `gyro_x [deg/s]`,
 `gyro_x_dps`, `gyroX`. Names are compared without regard to capitals and punctuation. Words before a known name must be
 known as well (`imu_gyro_x`, `ref_pos_z`), so that a payload's position is not taken for the vehicle's.
+Columns whose header is known become topics that play roles.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 
+from wrenchgap.flight.budget import LIMITS
+from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
+from wrenchgap.flight.formats.derived_topics import Made, Stamps, taken
+from wrenchgap.flight.formats.ned_frd import quat_of_euler
+from wrenchgap.flight.formats.table import Columns, Table
+
 RPM, DEGREE = 2.0 * np.pi / 60.0, np.pi / 180.0
-G = 9.80665
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
     "rate": {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "deg s": DEGREE, "degs": DEGREE, "dps": DEGREE},
-    "acceleration": {"m s2": 1.0, "m s 2": 1.0, "mps2": 1.0, "mss": 1.0, "ms2": 1.0, "g": G, "mg": 1e-3 * G},
+    "acceleration": {
+        "m s2": 1.0,
+        "m s 2": 1.0,
+        "mps2": 1.0,
+        "mss": 1.0,
+        "ms2": 1.0,
+        "g": GRAVITY,
+        "mg": 1e-3 * GRAVITY,
+    },
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "speed": {"m s": 1.0, "mps": 1.0, "cm s": 1e-2, "mm s": 1e-3, "km h": 1.0 / 3.6},
     "angle": {"rad": 1.0, "deg": DEGREE, "degrees": DEGREE},
@@ -79,10 +93,6 @@ _KNOWN = _REFERENCE | frozenset(
 )
 
 
-LONGEST = 200
-"""Letters beyond which a header is no name: searched for meanings, thousands of them would take for ever."""
-
-
 @dataclass(frozen=True)
 class Meaning:
     """Of one column: `field` ("gyro", "ref position", ...), place along it, factor to SI, unit if one is stated."""
@@ -96,7 +106,7 @@ class Meaning:
 @lru_cache(maxsize=4096)
 def meaning(header: str) -> Meaning | None:
     """What a column holds, or None where its header is not known."""
-    if len(header) > LONGEST:
+    if len(header) > LIMITS.header_letters:
         return None
     name, bracketed = _split(header)
     for words, index in _indexed(name):
@@ -137,17 +147,17 @@ def _named(words: list[str], unit: list[str], index: str, bracketed: str | None)
     if unit and bracketed is not None:
         return
     stated = " ".join(unit) if bracketed is None else " ".join(re.split(r"[^\wµ]+", bracketed.lower())).strip()
-    for field, quantity, axes, spelled in _SPELLED.get(words[-1] if words else "", _BARE):
+    for name, quantity, axes, spelled in _SPELLED.get(words[-1] if words else "", _BARE):
         prefix = _before(words, spelled, bare=axes == "bare")
         place = _place(index, axes)
         if prefix is None or place is None or not prefix <= _KNOWN:
             continue
-        if axes == "" and field == "time" and prefix:
+        if axes == "" and name == "time" and prefix:
             continue
         factor = _factor(quantity, stated, words)
         if factor is not None:
-            reference = "ref " if prefix & _REFERENCE and field not in ("rotor", "tilt", "voltage", "time") else ""
-            yield Meaning(reference + field, place, factor[0], factor[1])
+            reference = "ref " if prefix & _REFERENCE and name not in ("rotor", "tilt", "voltage", "time") else ""
+            yield Meaning(reference + name, place, factor[0], factor[1])
 
 
 def _before(words: list[str], spelled: Names, bare: bool) -> frozenset[str] | None:
@@ -187,3 +197,131 @@ def _factor(quantity: str, stated: str, words: list[str]) -> tuple[float, str] |
         if "throttle" in words:
             return 1.0, "normalised"
     return 1.0, ""
+
+
+def from_columns(columns: Mapping[str, Array], stamps: Stamps) -> tuple[dict[str, Table], list[str]]:
+    """Topics made of columns (N,) at `stamps` (N,) [ns], and what to say of units and of columns left aside."""
+    known = _Known(stamps)
+    for header, values in columns.items():
+        known.add(header, values, meaning(header))
+    made = {table.topic: table for table in map(_present, known.topics()) if len(table) > 1}
+    return made, known.words() if made or known.unknown else []
+
+
+@dataclass
+class _Known:
+    """Columns by field and place, in SI; `units` are those that the headers state."""
+
+    stamps: Stamps
+    fields: dict[str, dict[int, Array]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    unknown: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, header: str, values: Array, found: Meaning | None) -> None:
+        """Keep a column; the first of two with the same meaning counts."""
+        if found is None or found.field == "time" or found.index in self.fields.get(found.field, {}):
+            self.unknown.append(header)
+            return
+        self.fields.setdefault(found.field, {})[found.index] = values * found.factor
+        self.units.setdefault(found.field, found.unit)
+
+    def whole(self, name: str, width: int) -> Array | None:
+        """A vector (N, width), or None where a column is missing."""
+        parts = self.fields.get(name, {})
+        if set(parts) >= set(range(width)):
+            return np.stack([parts[i] for i in range(width)], axis=1)
+        if parts:
+            self.notes.append(f"{name}: {len(parts)} of {width} columns: not used.")
+        return None
+
+    def numbered(self, name: str) -> Array | None:
+        """Columns (N, K) in the order of their numbers."""
+        parts = self.fields.get(name, {})
+        return np.stack([parts[i] for i in sorted(parts)], axis=1) if parts else None
+
+    def topics(self) -> Iterator[Table]:
+        gyro, acc = self.whole("gyro", 3), self.whole("acc", 3)
+        if gyro is not None or acc is not None:
+            yield self._to("/imu").imu(gyro, acc)
+        yield from self._wrenches()
+        yield from self._actuators()
+        yield from self._poses()
+        if (voltage := self.whole("voltage", 1)) is not None:
+            yield self._to("/battery").battery(voltage[:, 0])
+
+    def _to(self, topic: str) -> Made:
+        return Made(topic, self.stamps, self.stamps)
+
+    def _wrenches(self) -> Iterator[Table]:
+        for prefix, topic in (("", "/command/wrench"), ("ref ", "/desired/wrench")):
+            force, torque = self.whole(f"{prefix}force", 3), self.whole(f"{prefix}torque", 3)
+            if force is not None and torque is not None:
+                yield self._to(topic).wrench(force, torque)
+            elif force is not None or torque is not None:
+                self.notes.append(f"{topic}: a wrench needs force and torque; only one of them is there.")
+
+    def _actuators(self) -> Iterator[Table]:
+        rotors, tilt = self.numbered("rotor"), self.numbered("tilt")
+        if rotors is None and tilt is None:
+            return
+        unit: SpeedUnit = "rad/s"
+        stated = self.units.get("rotor", "")
+        if stated in ("pwm", "normalised"):
+            unit = "pwm" if stated == "pwm" else "normalised"
+        elif rotors is not None and not stated and np.nanmax(np.abs(rotors), initial=0.0) <= 1.0:
+            unit = "normalised"
+            self.notes.append("rotor: the header states no unit and no value exceeds 1: read as normalised commands.")
+        topic = "/command/actuators_pwm" if unit == "pwm" else "/command/actuators"
+        yield self._to(topic).actuators(rotors, tilt, unit)
+
+    def _poses(self) -> Iterator[Table]:
+        for prefix, topic in (("", "/odometry"), ("ref ", "/reference")):
+            place, quat = self.whole(f"{prefix}position", 3), self._attitude(prefix)
+            velocity = self.whole(f"{prefix}velocity", 3)
+            if place is not None and quat is not None:
+                yield self._to(topic).odometry(place, quat, velocity)
+                asked = self.whole("ref acc", 3) if prefix else None
+                if asked is not None:
+                    yield self._to("/reference/acceleration").acceleration(asked)
+            elif place is not None or quat is not None:
+                missing = "attitude" if quat is None else "position"
+                self.notes.append(f"{topic}: no {missing} among the columns: not used.")
+
+    def _attitude(self, prefix: str) -> Array | None:
+        """Quaternions (N, 4), scalar first, of B to E, or None."""
+        quat = self.whole(f"{prefix}orientation", 4)
+        angles = [self.fields.get(f"{prefix}{name}", {}).get(0) for name in ("roll", "pitch", "yaw")]
+        roll, pitch, yaw = angles
+        if quat is not None or roll is None or pitch is None or yaw is None:
+            return quat
+        self.notes.append(
+            "roll, pitch and yaw are taken as those of forward-left-up in east-north-up, turned in the order yaw, "
+            "pitch, roll: a nose that rises has a negative pitch."
+        )
+        return quat_of_euler(roll, pitch, yaw)
+
+    def words(self) -> list[str]:
+        """One sentence on units, one on columns that are not known, and what else was noticed."""
+        spelled = {name: re.sub(r" (?=[sh])", "/", unit) for name, unit in self.units.items()}
+        said = [f"{name} {unit}" for name, unit in spelled.items() if unit]
+        bare = [name for name, unit in self.units.items() if not unit and "orientation" not in name]
+        parts = [f"as the header states: {', '.join(said)}"] if said else []
+        parts += [f"taken as SI, as none is stated: {', '.join(bare)}"] if bare else []
+        out = [f"Units {'; '.join(parts)}. Axes are taken as forward-left-up and east-north-up."] if parts else []
+        if self.unknown:
+            out.append(f"Columns whose names say no known quantity: {listed(self.unknown)}.")
+        return out + self.notes
+
+
+def listed(names: Sequence[str], longest: int = 100, most: int = 12) -> str:
+    """Names for a sentence: the first `most`, each to its `longest` letter, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(f'{name:.{longest}}' for name in names[:most])}{more}"
+
+
+def _present(table: Table) -> Table:
+    """The rows in which a topic has any number: topics of different rates may share a table, with empty cells."""
+    columns: Columns = table.columns
+    rows = np.any([np.isfinite(v).reshape(len(table), -1).any(axis=1) for v in columns.values()], axis=0)
+    return table if rows.all() else taken(table, np.flatnonzero(rows))

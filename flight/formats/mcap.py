@@ -28,6 +28,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.kernels import BROKEN, FULL, LAST_TIME, OTHER, grouped, walked
 from wrenchgap.flight.formats.reader import (
@@ -46,20 +47,10 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, uncompressed crc, length of the compression's name
-PIECE = 2**18
-"""Bytes that are read, or decompressed, at once."""
-LARGEST_CHUNK = 2**28
-"""Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
 
 
-RECORD = 1000
-"""Bytes of a schema or channel that is kept, besides its record."""
-MOST_AT_ONCE = 2**15
-"""Messages that are handed on at once, at most."""
 SEVERAL = -1
 """Instead of an opcode: messages that are in no chunk."""
-ALONE = 100
-"""Messages that are read one by one where the next of `PIECE` bytes are few, before several are tried again."""
 
 
 @dataclass
@@ -78,12 +69,12 @@ class McapReader(Reader):
     _orphans: int = 0
     _broken: int = 0
     _walked: int = 0
-    _places: NDArray[np.int64] = field(default_factory=lambda: np.empty((4, MOST_AT_ONCE), dtype=np.int64))
+    _places: NDArray[np.int64] = field(default_factory=lambda: np.empty((4, LIMITS.mcap_messages), dtype=np.int64))
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
         gathered = Gatherer(self.account)
-        with self.path.open("rb", buffering=PIECE) as file:
+        with self.path.open("rb", buffering=LIMITS.mcap_piece) as file:
             for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
                     yield from self._chunk(self._decompressed(body), wanted, gathered)
@@ -117,8 +108,8 @@ class McapReader(Reader):
             self.account.check_time()
             if opcode == Opcode.MESSAGE and alone <= 0:
                 file.seek(position)
-                yield SEVERAL, file.read(min(PIECE, size - position))
-                alone = 0 if self._walked > PIECE // 4 else ALONE
+                yield SEVERAL, file.read(min(LIMITS.mcap_piece, size - position))
+                alone = 0 if self._walked > LIMITS.mcap_piece // 4 else LIMITS.mcap_alone
                 position = file.seek(position + self._walked)
                 continue
             if opcode and stop <= size:
@@ -135,7 +126,7 @@ class McapReader(Reader):
             else:
                 self._cut = True
             if opcode == Opcode.CHUNK:
-                yield opcode, file.read(min(following - start, LARGEST_CHUNK))
+                yield opcode, file.read(min(following - start, LIMITS.mcap_chunk))
             position = file.seek(following)
 
     def _alone(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
@@ -191,11 +182,11 @@ class McapReader(Reader):
             payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
             yield from gathered.add(channel, log_time_ns, payload)
         elif opcode == Opcode.SCHEMA:
-            self.account.take(len(body) + RECORD, "schemas")
+            self.account.take(len(body) + LIMITS.mcap_record, "schemas")
             schema = Schema.read(ReadDataStream(BytesIO(body)))
             self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            self.account.take(len(body) + RECORD, "channels")
+            self.account.take(len(body) + LIMITS.mcap_record, "channels")
             record = ChannelRecord.read(ReadDataStream(BytesIO(body)))
             self._channels[record.id] = self._channel(record)
 
@@ -228,7 +219,7 @@ class McapReader(Reader):
             return b""
         (length,) = struct.unpack_from("<Q", body, start)
         complete = len(body) >= start + 8 + length
-        most = min(size, LARGEST_CHUNK)
+        most = min(size, LIMITS.mcap_chunk)
         self.account.ask(len(body) + 2 * most, "a chunk")
         inside = memoryview(body)[start + 8 : start + 8 + length]
         records = (_at_once(compression, inside, most) if complete else b"") or _DECOMPRESS[compression](inside, most)
@@ -290,7 +281,7 @@ def _unzstd(data: Buffer, most: int) -> bytes:
     found = bytearray()
     try:
         with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-            while len(found) <= most and (piece := stream.read(PIECE)):
+            while len(found) <= most and (piece := stream.read(LIMITS.mcap_piece)):
                 found += piece
     except zstandard.ZstdError:
         return _in_steps(zstandard.ZstdDecompressor().decompressobj(), data, most, 1024)
@@ -298,7 +289,7 @@ def _unzstd(data: Buffer, most: int) -> bytes:
 
 
 def _unlz4(data: Buffer, most: int) -> bytes:
-    found = _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, PIECE)
+    found = _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, LIMITS.mcap_piece)
     return found or _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, 1024)
 
 

@@ -1,34 +1,32 @@
 """What every log format offers to the rest: channels, and their messages in batches of raw bytes.
 
 A format is one file with one subclass of `Reader` and one line in `flight.formats.READERS`. A reader knows nothing of
-flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns.
+flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns. A library that only
+some formats need is asked for when such a file is opened (`required`).
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-BATCH = 8192
-"""Messages that a reader gathers before it hands them on, at most."""
-BATCH_BYTES = 2**23
-"""And bytes of their payloads, about."""
-MESSAGE = 150
-"""Bytes of a message that is held by itself, besides its payload."""
-LONGEST_MESSAGE = 2**26
-"""Bytes of a message that was compressed: a few damaged bytes may unfold to terabytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +148,7 @@ def plain_payload(payload: bytes) -> bytes:
         plain = bytearray()
         while piece := stream.read(2**17):
             plain += piece
-            if len(plain) > LONGEST_MESSAGE:
+            if len(plain) > LIMITS.longest_message:
                 raise zstandard.ZstdError("a message of more than 64 MB")
     return bytes(plain)
 
@@ -168,13 +166,13 @@ class Gatherer:
     def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Iterator[Batch]:
         """Keep one message; hands out a batch when its channel has gathered enough."""
         self.total += 1
-        self.held += len(payload) + MESSAGE
+        self.held += len(payload) + LIMITS.message_overhead
         self.account.ask(self.held, "messages side by side")
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)
         self.sizes[channel] += len(payload)
-        if len(times) >= BATCH or self.sizes[channel] >= BATCH_BYTES:
+        if len(times) >= LIMITS.batch_messages or self.sizes[channel] >= LIMITS.batch_bytes:
             yield self._popped(channel)
 
     def direct(self, channel: Channel, log_time_ns: NDArray[np.int64], payloads: Places | None) -> Iterator[Batch]:
@@ -191,5 +189,42 @@ class Gatherer:
 
     def _popped(self, channel: Channel) -> Batch:
         times, payloads = self.pending.pop(channel)
-        self.held -= self.sizes.pop(channel) + MESSAGE * len(times)
+        self.held -= self.sizes.pop(channel) + LIMITS.message_overhead * len(times)
         return Batch(channel, times, payloads)
+
+
+def required(module: str, extra: str, what: str, path: Path) -> Any:
+    """A module of one of wrenchgap's extras; raises LogError with the command that installs it."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise LogError(
+            f"{path}: {what} need {package}, which is not installed; pip install 'wrenchgap[{extra}]'"
+        ) from error
+
+
+class Nowhere(io.TextIOBase):
+    """Text that nobody reads, and that is not kept: of a damaged log a library may say a line for every byte."""
+
+    def write(self, text: str) -> int:
+        """Forget it."""
+        return len(text)
+
+
+@contextlib.contextmanager
+def silenced() -> Iterator[None]:
+    """What a library and its C code print of damaged files does not reach the user; we say it in our own words."""
+    with Nowhere() as nothing, contextlib.redirect_stdout(nothing), contextlib.redirect_stderr(nothing):
+        try:
+            kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        except OSError:  # no standard error to be silenced
+            yield
+            return
+        try:
+            os.dup2(nowhere, 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)

@@ -28,7 +28,7 @@ from rosbags.rosbag1.reader import (
     read_uint32,
 )
 
-from wrenchgap.flight.budget import Account, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.kernels import walked_bag
 from wrenchgap.flight.formats.reader import (
@@ -47,10 +47,6 @@ SHORTEST = 46
 """Bytes of a message's record without its payload, at least."""
 PIECE = 2**24
 """Bytes that are decompressed at once."""
-UNFOLDED = 4
-"""Bytes that a byte of a chunk takes, with where its messages lie."""
-CONNECTION, ENTRIES, OBJECT = 1500, 500, 150
-"""Bytes of a connection or chunk, of entries besides their numbers, and of an entry of rosbags' own index."""
 PACKERS: dict[Callable[[bytes], bytes], Callable[[], Any]] = {
     decompressors[Compression.BZ2.value]: bz2.BZ2Decompressor,
     decompressors[Compression.LZ4.value]: lz4.frame.LZ4FrameDecompressor,
@@ -118,14 +114,14 @@ class CountedBag(BagReader):
     def read_connection(self) -> Connection:
         """One of them."""
         found = super().read_connection()
-        self.account.take(CONNECTION + 2 * len(found.msgdef.data), "connections")
+        self.account.take(LIMITS.bag_connection + 2 * len(found.msgdef.data), "connections")
         self.account.check_time()
         return found
 
     def read_chunk(self) -> Chunk:
         """One of them, whose decompression is counted."""
         found = super().read_chunk()
-        self.account.take(CONNECTION, "the index of chunks")
+        self.account.take(LIMITS.bag_connection, "the index of chunks")
         packer = PACKERS.get(found.decompressor)
         return found if packer is None else found._replace(decompressor=lambda data: self._unfolded(packer, data))
 
@@ -134,7 +130,7 @@ class CountedBag(BagReader):
         assert self.bio
         before = self.bio.tell()
         super().read_index_data(pos, indexes)
-        self.account.take((self.bio.tell() - before) // ENTRY.itemsize * OBJECT, "the index of messages")
+        self.account.take((self.bio.tell() - before) // ENTRY.itemsize * LIMITS.bag_object, "the index of messages")
         self.account.check_time()
 
     def _unfolded(self, packer: Callable[[], Any], data: bytes) -> bytes:
@@ -148,7 +144,7 @@ class CountedBag(BagReader):
                     raise ReaderError("a chunk that is cut short")
                 found += piece
                 data = b""
-                self.account.ask(UNFOLDED * len(found), "a chunk")
+                self.account.ask(LIMITS.bag_unfolded * len(found), "a chunk")
                 self.account.check_time()
             data = stream.unused_data if packer is bz2.BZ2Decompressor else b""
         return bytes(found)
@@ -169,7 +165,7 @@ class IndexedBag(CountedBag):
         data = read_bytes(self.bio, read_uint32(self.bio))
         if header.get_uint32("ver") != 1 or len(data) != count * ENTRY.itemsize:
             raise DoubtfulError("an index of another kind")
-        self.account.take(ENTRIES + 16 * count, "the index of messages")
+        self.account.take(LIMITS.bag_entries + 16 * count, "the index of messages")
         self.account.check_time()
         found = np.frombuffer(data, dtype=ENTRY)
         time = found["seconds"].astype(np.int64) * 10**9 + found["nanoseconds"]

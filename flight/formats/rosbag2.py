@@ -20,9 +20,9 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account, BudgetError, in_bytes
+from wrenchgap.flight.budget import LIMITS, Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.folders import COPIES, bag_database, natural, only_recording, storage
+from wrenchgap.flight.formats.folders import bag_database, natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import (
@@ -40,12 +40,6 @@ from wrenchgap.flight.formats.reader import (
 
 PIECE = 2**16
 """Bytes that are decompressed at once."""
-UNFOLDED = 50
-"""Times its size that a compressed file may take on the disk, which is often memory, before it counts."""
-FETCHED, ROWS, BYTES = 128, 4096, 2**22
-"""Rows of a table that are fetched and taken at once, at most, and bytes of their messages, about."""
-TOPIC = 1000
-"""Bytes of a topic, besides its definition."""
 LONGEST_METADATA = 2**24
 """Bytes of a metadata.yaml that are read: a thousand topics are 1 MB."""
 Row = tuple[Any, Any, Any]
@@ -77,7 +71,7 @@ class Rosbag2SqliteReader(Reader):
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             self.account.check_time()  # which interrupts a query
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_TOOBIG:
-                limit = in_bytes(self.account.memory / COPIES)
+                limit = in_bytes(self.account.memory / LIMITS.sqlite_copies)
                 self.account.ask(2 * self.account.memory, f"a message of more than {limit}, copied as it is read,")
             if not gathered.total:
                 raise LogError(
@@ -149,10 +143,10 @@ def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
             try:
                 sizes = list(map(len, map(PAYLOAD, found[known:])))
             except TypeError:  # one that is no message
-                sizes = [BYTES]
+                sizes = [LIMITS.sqlite_bytes]
             size, known = size + sum(sizes), len(found)
-            fetched = min(FETCHED, 2 * fetched, 1 + BYTES // max(1, *sizes))
-            if size >= BYTES or known >= ROWS:
+            fetched = min(LIMITS.sqlite_fetched, 2 * fetched, 1 + LIMITS.sqlite_bytes // max(1, *sizes))
+            if size >= LIMITS.sqlite_bytes or known >= LIMITS.sqlite_rows:
                 yield found
                 found, size, known = [], 0, 0
     except sqlite3.DatabaseError:
@@ -225,13 +219,15 @@ class Rosbag2FolderReader(Reader):
         if path.suffix != ".zstd":
             return path
         plain = scratch / path.name.removesuffix(".zstd")
-        usual, written = UNFOLDED * path.stat().st_size, 0
+        usual, written = LIMITS.disk_unfolded * path.stat().st_size, 0
         with path.open("rb") as source, plain.open("wb") as target:
             stream = zstandard.ZstdDecompressor().stream_reader(source)
             try:
                 while piece := stream.read(PIECE):
                     written += target.write(piece)
-                    self.account.ask(written - usual, f"{path.name}, unfolded to more than {UNFOLDED} times its size,")
+                    self.account.ask(
+                        written - usual, f"{path.name}, unfolded to more than {LIMITS.disk_unfolded} times its size,"
+                    )
                     self.account.check_time()
             except zstandard.ZstdError as error:
                 self.notes.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
@@ -244,7 +240,7 @@ def _channels(database: sqlite3.Connection, account: Account) -> tuple[dict[int,
     if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         for name, encoding, text in database.execute(query):
-            account.take(TOPIC + (len(text) if isinstance(text, str | bytes) else 0), "definitions")
+            account.take(LIMITS.sqlite_topic + (len(text) if isinstance(text, str | bytes) else 0), "definitions")
             definitions[name] = encoding, text
     channels, broken = {}, 0
     for identifier, *row in database.execute("SELECT id, name, type, serialization_format FROM topics"):
@@ -255,7 +251,7 @@ def _channels(database: sqlite3.Connection, account: Account) -> tuple[dict[int,
         definition_encoding, text = definitions.get(kind, ("ros2msg", None))
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         text = text if isinstance(text, str) else None
-        account.take(TOPIC + len(text or ""), "topics")
+        account.take(LIMITS.sqlite_topic + len(text or ""), "topics")
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
     return channels, broken
 

@@ -16,24 +16,19 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from wrenchgap.flight.budget import Account
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.headers import LONGEST, UNITS, meaning
-from wrenchgap.flight.formats.merging import Stamps
+from wrenchgap.flight.formats.derived_topics import Stamps
+from wrenchgap.flight.formats.headers import UNITS, from_columns, listed, meaning
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
-from wrenchgap.flight.formats.table_roles import from_columns, listed
 
 if TYPE_CHECKING:
     import pandas as pd
 
 DELIMITERS = ",;\t|"
 SUFFIXES = (".csv", ".tsv", ".txt")
-COLUMN, CELL, NESTED = 2000, 60, 400
-"""Bytes of a column by itself, of a number of it, and of a value of a column of lists or tables."""
-DATES = 10_000
-"""Dates that are read between two looks at the time, where each has a form of its own."""
 PIECE = 2**24
 """Bytes of a file that are looked at at once."""
 STEPS = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
@@ -69,8 +64,8 @@ class CsvReader(TableReader):
         header, first = lines[skipped], next((line for line in lines[skipped + 1 :] if line.strip()), "")
         delimiter = max(DELIMITERS, key=header.count)
         width = header.count(delimiter) + 1
-        self.account.take(COLUMN * width, f"a header of {width:,} columns")
-        self.account.take(CELL * self._cells(delimiter), "the cells of the table")
+        self.account.take(LIMITS.table_column * width, f"a header of {width:,} columns")
+        self.account.take(LIMITS.table_cell * self._cells(delimiter), "the cells of the table")
         decimal = "," if delimiter != "," and re.search(rf"(^|{re.escape(delimiter)})-?\d+,\d", first) else "."
         if delimiter not in header or all(_is_number(cell) for cell in header.split(delimiter)):
             raise LogError(
@@ -133,13 +128,13 @@ def _leaves(metadata: Any) -> list[Any]:
 def _count(metadata: Any, account: Account) -> None:
     """Ask for the cells of a Parquet file, before they are unfolded: a run of equal ones is a few bytes in it."""
     leaves, total = _leaves(metadata), 0
-    account.take(COLUMN * len(leaves), f"{len(leaves):,} columns")
+    account.take(LIMITS.table_column * len(leaves), f"{len(leaves):,} columns")
     for i in range(metadata.num_row_groups):
         group = metadata.row_group(i)
         account.check_time()
         for j, leaf in enumerate(leaves):
             flat = leaf.max_repetition_level == 0 and "." not in leaf.path
-            size = CELL + leaf.length if flat else NESTED
+            size = LIMITS.table_cell + leaf.length if flat else LIMITS.table_nested
             total += size * max(group.column(j).num_values, group.num_rows)
     account.take(total, f"a table of {metadata.num_rows:,} rows and {len(leaves):,} columns")
 
@@ -200,13 +195,15 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
 def _short_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
     """The table with columns of endless names called by their places."""
     names = [str(header) for header in frame.columns]
-    long = [i for i, name in enumerate(names) if len(name) > LONGEST]
+    long = [i for i, name in enumerate(names) if len(name) > LIMITS.header_letters]
     if not long:
         return frame
     for i in long:
         names[i] = f"column_{i}"
     called = listed([names[i] for i in long])
-    reader.notes.append(f"{len(long)} column(s) have names of more than {LONGEST} letters: called {called}.")
+    reader.notes.append(
+        f"{len(long)} column(s) have names of more than {LIMITS.header_letters} letters: called {called}."
+    )
     return frame.set_axis(names, axis="columns")
 
 
@@ -246,7 +243,11 @@ def _dates(column: Any, account: Account) -> Any:
 
     first = column.dropna().head(1)
     guessed = first.empty or guess_datetime_format(str(first.iloc[0])) is not None
-    parts = [column] if guessed else [column.iloc[k : k + DATES] for k in range(0, len(column), DATES)]
+    parts = (
+        [column]
+        if guessed
+        else [column.iloc[k : k + LIMITS.table_dates] for k in range(0, len(column), LIMITS.table_dates)]
+    )
     found = []
     for part in parts:
         account.check_time()
@@ -297,7 +298,7 @@ def _fields(columns: Columns) -> Columns:
     for header, values in columns.items():
         name = re.sub(r"\W+", "_", header).strip("_")
         out[name] = values
-        if len(name) <= LONGEST and (match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name)):
+        if len(name) <= LIMITS.header_letters and (match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name)):
             series.setdefault(match[1], []).append(values)
     arrays = {name: np.stack(parts, 1) for name, parts in series.items() if len(parts) > 1 and name not in out}
     everything = {"data": np.stack(list(columns.values()), 1)} if columns else {}

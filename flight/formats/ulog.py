@@ -15,14 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.extras import required, silenced
-from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.reader import TableReader, one_line, required, silenced
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
-FIELD = 1000
-"""Bytes of a field of a subscription: its name, its place and its array, without the numbers."""
 LATEST = 2**63 // 1000 - 1
 """No stamp [us] is later: it would not fit into nanoseconds."""
 
@@ -49,7 +46,9 @@ class UlogReader(TableReader):
         for data in log.data_list:
             self.account.check_time()
             if "timestamp" in data.data:
-                self.account.take(FIELD * len(data.data) + 2 * data.data["timestamp"].base.nbytes, "messages")
+                self.account.take(
+                    LIMITS.ulog_field * len(data.data) + 2 * data.data["timestamp"].base.nbytes, "messages"
+                )
                 found.append(_table(data))
         if len(found) < len(log.data_list):
             self.notes.append(f"{len(log.data_list) - len(found)} topic(s) have no timestamp: left out.")
@@ -86,7 +85,7 @@ def _counted(kind: Any, account: Account) -> Any:
     class Subscription(kind._MessageAddLogged):  # type: ignore[misc]
         def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
             number = _fields(self.message_name, message_formats, {})
-            account.take(FIELD * number, f"the {number:,} fields of {self.message_name:.100}")
+            account.take(LIMITS.ulog_field * number, f"the {number:,} fields of {self.message_name:.100}")
             account.check_time()
             super()._parse_format(message_formats)
 

@@ -38,13 +38,12 @@ from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.changed.standing import Standing, standing
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
-from wrenchgap.learn.identify.candidates import Candidates, candidates
+from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import typical
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.posterior import FIRM, SUREST
@@ -215,7 +214,7 @@ class Baseline:
         untried = (*chosen.untried, *usual.failed)
         given = left_by(data, self.model)
         left = left_by(data, usual.model)
-        return Pool(data, usual.model, left, found, typical(self.model), {}, {}, given), untried
+        return Pool(data, usual.model, left, found, typical_trim(self.model), {}, {}, given), untried
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -285,7 +284,7 @@ def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
     """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
     if not pool.deviations:
         return pool.scatter
-    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical(pool.model))
+    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical_trim(pool.model))
 
 
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:

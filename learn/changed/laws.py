@@ -19,7 +19,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import NAME, damaged, without_drag_torque
-from wrenchgap.learn.data.applicable import Lack, Untried
+from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import Problem

@@ -15,7 +15,7 @@ from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, sca
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, seeming, varying
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.identify.trim import trim_of, typical
+from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import bounded
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -178,7 +178,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
     scales: dict[str, Array] = {}
     if excited:
         scales = {v.name: v.scale for v in varying(alone.data, pool.model, alone.shared_laws, {})}
-    usual = remaining(pool.model) if excited else typical(pool.model)
+    usual = remaining(pool.model) if excited else typical_trim(pool.model)
     alone = replace(alone, scatter=(1.0 if excited else WIDE) * usual)
     for _ in range(ROUNDS):
         alone = replace(alone, sizes=sizes, deviations=scales)

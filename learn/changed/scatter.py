@@ -4,9 +4,9 @@
 
 m_f is what is left of flight f on average when all that is common to the flights is taken off, F the healthy flights,
 n^2 the variance that such a mean has from what wanders within the flights: that is noise, which the likelihood has
-already. t is the typical scatter (`learn.identify.trim.typical`), which is worth `WORTH` flights. One healthy flight
-says nothing of its scatter: then t alone. Source: a random effect by flight (Pinheiro and Bates, "Mixed-Effects Models
-in S and S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
+already. t is the typical scatter (`learn.identify.bias_and_trim.typical_trim`), which is worth `WORTH` flights. One
+healthy flight says nothing of its scatter: then t alone. Source: a random effect by flight (Pinheiro and Bates,
+"Mixed-Effects Models in S and S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.trim import WORTH
+from wrenchgap.learn.identify.bias_and_trim import WORTH
 
 
 def means_by_flight(data: Dataset, left: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.trim import Trim
+from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import FAR_LOUDER, Spectrum
 

@@ -19,10 +19,10 @@ from wrenchgap.learn.changed.laws import Law, laws
 from wrenchgap.learn.changed.pool import Pool, calibrated, held
 from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import typical
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -73,7 +73,7 @@ def _solved(healthy: Dataset, about: Standing) -> tuple[Pool, Array, float]:
     the log likelihood.
     """  # noqa: D205
     left = left_by(healthy, about.model)
-    pool = Pool(healthy, about.model, left, tuple(about.laws.values()), typical(about.model), {}, {}, left)
+    pool = Pool(healthy, about.model, left, tuple(about.laws.values()), typical_trim(about.model), {}, {}, left)
     pool = calibrated(pool, range(len(pool.names)))
     spectrum = pool.spectrum()
     low, high = spectrum.low[spectrum.always].copy(), spectrum.high[spectrum.always].copy()

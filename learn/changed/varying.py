@@ -24,7 +24,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import Law
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.trim import AIR, PLACE, ROTOR, WORTH, typical
+from wrenchgap.learn.identify.bias_and_trim import AIR, PLACE, ROTOR, WORTH, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.com_offset import span
@@ -140,4 +140,4 @@ def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: in
 
 def remaining(model: Model) -> Array:
     """The typical scatter (6,) [N, Nm] of the trims that are left beside all this."""
-    return LEFT * typical(model)
+    return LEFT * typical_trim(model)

@@ -2,11 +2,12 @@
 
 All models are compared on one and the same measured wrench, made from the IMU with the mass and inertia of the first
 model (`learn.data.measurement`); a model that believes something else predicts what that processing will see.
+A fitted model is compared on flights that were not fitted (`validate`), with how far those went beyond the fitted ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import Errors, reduction, rms, weighted
 from wrenchgap.learn.data.measurement import Record
@@ -22,10 +23,24 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.plant.model import Model
 
-STRETCH_SECONDS = 1.0
-"""Length of the stretches among which the worst are sought [s]."""
-STRETCHES = 5
-"""How many of the worst stretches are kept."""
+
+@dataclass(frozen=True)
+class ComparisonThresholds:
+    """How models are compared, and when one is worse."""
+
+    stretch: float = 1.0
+    """Length of the stretches among which the worst are sought [s]."""
+    stretches: int = 5
+    """How many of the worst stretches are kept."""
+    worse: float = 1.1
+    """Factor by which the rms of an axis that got worse grew."""
+    loud: float = 1.5
+    """Factor by which that rms is above the noise."""
+    beyond: float = 1.15
+    """A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
+
+
+THRESHOLDS = ComparisonThresholds()
 
 
 @dataclass(frozen=True)
@@ -113,20 +128,22 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
 
 
 def worst_stretches(records: Sequence[Record], residuals: Sequence[Array], weights: Array) -> tuple[Stretch, ...]:
-    """The stretches of `STRETCH_SECONDS` with the largest weighted error, none overlapping, worst first."""
+    """The stretches of `THRESHOLDS.stretch` with the largest weighted error, none overlapping, worst first."""
     found: list[tuple[float, int, int, int]] = []
     for number, (record, residual) in enumerate(zip(records, residuals, strict=True)):
-        length = max(1, min(len(record), round(STRETCH_SECONDS / record.dt_kept)))
+        length = max(1, min(len(record), round(THRESHOLDS.stretch / record.dt_kept)))
         energy = np.sum(weighted(residual, weights) ** 2, axis=1)
         sums = np.convolve(energy, np.ones(length), mode="valid") / length
-        for _ in range(STRETCHES):
+        for _ in range(THRESHOLDS.stretches):
             start = int(np.argmax(sums))
             if not np.isfinite(sums[start]) or sums[start] < 0:
                 break
             found.append((float(sums[start]), number, start, length))
             sums[max(0, start - length + 1) : start + length] = -1.0
     found.sort(key=lambda item: -item[0])
-    return tuple(_stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[:STRETCHES])
+    return tuple(
+        _stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[: THRESHOLDS.stretches]
+    )
 
 
 def _stretch(record: Record, residual: Array, weights: Array, start: int, length: int) -> Stretch:
@@ -145,3 +162,85 @@ def _stretch(record: Record, residual: Array, weights: Array, start: int, length
         float(np.median(np.linalg.norm(state.omega_B[part], axis=1))),
         float(np.median(np.linalg.norm(state.velocity_E[part], axis=1))) if posed else None,
     )
+
+
+@dataclass(frozen=True)
+class Range:
+    """How far a quantity went: `maximum` over the fitted flights, `percentile` (95th) over a validation flight."""
+
+    quantity: str
+    unit: str
+    maximum: float
+    percentile: float
+
+    @property
+    def outside(self) -> bool:
+        """Whether the validation flight left what was fitted."""
+        return self.percentile > THRESHOLDS.beyond * self.maximum
+
+
+def ranges(fitted: Sequence[Record], unseen: Sequence[Record]) -> list[Range]:
+    """Tilt, body rate, speed and force of both sides; tilt and speed only where all logs have a pose."""
+    posed = all(r.has_pose for r in (*fitted, *unseen))
+    out = []
+    for quantity, unit, values in _quantities(posed):
+        known = np.concatenate([values(r) for r in fitted])
+        new = np.concatenate([values(r) for r in unseen])
+        out.append(Range(quantity, unit, float(np.max(known)), float(np.percentile(new, 95))))
+    return out
+
+
+def _quantities(posed: bool) -> list[tuple[str, str, Callable[[Record], Array]]]:
+    always = [
+        ("body rate", "rad/s", lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1)),
+        ("commanded force", "N", lambda r: np.linalg.norm(r.commanded[:, :3], axis=1)),
+        ("commanded torque", "Nm", lambda r: np.linalg.norm(r.commanded[:, 3:], axis=1)),
+    ]
+    with_pose = [
+        ("tilt", "deg", lambda r: np.degrees(so3.tilt_angle(r.state_kept.quat_EB))),
+        ("speed", "m/s", lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1)),
+    ]
+    return with_pose + always if posed else always
+
+
+@dataclass(frozen=True)
+class Validation:
+    """The fitted model on flights that were not fitted: `comparison` of nominal, given and fitted model."""
+
+    comparison: Comparison
+    ranges: tuple[tuple[str, tuple[Range, ...]], ...]
+
+    @property
+    def before(self) -> Array:
+        """Rms (6,) of the given model."""
+        return self.comparison.evaluations[0].pooled.rms
+
+    @property
+    def after(self) -> Array:
+        """Rms (6,) of the fitted model."""
+        return self.comparison.evaluations[-1].pooled.rms
+
+    @property
+    def reduction(self) -> Array:
+        """Fraction (6,) of the given model's rms that is gone."""
+        return self.comparison.reduction(self.comparison.evaluations[-1])
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """Axes on which the fitted model is worse than the given one."""
+        given, fitted = self.comparison.evaluations[-2].pooled.rms, self.after
+        lost = (fitted > THRESHOLDS.worse * given) & (fitted > THRESHOLDS.loud * self.comparison.noise)
+        return tuple(AXES[k] for k in np.flatnonzero(lost))
+
+    @property
+    def outside(self) -> tuple[tuple[str, Range], ...]:
+        """Flights and the quantities in which they left the fitted range."""
+        return tuple((flight, r) for flight, listed in self.ranges for r in listed if r.outside)
+
+
+def validate(flights: Sequence[OpenFlight], fitted_on: Sequence[OpenFlight], given: Model, fitted: Model) -> Validation:
+    """Given and fitted model on flights that were not fitted."""
+    predictors = [Predictor("given", given.wrench_model), Predictor("explained", fitted.wrench_model)]
+    known = [r for f in fitted_on for r in f.records]
+    listed = tuple((f.records[0].flight, tuple(ranges(known, f.records))) for f in flights)
+    return Validation(compare(flights, given, predictors), listed)

@@ -13,17 +13,10 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
-from wrenchgap.learn.data.answering import answerable
+from wrenchgap.learn.data.feedback_regressors import answerable
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
-
-BLOCK_SECONDS = 2.0
-"""Length of the blocks of time that are treated as independent [s]; many filter lengths."""
-FEWEST_BLOCKS = 8
-"""Into how many blocks at least a short log is cut, as long as a block holds four periods of the cut-off."""
-PIECE = 40.0
-"""Longest stretch of a flight that `spread_out` keeps whole [s]."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +25,9 @@ class Dataset:
 
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
-    independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one
-    of the records did not measure is out: NaN in `measured` and `noise`, weight zero. `source` is what these are
-    `unanswering` of.
+    independent. `answering` are the axes on which commands answer the motion (`learn.data.feedback_regressors`). An
+    axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero. `source` is what
+    these are `unanswering` of.
     """
 
     records: tuple[Record, ...]
@@ -118,14 +111,20 @@ def length_scale(model: Model) -> float:
     return float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
 
 
-def dataset(records: Sequence[Record], model: Model, answering: Sequence[int] = ()) -> Dataset:
-    """Stack records; weights are 1/N for forces and 1/(N l) for torques, l the vehicle's `length_scale`."""
+def dataset(
+    records: Sequence[Record], model: Model, answering: Sequence[int] = (), seconds: float = 2.0, fewest: int = 8
+) -> Dataset:
+    """Stack records; weights are 1/N for forces and 1/(N l) for torques, l the vehicle's `length_scale`.
+
+    Blocks of time that are treated as independent last `seconds`, many filter lengths; a short log is cut into `fewest`
+    at least, as long as a block holds four periods of the cut-off.
+    """
     if not records:
         raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
     blocks: list[NDArray[np.intp]] = []
     count = 0
     durations = [float(r.time[-1] - r.time[0]) for r in records]
-    length = min(BLOCK_SECONDS, max(sum(durations) / FEWEST_BLOCKS, 4.0 / records[0].cutoff_hz))
+    length = min(seconds, max(sum(durations) / fewest, 4.0 / records[0].cutoff_hz))
     for record, duration in zip(records, durations, strict=True):
         pieces = max(1, round(duration / length))
         index = np.minimum((record.time - record.time[0]) / max(duration, 1e-9) * pieces, pieces - 1).astype(np.intp)
@@ -148,13 +147,13 @@ def dataset(records: Sequence[Record], model: Model, answering: Sequence[int] = 
     )
 
 
-def spread_out(records: tuple[Record, ...], seconds: float) -> tuple[Record, ...]:
-    """About `seconds` of flight in pieces of at most `PIECE` seconds, evenly spread; all where there is no more."""
+def spread_out(records: tuple[Record, ...], seconds: float, piece: float = 40.0) -> tuple[Record, ...]:
+    """About `seconds` of flight in pieces of at most `piece` [s], evenly spread; all where there is no more."""
     step = records[0].dt_kept
     total = sum(len(r) for r in records) * step
     if total <= seconds:
         return records
-    share, length = seconds / total, round(PIECE / step)
+    share, length = seconds / total, round(piece / step)
     out: list[Record] = []
     passed = kept = 0
     for record in records:

@@ -27,12 +27,12 @@ from wrenchgap.plant.wrench_model import cross, measured_wrench
 
 Mask = NDArray[np.bool_]
 
-ROUNDING = 1e-9
-"""Change of an axis, relative to its size, that is rounding."""
 
+def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str], rounding: float = 1e-9) -> Mask:
+    """The axes (6,) of the measured wrench that depend on no sensor axis in `unmeasured` (`flight.unmeasured`).
 
-def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str]) -> Mask:
-    """The axes (6,) of the measured wrench that depend on no sensor axis in `unmeasured` (`flight.unmeasured`)."""
+    A change of an axis, relative to its size, is `rounding` up to this.
+    """
     if not unmeasured:
         return np.ones(6, dtype=bool)
     rng = np.random.default_rng(0)
@@ -46,7 +46,7 @@ def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str]) -> Mask:
         np.where(gone[3:], -2.0 * omega_dot, omega_dot),
     )
     size = np.maximum(np.abs(plain), np.abs(moved)).max(axis=0)
-    return np.asarray((np.abs(moved - plain).max(axis=0) <= ROUNDING * size) & ~gone)
+    return np.asarray((np.abs(moved - plain).max(axis=0) <= rounding * size) & ~gone)
 
 
 def _wrench(vehicle: Vehicle, force: Array, omega: Array, omega_dot: Array) -> Array:

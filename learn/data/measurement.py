@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.filters import forward_backward, low_pass_section, response
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.memory import HOURS, give_back, on_disk
-from wrenchgap.flight.second_order import low_pass_section, response
 from wrenchgap.flight.stamps import PIECE, pieces
-from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import actuation, nominal_wrench
@@ -99,9 +98,9 @@ def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     if len(flat) > PIECE:  # hours: one column after the other, for memory
         out = np.empty(flat.shape)
         for k in range(flat.shape[1]):
-            out[:, [k]] = both_ways(section, start, np.ascontiguousarray(flat[:, [k]]), padding)
+            out[:, [k]] = forward_backward(section, start, np.ascontiguousarray(flat[:, [k]]), padding)
         return out.reshape(np.shape(signal))
-    return np.asarray(both_ways(section, start, np.ascontiguousarray(flat), padding)).reshape(np.shape(signal))
+    return np.asarray(forward_backward(section, start, np.ascontiguousarray(flat), padding)).reshape(np.shape(signal))
 
 
 def thinned(signal: Array, dt: float, cutoff_hz: float, keep: slice) -> Array:

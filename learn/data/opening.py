@@ -11,23 +11,19 @@ import numpy as np
 
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
-from wrenchgap.flight.checks import checked
+from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
-from wrenchgap.learn.data.between import MINIMUM_FLIGHT, outside, part
-from wrenchgap.learn.data.between import within as kept_within
 from wrenchgap.learn.data.checks import against_model, rates
-from wrenchgap.learn.data.checks.limits import possible
-from wrenchgap.learn.data.checks.records import of_records
+from wrenchgap.learn.data.checks.records import record_checks, without_impossible_commands
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import Record, commands_of, prepare
-from wrenchgap.learn.data.phases import Phase, phases_of, runs, used
-from wrenchgap.learn.data.phases.phase import phase_names
-from wrenchgap.learn.data.phases.told import never_flew, of_phases, times_left_out
-from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
+from wrenchgap.learn.data.phases.phase import Phase, phase_names, runs, used_samples
+from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, rows_of, times_outside
 from wrenchgap.learn.data.rotor_commands import as_speeds
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
@@ -102,7 +98,7 @@ def opened(
     cutoff_hz, between, keep = options.cutoff_hz, options.between, options.keep
     found = flight.in_si(as_speeds(found, model))
     asked = _Asked(found.path.name, accepted_names(options.accept), gate)
-    found, unlikely = possible(checked(found), model)
+    found, unlikely = without_impossible_commands(with_checks(found), model)
     asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
     played, notes = _commanded(found, incomplete)
     try:
@@ -111,7 +107,7 @@ def opened(
         if not incomplete:
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
-        return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
+        return OpenFlight(found, (), (), (), times_outside(between), why, asked.checks)
     known = _sent(resampled.samples, model.vehicle)
     phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
     give_back(asked.hold(resampled.samples))
@@ -134,11 +130,11 @@ def opened(
     if not records and not (incomplete and short):
         said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
         raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])
-    asked.pass_((*of_records(found, records, model, asked.checks), *of_phases(phases)))
+    asked.pass_((*record_checks(found, records, model, asked.checks), *phase_checks(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
-    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]
-    cut = resampled.samples, tuple(flown), tuple(records), (*outside(between), *left_out)
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, resampled.samples)]
+    cut = resampled.samples, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
 
@@ -195,20 +191,15 @@ def _sent(stretches: Sequence[Samples], vehicle: Vehicle) -> list[Part]:
         return []
 
 
-def _span(stretches: Sequence[Samples]) -> tuple[float, float]:
-    """First and last time [s]."""
-    return float(stretches[0].time[0]), float(stretches[-1].time[-1])
-
-
 def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Samples]:
     """The stretches without what is left out, for checks; all of it where nothing remains of a vehicle that moves.
 
     Commands in another unit look as if something else carried it, and it is the check that shall say so.
     """
     parts = [
-        part(samples, slice(a, b))
+        rows_of(samples, slice(a, b))
         for samples in stretches
-        for a, b in runs(used(samples.time, phases))
+        for a, b in runs(used_samples(samples.time, phases))
         if (b - a) * samples.dt >= MINIMUM_FLIGHT
     ]
     return parts if parts or not any(p.name == "held" for p in phases) else list(stretches)
@@ -230,12 +221,12 @@ def _parts(
     for samples in stretches:
         known = next((one[1:] for one in sent if one[0] is samples), None)
         commands, source = commands_of(samples, vehicle) if known is None else known
-        rows = [slice(a, b) for a, b in runs(used(samples.time, phases))]
+        rows = [slice(a, b) for a, b in runs(used_samples(samples.time, phases))]
         if rows == [slice(0, len(samples))]:
             flown.append((samples, commands, source))
             continue
         long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
-        flown += [(part(samples, r), commands.take(r), source) for r in long]
+        flown += [(rows_of(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
         begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
         end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt

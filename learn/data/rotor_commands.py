@@ -34,7 +34,8 @@ def as_speeds(found: Flight, model: Model) -> Flight:
             f"{found.path.name}: {sent.topic} has {sent.rotor_speed.shape[1]} rotor commands, {model.vehicle.name} has "
             f"{len(rotors)} rotors; map the columns with --topic rotor_speed={sent.topic}[...] or use another model"
         )
-    voltage = _voltage(found, sent)
+    battery = found.battery
+    voltage = None if battery is None else np.asarray(np.interp(sent.time, battery.time, battery.voltage))
     speeds = curve.speeds(sent.rotor_speed, voltage, model.vehicle)
     wrenches = {
         role: None
@@ -44,13 +45,6 @@ def as_speeds(found: Flight, model: Model) -> Flight:
     converted: ActuatorSeries = replace(sent, rotor_speed=speeds, unit="rad/s")
     notes = (*found.notes, *_notes(found, sent, model, voltage))
     return replace(found, actuators=converted, notes=notes, **wrenches)  # type: ignore[arg-type]
-
-
-def _voltage(found: Flight, sent: ActuatorSeries) -> Array | None:
-    """The battery's voltage (N,) [V] at the commands."""
-    if found.battery is None:
-        return None
-    return np.asarray(np.interp(sent.time, found.battery.time, found.battery.voltage))
 
 
 def _notes(found: Flight, sent: ActuatorSeries, model: Model, voltage: Array | None) -> list[str]:

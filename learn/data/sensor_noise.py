@@ -20,26 +20,38 @@ segments are worth; Papoulis and Pillai, Probability, Random Variables and Stoch
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
 
+from wrenchgap.flight.filters import hann
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.resample import anti_alias
-from wrenchgap.flight.second_order import hann
 
-SEGMENT = 4.0
-"""Length of the segments of a periodogram [s]: lines of vibration stay narrow."""
-FEWEST = 32
-"""Readings below which nothing is known of their clock."""
-AT_ONCE = 32
-"""Segments that are transformed together: some 200 kB of them, which stay in the second cache."""
-FREQUENCIES = 2001
-SMALLEST = 1e-6
-"""Share of a density that counts as none: half way between readings, half the clock's rate is not seen."""
-_LAGS = 40  # of the grid, after which nothing is left of the anti-alias filter's autocorrelation (1e-9)
-_INSTANTS = 2000  # at which interpolation is looked at
+
+@dataclass(frozen=True)
+class SpectrumSettings:
+    """How the density of a sensor's noise is estimated."""
+
+    segment: float = 4.0
+    """Length of the segments of a periodogram [s]: lines of vibration stay narrow."""
+    fewest: int = 32
+    """Readings below which nothing is known of their clock."""
+    at_once: int = 32
+    """Segments that are transformed together: some 200 kB of them, which stay in the second cache."""
+    frequencies: int = 2001
+    """Frequencies at which it is known, up to half of the clock's rate."""
+    smallest: float = 1e-6
+    """Share of a density that counts as none: half way between readings, half the clock's rate is not seen."""
+    lags: int = 40
+    """Of the grid, after which nothing is left of the anti-alias filter's autocorrelation (1e-9)."""
+    instants: int = 2000
+    """Instants at which interpolation is looked at."""
+
+
+SPECTRUM = SpectrumSettings()
 
 
 def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tuple[Array, Array]:
@@ -48,13 +60,13 @@ def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tu
     Columns: omega_B [(rad/s)^2/Hz], specific_force_B [(m/s^2)^2/Hz]. `imu` is what the samples were resampled from;
     without it, and where it did not measure (its columns are not numbers), they are readings themselves.
     """
-    f = np.linspace(0.0, 0.5 / samples.dt, FREQUENCIES)
-    rate, seen, left = 1.0 / samples.dt, np.ones((FREQUENCIES, 6)), np.ones((FREQUENCIES, 6))
+    f = np.linspace(0.0, 0.5 / samples.dt, SPECTRUM.frequencies)
+    rate, seen, left = 1.0 / samples.dt, np.ones((SPECTRUM.frequencies, 6)), np.ones((SPECTRUM.frequencies, 6))
     if imu is not None:
         ends = np.searchsorted(imu.time, samples.time[0] - samples.dt), samples.time[-1] + samples.dt
         near = slice(int(ends[0]), int(np.searchsorted(imu.time, ends[1], side="right")))
         stamps = imu.time[near]
-        if len(stamps) >= FEWEST:
+        if len(stamps) >= SPECTRUM.fewest:
             rate = min(rate, (len(stamps) - 1) / float(stamps[-1] - stamps[0]))
             readings = (*imu.omega_B[near].T, *imu.specific_force_B[near].T)
             own = np.array([bool(np.isfinite(column).all()) for column in readings])
@@ -68,7 +80,7 @@ def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tu
 
 def _segments(count: int, dt: float) -> tuple[int, int]:
     """Length of a periodogram's segments and how many there are, each begun in the middle of the one before."""
-    length = min(count, int(SEGMENT / dt))
+    length = min(count, int(SPECTRUM.segment / dt))
     return length, 1 + (count - length) // (length - length // 2)
 
 
@@ -93,8 +105,8 @@ def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
     power = np.zeros((length // 2 + 1, len(columns)))
     for k, column in enumerate(columns):
         rows = sliding_window_view(column, length)[:: length - length // 2]
-        for start in range(0, segments, AT_ONCE):
-            part = rows[start : start + AT_ONCE]
+        for start in range(0, segments, SPECTRUM.at_once):
+            part = rows[start : start + SPECTRUM.at_once]
             turned = rfft((part - part.mean(axis=1, keepdims=True)) * window, axis=1)
             power[:, k] += np.sum(turned.real**2 + turned.imag**2, axis=0)
     power *= dt / (segments * float(window @ window))
@@ -125,9 +137,9 @@ def left_by_resampling(time: Array, stamps: Array, frequency: Array, weight: Arr
     """
     dt = float(time[1] - time[0])
     rate = (len(stamps) - 1) / float(stamps[-1] - stamps[0])
-    most = min(_LAGS + int(np.ceil(2.0 / (rate * dt))), len(time) // 2)
+    most = min(SPECTRUM.lags + int(np.ceil(2.0 / (rate * dt))), len(time) // 2)
     # Spread by the golden ratio: every n-th instant could be in step with the beat of the two clocks.
-    at = ((len(time) - most) * np.modf(np.arange(_INSTANTS) * (np.sqrt(5.0) - 1.0) / 2.0)[0]).astype(int)
+    at = ((len(time) - most) * np.modf(np.arange(SPECTRUM.instants) * (np.sqrt(5.0) - 1.0) / 2.0)[0]).astype(int)
     before = np.clip(np.searchsorted(stamps, time, side="right") - 1, 0, len(stamps) - 2)
     u = np.clip((time - stamps[before]) / (stamps[before + 1] - stamps[before]), 0.0, 1.0)
     later = at[:, None] + np.arange(most)
@@ -140,7 +152,7 @@ def left_by_resampling(time: Array, stamps: Array, frequency: Array, weight: Arr
     for own, other, step in ((left, 1.0 - after, 0), (left, after, 1), (right, 1.0 - after, -1), (right, after, 0)):
         r += own @ (other * rho[np.abs(apart + step)])
     waves = np.cos(2.0 * np.pi * dt * np.outer(frequency, np.arange(1, most)))
-    return np.asarray(np.maximum(rate * dt * (r[0] + 2.0 * waves @ r[1:]), SMALLEST))
+    return np.asarray(np.maximum(rate * dt * (r[0] + 2.0 * waves @ r[1:]), SPECTRUM.smallest))
 
 
 def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:

@@ -1,6 +1,6 @@
 """The flight that tells effects apart: searched among manoeuvres, checked on the plant.
 
-A flight of length T is cut into segments of about `SEGMENT` seconds, each filled by one manoeuvre
+A flight of length T is cut into segments of about `SEARCH.segment` seconds, each filled by one manoeuvre
 (`learn.design.manoeuvres`). Screening flies them open loop: reference -> feedforward of the controller -> allocation,
 with sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time that
 with which the flight so far separates the group best (`Separability.merit`, linearised: `learn.design.screening`);
@@ -12,7 +12,7 @@ which gives the separation that a user may expect.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,15 +21,14 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, rms
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
+from wrenchgap.learn.design.design_result import Design, Flown, Segment, rounded
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, space, usual
-from wrenchgap.learn.design.rehearsal import broken, lost_after, rehearse, rotor_use, tracking
-from wrenchgap.learn.design.screening import Piece, Screen
+from wrenchgap.learn.design.screening import Piece, Screen, broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.separability import (
     LEAST_SHARE,
     Separability,
@@ -48,27 +47,42 @@ from wrenchgap.plant.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory_file import TrajectoryFile, dumps, loads
 from wrenchgap.plant.wrench_model import ModelEffect
 
-SEGMENT = 10.0
-"""Length of a segment to aim for [s]."""
-SHORTEST, LONGEST = 8.0, 120.0
-"""Flights that can be designed [s]."""
-GRID = 0.04
-"""Segments last a multiple of this [s], so that halves and quarters are whole hundredths."""
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How a flight is searched for."""
+
+    segment: float = 10.0
+    """Length of a segment to aim for [s]."""
+    shortest: float = 8.0
+    """Shortest flight that can be designed [s]."""
+    longest: float = 120.0
+    """Longest flight that can be designed [s]."""
+    grid: float = 0.04
+    """Segments last a multiple of this [s], so that halves and quarters are whole hundredths."""
+    vigours: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
+    """Vigours that are tried, until a manoeuvre keeps the limits."""
+    softer: float = 0.85
+    """Factor on the vigour where the plant did not keep the limits."""
+    attempts: int = 4
+    """How often a flight is made softer, at most."""
+    hover: float = 4.0
+    """Time [s] for which a vehicle must hover with an effect hidden; else the effect is halved."""
+    halved: int = 5
+    """How often it is halved, at most."""
+    hopeless: int = 2
+    """After so many segments that leave next to nothing unimitated the search ends: no flight will."""
+    sweeps: int = 3
+    """How often each segment is exchanged for any other, as long as that helps."""
+    azimuths: tuple[float, ...] = tuple(np.radians([0.0, 30.0, 60.0, 90.0, 150.0]))
+    """Azimuths that are tried [rad]."""
+
+
+SEARCH = SearchSettings()
+
+
 REST = 0.5
 """Hover at either end of a flight [s]."""
-VIGOURS = (1.0, 0.8, 0.6, 0.4, 0.2)
-"""Vigours that are tried, until a manoeuvre keeps the limits."""
-AZIMUTHS = tuple(np.radians([0.0, 30.0, 60.0, 90.0, 150.0]))
-"""Azimuths that are tried."""
-SOFTER = 0.85
-"""Factor on the vigour where the plant did not keep the limits."""
-ATTEMPTS = 4
-HOVER, HALVED = 4.0, 5
-"""A vehicle must hover so long [s] with an effect hidden; else the effect is halved, at most so many times."""
-HOPELESS = 2
-"""After so many segments that leave next to nothing unimitated the search ends: no flight will."""
-SWEEPS = 3
-"""How often each segment is exchanged for any other, as long as that helps."""
 
 
 def design(
@@ -90,8 +104,8 @@ def design(
     """
     if len(set(names)) < 2:
         raise UsageError("design: expected at least two different effects to separate")
-    if not SHORTEST <= duration <= LONGEST:
-        raise UsageError(f"--duration {duration:g}: expected {SHORTEST:g} to {LONGEST:g} s")
+    if not SEARCH.shortest <= duration <= SEARCH.longest:
+        raise UsageError(f"--duration {duration:g}: expected {SEARCH.shortest:g} to {SEARCH.longest:g} s")
     report = progress or (lambda fraction, words: None)
     records = tuple(r for f in flights for r in f.records)
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
@@ -119,8 +133,8 @@ class _Search:
         self.base = model.without([n for n in names if model.effect(n) is not None])
         self.limits = limits or usual(model.vehicle)
         self.room = space(model.vehicle, self.limits)
-        self.count = max(1, round((duration - 2.0 * REST) / SEGMENT))
-        self.length = GRID * float(np.floor((duration - 2.0 * REST) / self.count / GRID))
+        self.count = max(1, round((duration - 2.0 * REST) / SEARCH.segment))
+        self.length = SEARCH.grid * float(np.floor((duration - 2.0 * REST) / self.count / SEARCH.grid))
         self.manoeuvres = available(self.room)
         self.pieces: dict[Segment, Piece] = {}
         self.tried = 0
@@ -136,8 +150,8 @@ class _Search:
     def _sized(self, name: str, data: Dataset | None) -> ModelEffect:
         """The model's, else fitted, else typical; halved while the vehicle cannot even hover with it."""
         effect = self.model.effect(name) or sized(name, self.base, data, also=self.also)
-        hover = self._path(HOVER)
-        for _ in range(HALVED):
+        hover = self._path(SEARCH.hover)
+        for _ in range(SEARCH.halved):
             if lost_after(self._flight(hover, effect), hover) is None:
                 break
             effect = replace(effect, theta=0.5 * effect.theta)
@@ -179,16 +193,19 @@ class _Search:
         chosen: tuple[Segment, ...] = ()
         best = 0.0
         for number in range(self.count):
-            if number == HOPELESS and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * LEAST_SHARE:
+            if (
+                number == SEARCH.hopeless
+                and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * LEAST_SHARE
+            ):
                 break
             merits = [self._merit((*chosen, s), 0.2 + 0.3 * number / self.count) for s in flyable]
             chosen = (*chosen, flyable[int(np.argmax(merits))])
             best = max(merits)
-        for sweep in range(SWEEPS):
+        for sweep in range(SEARCH.sweeps):
             before = best
             for k in range(len(chosen)):
                 trials = [(*chosen[:k], s, *chosen[k + 1 :]) for s in flyable]
-                merits = [self._merit(t, 0.5 + 0.3 * (sweep + k / len(chosen)) / SWEEPS) for t in trials]
+                merits = [self._merit(t, 0.5 + 0.3 * (sweep + k / len(chosen)) / SEARCH.sweeps) for t in trials]
                 if max(merits) > 1.01 * best:
                     chosen, best = trials[int(np.argmax(merits))], max(merits)
             if best <= 1.02 * before:
@@ -201,8 +218,8 @@ class _Search:
         for number, name in enumerate(self.manoeuvres):
             self.report(0.2 * number / len(self.manoeuvres), f"trying {name}")
             seen: list[Sequence[Move]] = []
-            for azimuth in AZIMUTHS:
-                for vigour in VIGOURS:
+            for azimuth in SEARCH.azimuths:
+                for vigour in SEARCH.vigours:
                     segment = Segment(name, vigour, float(azimuth))
                     moves = self._moves(segment)
                     if moves in seen:
@@ -242,7 +259,7 @@ class _Search:
         further or take an actuator to its limit.
         """
         reasons: list[str] = []
-        for _ in range(ATTEMPTS):
+        for _ in range(SEARCH.attempts):
             self.report(0.86, "checking the flight on the plant")
             file = self._file(segments)
             found = self._flight(file.trajectory)
@@ -259,10 +276,10 @@ class _Search:
                 flown.append(self._measure(flight, file.trajectory, truth))
             if not reasons:
                 return file, segments, tuple(flown)
-            segments = tuple(replace(s, vigour=SOFTER * s.vigour) for s in segments)
+            segments = tuple(replace(s, vigour=SEARCH.softer * s.vigour) for s in segments)
         raise FitError(
-            f"design: on the plant the vehicle {'; '.join(reasons)}, even when softened {ATTEMPTS - 1} times; give it "
-            "more room or speed, or less tilt"
+            f"design: on the plant the vehicle {'; '.join(reasons)}, even when softened {SEARCH.attempts - 1} times; "
+            "give it more room or speed, or less tilt"
         )
 
     def _file(self, segments: Sequence[Segment]) -> TrajectoryFile:

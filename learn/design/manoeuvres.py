@@ -22,21 +22,31 @@ from wrenchgap.plant.moves import SHAKEN, Move, Shake, Shift, Swing, Tilt, Turn,
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
-CLEARANCE = 0.05
-"""Least distance of any part from the floor, the ceiling and the walls [m]."""
-HOME_HEIGHT = 1.6
-"""Height at which flights start, where the room allows it [m]."""
-ACCELERATION = 4.0
-"""Largest acceleration that a manoeuvre asks for [m/s^2]."""
+
+@dataclass(frozen=True)
+class ManoeuvreSettings:
+    """What a manoeuvre may ask for."""
+
+    clearance: float = 0.05
+    """Least distance of any part from the floor, the ceiling and the walls [m]."""
+    home_height: float = 1.6
+    """Height at which flights start, where the room allows it [m]."""
+    acceleration: float = 4.0
+    """Largest acceleration that a manoeuvre asks for [m/s^2]."""
+    rounds: float = 2.5
+    """Least number of oscillations that fill a manoeuvre."""
+    at_limit: float = 1e-3
+    """Largest share of commands in which an actuator may be at its limit."""
+    largest_error: tuple[float, float] = (0.25, np.radians(15.0))
+    """Largest tracking error of a flight that counts as flown: position [m], attitude [rad]."""
+
+
+MANOEUVRES = ManoeuvreSettings()
+
+
 TURN = 2.0 * np.pi
-ROUNDS = 2.5
-"""Least number of oscillations that fill a manoeuvre."""
 QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
 """Peak second derivative of a unit quintic of unit length."""
-AT_LIMIT = 1e-3
-"""Largest share of commands in which an actuator may be at its limit."""
-LARGEST_ERROR = (0.25, np.radians(15.0))
-"""Largest tracking error of a flight that counts as flown: position [m], attitude [rad]."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +102,10 @@ class Space:
 def space(vehicle: Vehicle, limits: Limits) -> Space:
     """The space that the limits leave; UsageError where the vehicle does not fit in."""
     size, inside = extent(vehicle), limits.tightened()
-    margin = size + CLEARANCE + 0.1
+    margin = size + MANOEUVRES.clearance + 0.1
     x, y = (0.5 * side - margin for side in limits.room[:2])
     tilts = not pushes_along_z_only(vehicle)
-    lowest = CLEARANCE + 0.1 + size * float(np.sin(min(inside.tilt, 0.5 * np.pi)))
+    lowest = MANOEUVRES.clearance + 0.1 + size * float(np.sin(min(inside.tilt, 0.5 * np.pi)))
     highest = limits.room[2] - margin
     if min(x, y) < 0 or highest < lowest:
         raise UsageError(
@@ -103,9 +113,11 @@ def space(vehicle: Vehicle, limits: Limits) -> Space:
             f"{' x '.join(f'{side:g}' for side in limits.room)} m leaves no place to tilt; give a larger --room or a "
             "smaller --max-tilt"
         )
-    height = round(float(np.clip(min(HOME_HEIGHT, 0.5 * limits.room[2]), lowest, highest)), 2)
-    acceleration = ACCELERATION if tilts else min(ACCELERATION, GRAVITY * float(np.tan(0.8 * inside.tilt)))
-    down, up = height - (CLEARANCE + 0.1), highest - height
+    height = round(float(np.clip(min(MANOEUVRES.home_height, 0.5 * limits.room[2]), lowest, highest)), 2)
+    acceleration = (
+        MANOEUVRES.acceleration if tilts else min(MANOEUVRES.acceleration, GRAVITY * float(np.tan(0.8 * inside.tilt)))
+    )
+    down, up = height - (MANOEUVRES.clearance + 0.1), highest - height
     return Space((0.0, 0.0, height), x, y, down, up, 0.98 * inside.tilt, inside.speed, acceleration, tilts)
 
 
@@ -126,10 +138,10 @@ class Task:
     def swing(self, by: Array, phase: float = 0.0, fade: float = 2.0) -> list[Swing] | None:
         """An oscillation along `by` (3,) [m], at most by that much, as fast as speed and acceleration allow.
 
-        Smaller where it would not come round `ROUNDS` times.
+        Smaller where it would not come round `MANOEUVRES.rounds` times.
         """
         fastest, hardest = 0.9 * self.vigour * self.room.speed, 0.8 * self.vigour * self.room.acceleration
-        far, slowest = float(np.linalg.norm(by)), self.length / ROUNDS / TURN
+        far, slowest = float(np.linalg.norm(by)), self.length / MANOEUVRES.rounds / TURN
         size = min(far, fastest * slowest, hardest * slowest**2)
         if size < 0.05:
             return None
@@ -256,7 +268,7 @@ def violations(
             found.append(f"reaches {reach:.2f} m along {name}, the room ends at {0.5 * limits.room[axis]:g} m")
     low = float((position_E[:, 2] - size * np.sin(np.minimum(tilt, 0.5 * np.pi))).min())
     high = float(position_E[:, 2].max()) + size
-    if low < CLEARANCE:
+    if low < MANOEUVRES.clearance:
         found.append(f"comes within {low:.2f} m of the floor")
     if high > limits.room[2]:
         found.append(f"reaches a height of {high:.2f} m, the room ends at {limits.room[2]:g} m")
@@ -269,7 +281,7 @@ def violations(
 
 
 def saturation(vehicle: Vehicle, commands: Commands, dt: float, use: float = 1.0) -> list[str]:
-    """Actuators that are at their limits (times `use`) in more than `AT_LIMIT` of the commands, in words."""
+    """Actuators that are at their limits (times `use`) in more than `MANOEUVRES.at_limit` of the commands, in words."""
     if not vehicle.has_rotors or commands.rotor_speed is None or commands.tilt is None:
         return []
     arms, rotors = vehicle.geometry()
@@ -282,4 +294,4 @@ def saturation(vehicle: Vehicle, commands: Commands, dt: float, use: float = 1.0
         "an arm's range": np.any(arms.tilts & ((tilt >= use * arms.tilt_max) | (tilt <= use * arms.tilt_min)), axis=1),
     }
     shares = {what: float(np.mean(hit)) for what, hit in at.items()}
-    return [f"is at {what} in {100 * s:.1f} % of the commands" for what, s in shares.items() if s > AT_LIMIT]
+    return [f"is at {what} in {100 * s:.1f} % of the commands" for what, s in shares.items() if s > MANOEUVRES.at_limit]

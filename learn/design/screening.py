@@ -10,6 +10,8 @@ same terms as in `learn.identify.fit`: the plausible range of B, an acceleromete
 weighted by what is left on them. Exact for effects that are linear in their parameters; for the others (a lag, a force
 times its lever, a width) it says what B can do in the neighbourhood of its own size, which is good enough to choose
 by. `learn.design.separability` then says what the choice is worth.
+
+A reference is tried before it is flown (`rehearse`): open loop, by a vehicle that tracks perfectly, and on the plant.
 """
 
 from __future__ import annotations
@@ -19,19 +21,38 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.applicable import unexcited
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array, Flight, Samples
+from wrenchgap.learn.data.candidates import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.measurement import Record, predict
+from wrenchgap.learn.data.measurement import Record, predict, prepare
+from wrenchgap.learn.design.manoeuvres import MANOEUVRES, Limits, violations
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
-from wrenchgap.learn.identify.trim import ACCELEROMETER_BIAS
+from wrenchgap.learn.identify.bias_and_trim import ACCELEROMETER_BIAS
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.controller import evaluate, pushes_along_z_only
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+from wrenchgap.plant.sensors import imu_errors
+from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.trajectory import Trajectory
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin
 
-DULL = 0.1
-"""Factor on the merit of a flight that leaves an effect of the group unexcited."""
-PASSES = 3
-"""How often the axes' weights follow from what is left."""
+
+@dataclass(frozen=True)
+class ScreenSettings:
+    """How many flights are judged at little cost."""
+
+    dull: float = 0.1
+    """Factor on the merit of a flight that leaves an effect of the group unexcited."""
+    passes: int = 3
+    """How often the axes' weights follow from what is left."""
+    rate: float = 100.0
+    """Rate of the open-loop flights [Hz]."""
+    use: float = 0.95
+    """Share of the actuators' limits that an open-loop flight may use: the closed loop needs the rest."""
+
+
+SCREEN = ScreenSettings()
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,7 @@ class Screen:
     def merit(self, pieces: Sequence[Piece]) -> float:
         """`Separability.merit`, much less where an effect is not excited: `explain` would not even try it."""
         every = all(any(e.name in p.excited for p in pieces) for e in self.effects)
-        return self.judge(pieces).merit * (1.0 if every else DULL)
+        return self.judge(pieces).merit * (1.0 if every else SCREEN.dull)
 
     def judge(self, pieces: Sequence[Piece]) -> Separability:
         """All ordered pairs on these pieces, one after the other."""
@@ -117,7 +138,7 @@ class Screen:
             added, J = np.where(seen, added, 0.0), np.where(seen[:, None], J, 0.0)
         weights = data.weights / np.sqrt(np.mean((added * data.weights) ** 2))
         left = added
-        for _ in range(PASSES):
+        for _ in range(SCREEN.passes):
             left = added - J @ _bounded(J * weights[:, None], added * weights, sizes, (low, high))
             size = np.sqrt(np.mean(left**2, axis=0))
             weights = np.where(seen, 1.0 / np.where(seen, np.maximum(size, data.noise), 1.0), 0.0)
@@ -134,3 +155,98 @@ def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array])
     low, high = (b / sizes for b in bounds)
     found = lsq_linear(L.T, aim, bounds=(low - 1e-9, high + 1e-9), method="bvls")
     return np.asarray(found.x * sizes)
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """A reference flown open loop: the record, and what goes beyond the limits."""
+
+    record: Record
+    violations: tuple[str, ...]
+
+
+def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int = 0) -> Rehearsal:
+    """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
+
+    Actuators may go to the share `SCREEN.use` of their limits.
+    """
+    time = np.arange(round(trajectory.duration * SCREEN.rate)) / SCREEN.rate
+    r = trajectory.at(time)
+    state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
+    vehicle, dt = model.vehicle, 1.0 / SCREEN.rate
+    along_z, rest = pushes_along_z_only(vehicle), np.zeros_like(r.omega_D)
+    wrench, _ = evaluate(model.controller, vehicle.body, state, r, rest, along_z=along_z)
+    commands, beyond = Commands(wrench), []
+    if vehicle.has_rotors:
+        allocation = Allocation(vehicle)
+        about_O = about_origin(vehicle.body, wrench)
+        commands = replace(allocation.allocate(about_O, dt=dt)[0], wrench_B=wrench)
+        missing = np.linalg.norm((about_O - allocation.achievable(about_O))[:, :3], axis=1).max()
+        if missing > 0.02 * np.linalg.norm(about_O[:, :3], axis=1).max():
+            beyond.append("asks for a force that the rotors cannot make")
+    beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, SCREEN.use)
+    noise = imu_errors(replace(model.sensors, imu_rate_hz=SCREEN.rate), len(time), np.random.default_rng(seed))
+    motion = model.wrench_model.motion(model.wrench_model.actuate(commands, state, dt)[0], state.omega_B)
+    samples = Samples(
+        "rehearsal",
+        time,
+        dt,
+        r.omega_D + noise[:, :3],
+        motion.specific_force_B + noise[:, 3:],
+        wrench_cmd_B=wrench,
+        tilt_cmd=commands.tilt,
+        rotor_speed_cmd=commands.rotor_speed,
+        position_E=r.position_E,
+        velocity_E=r.velocity_E,
+        quat_EB=r.quat_ED,
+        unmeasured=model.unmeasured,
+    )
+    return Rehearsal(prepare(samples, vehicle), tuple(beyond))
+
+
+def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:
+    """Largest position error [m] and attitude error [rad] of a flight along a trajectory."""
+    assert flight.odometry is not None
+    want = trajectory.at(flight.odometry.time)
+    off = so3.log(so3.multiply(so3.conjugate(want.quat_ED), flight.odometry.quat_EB))
+    position = np.linalg.norm(flight.odometry.position_E - want.position_E, axis=1)
+    return float(position.max()), float(np.linalg.norm(off, axis=1).max())
+
+
+def lost_after(flight: Flight, trajectory: Trajectory) -> float | None:
+    """Time [s] at which control was lost: the plant ends a flight there, before its trajectory ends."""
+    assert flight.odometry is not None
+    last, gap = float(flight.odometry.time[-1]), 2.0 * flight.odometry.period
+    return last if last + gap < trajectory.duration else None
+
+
+def broken(flight: Flight, trajectory: Trajectory, model: Model, limits: Limits, *, believed: bool) -> list[str]:
+    """What a flight on the plant did beyond the limits, in words.
+
+    Where the model is `believed` to be the vehicle, also where it was far from the trajectory, and where the actuators
+    were at their limits.
+    """
+    odometry, actuators = flight.odometry, flight.actuators
+    assert odometry is not None
+    assert odometry.velocity_E is not None
+    commands, dt = Commands(np.zeros((0, 6))), 1.0
+    if actuators is not None and believed:
+        commands, dt = replace(commands, tilt=actuators.tilt, rotor_speed=actuators.rotor_speed), actuators.period
+    motion = (odometry.position_E, odometry.quat_EB, odometry.velocity_E)
+    found = violations(model.vehicle, limits, *motion, commands, dt)
+    position, attitude = tracking(flight, trajectory) if believed else (0.0, 0.0)
+    if position > MANOEUVRES.largest_error[0]:
+        found.append(f"is {position:.2f} m from the reference, allowed are {MANOEUVRES.largest_error[0]:g} m")
+    if attitude > MANOEUVRES.largest_error[1]:
+        allowed = np.degrees(MANOEUVRES.largest_error[1])
+        found.append(f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {allowed:.0f} deg")
+    lost = lost_after(flight, trajectory)
+    return found if lost is None else [*found, f"loses control after {lost:.1f} s"]
+
+
+def rotor_use(flight: Flight, model: Model) -> float:
+    """Largest share of a rotor's largest speed."""
+    if flight.actuators is None or not model.vehicle.has_rotors:
+        return 0.0
+    _, rotors = model.vehicle.geometry()
+    return float((flight.actuators.rotor_speed / rotors.speed_max).max())

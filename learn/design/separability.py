@@ -50,16 +50,25 @@ LAGS = ("command_delay", "servo_lag", "motor_lag", "asymmetric_motor_lag", "back
 """Effects that a nuisance of their kind would hide: with one of them in the group, the others are no nuisance."""
 LEAST_SHARE = 0.03
 """Smallest share of an effect that must be left unimitated: no model is right to within 3 % of what it describes."""
-ENOUGH = 12.0
-"""A separation beyond which more certainty is worth nothing; a larger share still is."""
-PLAIN = 1.0
-"""Evidence beyond which more is worth nothing."""
-ASIDE = 0.5
-"""Weight in a search of the directions that do not count."""
-INVISIBLE = 1e-3
-"""Size, in standard deviations of the noise, below which something counts as zero."""
-FITS = 6
-"""Most fits in a row of an imitator whose prediction is not linear in its parameters (a force times its lever)."""
+
+
+@dataclass(frozen=True)
+class SeparationThresholds:
+    """From when on effects are separable."""
+
+    enough: float = 12.0
+    """A separation beyond which more certainty is worth nothing; a larger share still is."""
+    plain: float = 1.0
+    """Evidence beyond which more is worth nothing."""
+    aside: float = 0.5
+    """Weight in a search of the directions that do not count."""
+    invisible: float = 1e-3
+    """Size, in standard deviations of the noise, below which something counts as zero."""
+    fits: int = 6
+    """Most fits in a row of an imitator whose prediction is not linear in its parameters (a force times its lever)."""
+
+
+SEPARATION = SeparationThresholds()
 
 
 @dataclass(frozen=True)
@@ -90,8 +99,8 @@ class Direction:
 
     @property
     def merit(self) -> float:
-        """What a search maximises: separation (up to `ENOUGH`) times share times evidence (up to `PLAIN`)."""
-        return min(self.separation, ENOUGH) * self.share * min(self.evidence / PLAIN, 1.0)
+        """What a search maximises: separation times share times evidence, each up to where more is worth nothing."""
+        return min(self.separation, SEPARATION.enough) * self.share * min(self.evidence / SEPARATION.plain, 1.0)
 
     @property
     def telling(self) -> int:
@@ -135,7 +144,7 @@ class Separability:
     @property
     def merit(self) -> float:
         """That of the hardest direction. Directions that do not count help to choose among flights otherwise alike."""
-        return self.worst.merit + ASIDE * min(d.merit for d in self.directions)
+        return self.worst.merit + SEPARATION.aside * min(d.merit for d in self.directions)
 
 
 def nuisances(also: Sequence[str] | None, names: Sequence[str], base: Model) -> tuple[str, ...]:
@@ -191,7 +200,7 @@ def in_pairs(
     none = np.zeros_like(data.measured)
     found = []
     for truth, shown in added.items():
-        visible = np.any(rms(shown) >= INVISIBLE * data.noise)
+        visible = np.any(rms(shown) >= SEPARATION.invisible * data.noise)
         for other in (e for e in effects if e.name != truth):
             parts = (shown, left(truth, other), sensor) if visible else (none, none, sensor)
             made = direction(data, base, truth, other.name, *parts)
@@ -238,7 +247,7 @@ def thorough(data: Dataset, base: Model, name: str, also: Sequence[str] = ()) ->
     """
     names = [*(e.name for e in base.effects), name]
     alone = _settled(data, base, names, fit(data, base, names))
-    if not also or visibility(alone.residual, data.noise) < INVISIBLE**2:
+    if not also or visibility(alone.residual, data.noise) < SEPARATION.invisible**2:
         return alone
     every = [*names[:-1], *also, name]
     absentees = tuple(absent(n, base) for n in also)
@@ -252,8 +261,8 @@ def thorough(data: Dataset, base: Model, name: str, also: Sequence[str] = ()) ->
 def _settled(data: Dataset, base: Model, names: Sequence[str], start: Fit) -> Fit:
     """Fitted again and again from where the last fit ended."""
     best, left = start, visibility(start.residual, data.noise)
-    for _ in range(FITS - 1):
-        if left < INVISIBLE**2:
+    for _ in range(SEPARATION.fits - 1):
+        if left < SEPARATION.invisible**2:
             break
         again = fit(data, base, names, start=best)
         after = visibility(again.residual, data.noise)

@@ -7,7 +7,7 @@
     noise        min(sigma_noise^2, E_left)      sensor noise that passes the filter (`learn.data.measurement`)
     unexplained  E_left - noise                  the rest, E_left being what model and process leave
 
-The process is fitted on other blocks of time than those on which it is judged: blocks go to `FOLDS` folds in turn. On
+The process is fitted on other blocks of time than those on which it is judged: blocks go to four folds in turn. On
 an axis where it does not take anything off beyond chance (paired t over blocks, docs/decisions/0006-blocks.md) it is
 not used and its part is zero: there it has learnt noise, and would do harm. It is a small process, made to see how
 much structure there is, not to fly with; `wrenchgap learn` makes better ones.
@@ -27,8 +27,6 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.process.gp import FitSettings
 
-POINTS = 150
-FOLDS = 4
 PARTS = ("noise", "physics", "process", "unexplained")
 
 
@@ -91,7 +89,8 @@ def held_out_process(
     data: Dataset,
     residual: Array,
     *,
-    points: int = POINTS,
+    points: int = 150,
+    folds: int = 4,
     progress: Callable[[int, int], None] | None = None,
 ) -> Array | None:
     """Prediction (K, 6) of a residual (K, 6) from the command, by processes that did not see its block of time.
@@ -103,16 +102,16 @@ def held_out_process(
     from wrenchgap.learn.process.train import fit  # here: others need not wait for it
 
     xi = data.commanded
-    fold = data.block % FOLDS
+    fold = data.block % folds
     every = max(1, int(1.0 / data.independence))  # closer samples say the same
     settings = FitSettings(points=points, restarts=0, mean="constant", pre_thin=1500)
     known = data.measured_axes
     outputs = tuple(axis for axis, measured in zip(AXES, known, strict=True) if measured)
     out = np.where(known, 0.0, np.full_like(residual, np.nan))
-    for f in range(FOLDS):
+    for f in range(folds):
         test, train = fold == f, np.flatnonzero(fold != f)[::every]
         if progress is not None:
-            progress(f, FOLDS)
+            progress(f, folds)
         if not test.any():
             continue
         if len(train) < 4 * xi.shape[1] or not (np.ptp(xi[train], axis=0) > 0).any():

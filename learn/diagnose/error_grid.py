@@ -15,14 +15,9 @@ from wrenchgap.learn.diagnose.quantities import Quantity
 
 Indices = NDArray[np.intp]
 
-SECTORS = 8
-"""Of an angle that wraps, 45 deg each."""
-CELLS = 6
-"""Along a side that does not."""
+
 FEWEST = 4.0
 """Independent samples in a cell below which it is left empty."""
-KNOWN = 0.2
-"""Share of the time for which tilt and its direction must be known to be mapped."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +40,14 @@ class Grid:
     mean: Array
 
 
-def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Grid | None:
-    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate."""
+def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2) -> Grid | None:
+    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate.
+
+    Tilt and its direction are mapped where they are known for this share of the time.
+    """
     by_name = {q.name: q for q in found}
     pair = [by_name.get("tilt"), by_name.get("direction")]
-    if any(q is None or np.isfinite(q.values).mean() < KNOWN for q in pair):
+    if any(q is None or np.isfinite(q.values).mean() < known for q in pair):
         pair = [by_name.get("thrust"), by_name.get("rate")]
     first, second = pair
     if first is None or second is None:
@@ -80,13 +78,13 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Gri
     )
 
 
-def _sides(quantity: Quantity, inside: NDArray[np.bool_]) -> tuple[Indices, Array]:
-    """Bins of equal width (an angle: sectors, the first centred on +-180 deg) along one side of the map."""
+def _sides(quantity: Quantity, inside: NDArray[np.bool_], sectors: int = 8, cells: int = 6) -> tuple[Indices, Array]:
+    """Bins of equal width along one side of the map: `cells`, of an angle `sectors`, the first about +-180 deg."""
     values = np.where(inside, quantity.values, 0.0)
     if quantity.circular:
-        edges = np.linspace(-180.0 - 180.0 / SECTORS, 180.0 - 180.0 / SECTORS, SECTORS + 1)
+        edges = np.linspace(-180.0 - 180.0 / sectors, 180.0 - 180.0 / sectors, sectors + 1)
         values = (values - edges[0]) % 360.0 + edges[0]
     else:
-        edges = np.linspace(values[inside].min(), values[inside].max(), CELLS + 1)
+        edges = np.linspace(values[inside].min(), values[inside].max(), cells + 1)
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     return index, edges

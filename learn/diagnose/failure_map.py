@@ -43,11 +43,20 @@ from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
 Indices = NDArray[np.intp]
 
-BINS = 8
-"""Most bins of a quantity; sectors of 45 deg of an angle that wraps."""
-INDEPENDENT = 8.0
-"""Fewest independent samples in a bin; sectors with fewer are put aside."""
-PERMUTATIONS = 400
+
+@dataclass(frozen=True)
+class MapSettings:
+    """How an error is mapped over one quantity."""
+
+    bins: int = 8
+    """Most bins of a quantity; sectors of 45 deg of an angle that wraps."""
+    independent: float = 8.0
+    """Fewest independent samples in a bin; sectors with fewer are put aside."""
+    permutations: int = 400
+    """Permutations of blocks by which chance is told."""
+
+
+MAP = MapSettings()
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,7 @@ def failure_map(
     data: Dataset,
     residual: Array,
     *,
-    permutations: int = PERMUTATIONS,
+    permutations: int = MAP.permutations,
     seed: int = 0,
 ) -> FailureMap:
     """Map a residual (K, 6), measured minus predicted, of `data`."""
@@ -169,14 +178,14 @@ def _bins(quantity: Quantity, data: Dataset) -> _Bins | None:
     """Bins of equal count, or sectors; None where there are no two."""
     values = quantity.values
     known = np.isfinite(values)
-    fewest = INDEPENDENT / data.independence
+    fewest = MAP.independent / data.independence
     if quantity.circular:
-        width = 360.0 / BINS
-        low = np.asarray(-180.0 + width * (np.arange(BINS) - 0.5), dtype=np.float64)
+        width = 360.0 / MAP.bins
+        low = np.asarray(-180.0 + width * (np.arange(MAP.bins) - 0.5), dtype=np.float64)
         index = np.floor((np.where(known, values, 0.0) - low[0]) % 360.0 / width).astype(np.intp)
-        index[~known] = BINS
+        index[~known] = MAP.bins
         return _merged(index, low, low + width, fewest)
-    count = int(min(BINS, known.sum() // fewest))
+    count = int(min(MAP.bins, known.sum() // fewest))
     if count < 2:
         return None
     edges = np.unique(np.quantile(values[known], np.linspace(0.0, 1.0, count + 1)))

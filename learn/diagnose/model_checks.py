@@ -15,7 +15,7 @@ from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.opening import NoFlight, OpenFlight, open_flight
-from wrenchgap.learn.data.phases import Phase
+from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
 from wrenchgap.plant.model import Model

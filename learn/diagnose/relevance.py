@@ -44,19 +44,30 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
 from wrenchgap.learn.process.subsample import subsample
 
-FOLDS = 4
-CENTRES = 24
-"""Most representative samples per group; a single input gets 8."""
+
+@dataclass(frozen=True)
+class RelevanceSettings:
+    """How the inputs are chosen on which an error depends."""
+
+    folds: int = 4
+    """Folds of blocks on which a choice is tried."""
+    centres: int = 24
+    """Most representative samples per group; a single input gets 8."""
+    least: float = 0.02
+    """Smallest share of the error, or of one axis ten times this, that is worth another group."""
+    most: int = 4
+    """Most groups chosen."""
+    later: float = 0.3
+    """How much earlier and later the inputs are taken to see which moves which [s]: what gusts of a few seconds do to a
+    vehicle shows, and its state has not yet changed much."""
+
+
+RELEVANCE = RelevanceSettings()
+
+
 SHRINKAGE = np.logspace(-6, 3, 10)
 """Ridge penalties tried, relative to the mean eigenvalue of the features."""
-LEAST = 0.02
-"""Smallest share of the error, or of one axis ten times this, that is worth another group."""
-MOST = 4
-"""Most groups chosen."""
 LAST = "command"
-LATER = 0.3
-"""How much earlier and later the inputs are taken to see which moves which [s]: what gusts of a few seconds do to a
-vehicle shows, and its state has not yet changed much."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +132,7 @@ def features(values: Array, seed: int = 0) -> Array:
     spread = values.std(axis=0)
     x = (values - values.mean(axis=0)) / np.where(spread > 1e-12, spread, 1.0)
     dims = x.shape[1]
-    centres = x[subsample(x, 8 if dims == 1 else min(CENTRES, 8 + 8 * dims), pre_thin=1000, seed=seed)]
+    centres = x[subsample(x, 8 if dims == 1 else min(RELEVANCE.centres, 8 + 8 * dims), pre_thin=1000, seed=seed)]
     gram = _squared_exponential(centres, centres) + 1e-6 * np.eye(len(centres))
     smooth = np.linalg.solve(np.linalg.cholesky(gram), _squared_exponential(centres, x)).T
     return np.column_stack((x / np.sqrt(dims), smooth))
@@ -174,8 +185,8 @@ class _Search:
         self.phi = np.column_stack(parts) if parts else np.empty((len(residual), 0))
         ends = np.cumsum([p.shape[1] for p in parts])
         self.columns = [np.arange(end - p.shape[1], end) for end, p in zip(ends, parts, strict=True)]
-        self.fold = data.block % FOLDS
-        self.used = [f for f in range(FOLDS) if (self.fold == f).any()]
+        self.fold = data.block % RELEVANCE.folds
+        self.used = [f for f in range(RELEVANCE.folds) if (self.fold == f).any()]
         self.sums = {f: self._sums(self.fold == f) for f in self.used}
         self.total = reduce(add, self.sums.values())
         self.base = self.left([])
@@ -222,7 +233,7 @@ class _Search:
         """The groups chosen, in order, and what they leave."""
         order: list[int] = []
         current = self.base
-        while len(order) < MOST:
+        while len(order) < RELEVANCE.most:
             waiting = [i for i in range(len(self.groups)) if i not in order]
             last = [i for i in waiting if self.groups[i].name == LAST]
             best = self._best(order, current, [i for i in waiting if i not in last]) or self._best(order, current, last)
@@ -239,7 +250,7 @@ class _Search:
             left = self.left([*order, i])
             self.tick()
             whole, axes = self.share(current, left)
-            if (whole > LEAST or axes.max() > 10 * LEAST) and self.beyond_chance(current, left):
+            if (whole > RELEVANCE.least or axes.max() > 10 * RELEVANCE.least) and self.beyond_chance(current, left):
                 worthy.append((whole, i, left))
         return max(worthy, key=lambda item: item[0])[1:] if worthy else None
 
@@ -279,9 +290,9 @@ class _Search:
         return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0) * self.absent, driven, lacking)
 
     def driven(self, chosen: Sequence[InputGroup]) -> float:
-        """What these groups explain, less what they do better `LATER` than earlier."""
+        """What these groups explain, less what they do better `RELEVANCE.later` than earlier."""
         shares = []
-        for seconds in (-LATER, 0.0, LATER):
+        for seconds in (-RELEVANCE.later, 0.0, RELEVANCE.later):
             moved = [replace(g, values=shifted(self.data, g.values, seconds)) for g in chosen]
             other = _Search(self.data, self.residual, moved, None)
             shares.append(other.share(other.base, other.left(range(len(moved))))[0])

@@ -43,18 +43,27 @@ from wrenchgap.plant.wrench_model import measured_wrench
 
 Shape = Literal["delay", "lag", "either"]
 
-BAND_HZ = (0.5, 10.0)
-"""Frequencies at which commands and response are compared: beyond, vibration; below, trim and battery."""
-LONGEST_LAG = 0.5
-"""Longest time constant that is tried [s]."""
-FITS = 0.93
-"""Mean cosine of the phase misfit at which a form fits: 21 deg rms."""
-GAIN_FITS = 1.5
-"""Factor (rms) between measured gain and that of a form within which it fits: more than any plausible effect makes."""
-NOTICEABLE = 3.0
-"""How many times the sensor noise a delay must leave in the residual to be worth attention."""
-LEAST_SHARE = 0.1
-"""Share of the residual that a delay must make up to be worth attention."""
+
+@dataclass(frozen=True)
+class ResponseThresholds:
+    """How the response to commands is compared with a lag or a delay."""
+
+    band_hz: tuple[float, float] = (0.5, 10.0)
+    """Frequencies at which commands and response are compared: beyond, vibration; below, trim and battery."""
+    longest_lag: float = 0.5
+    """Longest time constant that is tried [s]."""
+    fits: float = 0.93
+    """Mean cosine of the phase misfit at which a form fits: 21 deg rms."""
+    gain_fits: float = 1.5
+    """Factor (rms) between measured gain and that of a form within which it fits: more than any plausible effect
+    makes."""
+    noticeable: float = 3.0
+    """How many times the sensor noise a delay must leave in the residual to be worth attention."""
+    least_share: float = 0.1
+    """Share of the residual that a delay must make up to be worth attention."""
+
+
+RESPONSE = ResponseThresholds()
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,7 @@ class Response:
         """Whether the delay is certain, above the noise, and no small part of what the model misses."""
         if not self.offset.certain or self.leaves is None or self.noise is None or self.residual is None:
             return False
-        return self.leaves > max(NOTICEABLE * self.noise, LEAST_SHARE * self.residual)
+        return self.leaves > max(RESPONSE.noticeable * self.noise, RESPONSE.least_share * self.residual)
 
 
 def responses(flight: Flight, vehicle: Vehicle, records: Sequence[Record]) -> tuple[Response, ...]:
@@ -100,7 +109,7 @@ def responses(flight: Flight, vehicle: Vehicle, records: Sequence[Record]) -> tu
 
 def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, records: Sequence[Record]) -> Response:
     name = AXES[axis]
-    found = offset(_axis(commanded, axis), _axis(measured, axis), band=BAND_HZ, within=flown)
+    found = offset(_axis(commanded, axis), _axis(measured, axis), band=RESPONSE.band_hz, within=flown)
     if found.seconds is None or found.correlated is None:
         return Response(name, found)
     shape, lag, plain = _shape(found.correlated)
@@ -184,7 +193,7 @@ def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
     def lagging(tau: float) -> Array:
         return by_block(np.arctan(omega * tau))
 
-    best = minimize_scalar(lambda tau: -float(lagging(tau).sum()), bounds=(0.0, LONGEST_LAG), method="bounded")
+    best = minimize_scalar(lambda tau: -float(lagging(tau).sum()), bounds=(0.0, RESPONSE.longest_lag), method="bounded")
     lag = float(best.x)
     remaining, _, _ = found.newton()
     late, slow = by_block(seen + omega * np.nan_to_num(remaining)), lagging(lag)
@@ -193,11 +202,11 @@ def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
 
     def gain_fits(model: Array, weight: Array) -> bool:
         off = np.log(found.gain[used] / model[used]) ** 2
-        return bool(np.sqrt(np.average(off, weights=weight[used])) < np.log(GAIN_FITS))
+        return bool(np.sqrt(np.average(off, weights=weight[used])) < np.log(RESPONSE.gain_fits))
 
     models = np.ones_like(omega), 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)
     fits = [
-        part.sum() > FITS * weight.sum() and gain_fits(model, weight)
+        part.sum() > RESPONSE.fits * weight.sum() and gain_fits(model, weight)
         for part, model in zip((late, slow), models, strict=True)
     ]
     plain = any(gain_fits(model, np.ones_like(weight)) for model in models)

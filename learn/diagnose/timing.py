@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.derivative import angular_velocity, smooth
+from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
@@ -20,20 +20,32 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.response import Response, responses
 from wrenchgap.plant.model import Model
 
-MATTERS = 0.05
-"""Error of an effect that reads the odometry at which an offset is worth a warning: half of the 10 % to which
-parameters are wanted. A velocity that is late by d is off by d times the acceleration, relative to the speed; a force
-that is fixed in E, turned by an attitude that is late, is off by d times the rate."""
-DRIFTS = 2e-3
-"""Change of an offset over a flight that is worth a warning [s]: one sample at 500 Hz."""
+
+@dataclass(frozen=True)
+class TimingThresholds:
+    """From when on an offset is worth a warning."""
+
+    matters: float = 0.05
+    """Error of an effect that reads the odometry at which an offset is worth a warning: half of the 10 % to which
+    parameters are wanted. A velocity that is late by d is off by d times the acceleration, relative to the speed; a
+    force that is fixed in E, turned by an attitude that is late, is off by d times the rate."""
+    drifts: float = 2e-3
+    """Change of an offset over a flight that is worth a warning [s]: one sample at 500 Hz."""
+    in_step: float = 0.9
+    """Share of the samples of one series that have the stamps of another where both are of one table."""
+    idle_speed: float = 0.05
+    """Speed [m/s] below which motion drives no effect, and no error of one."""
+    idle_rate: float = 0.02
+    """Rate [rad/s], likewise."""
+
+
+TIMING = TimingThresholds()
+
+
 UNLIKE = 2e-3
 """Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
 AUTOPILOTS = ("px4", "ardupilot")
 """Whose topics, as readers make them, are stamped by one clock."""
-IN_STEP = 0.9
-"""Share of the samples of one series that have the stamps of another where both are of one table."""
-IDLE_SPEED, IDLE_RATE = 0.05, 0.02
-"""Slower motion [m/s, rad/s] drives no effect, and no error of one."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +118,7 @@ class FlightTiming:
         """What a user should act on."""
         found: list[TimingWarning] = [*self._odometry()]
         for o in (*self.sensors, *(r.offset for r in self.responses)):
-            if o.drifts and abs(o.drift or 0.0) * self.duration > DRIFTS:
+            if o.drifts and abs(o.drift or 0.0) * self.duration > TIMING.drifts:
                 both = o.first, o.second
                 found.append(Drift(o, any(all(name.startswith(one) for name in both) for one in self.one_clock)))
         late = tuple(r for r in self.responses if r.matters)
@@ -131,7 +143,7 @@ class FlightTiming:
 
     def _odometry(self) -> list[TimingWarning]:
         rows, late = self._certain(), self.odometry
-        if late is None or not any(e > MATTERS for _, e in rows):
+        if late is None or not any(e > TIMING.matters for _, e in rows):
             return []
         found: list[TimingWarning] = [OdometryOffset(late[0], max(e for _, e in rows))]
         if late[2] > UNLIKE:
@@ -165,7 +177,7 @@ def _one_table(flight: Flight) -> bool:
     """Whether nearly all samples of the slower series bear stamps of the fastest one, to the nanosecond."""
     times = [s.time for s in flight.series().values()]
     longest = max(times, key=len, default=np.zeros(0))
-    return all(np.mean(np.isin(time, longest)) > IN_STEP for time in times)
+    return all(np.mean(np.isin(time, longest)) > TIMING.in_step for time in times)
 
 
 def timing_of(opened: OpenFlight, model: Model) -> FlightTiming:
@@ -203,11 +215,11 @@ def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | No
         return None
     if offset.first == "gyroscope" and offset.second == "odometry attitude":
         rate = _size(angular_velocity(odometry.time, odometry.quat_EB))
-        return abs(offset.seconds) * rate if rate > IDLE_RATE else 0.0
+        return abs(offset.seconds) * rate if rate > TIMING.idle_rate else 0.0
     if offset.first == "accelerometer" and odometry.velocity_E is not None:
         speed = _size(odometry.velocity_E)
         change = _size(smooth(odometry.time, odometry.velocity_E, derivative=1))
-        return abs(offset.seconds) * change / speed if speed > IDLE_SPEED else 0.0
+        return abs(offset.seconds) * change / speed if speed > TIMING.idle_speed else 0.0
     return None
 
 

@@ -12,9 +12,9 @@ band. For independent series (Bartlett 1935; Brockwell and Davis, 11.2)
 
     cov[r_xz(k), r_xz(k + m)] = c(m) = 1/N sum_j rho_z(j) rho_x(j + m)
 
-with both autocorrelations estimated, tapered by a Tukey window of `MEMORY` seconds. Without the taper c(0) would be the
-very periodogram that is tested. N_eff = 1 / c(0) samples count as independent, and r is judged as a correlation of so
-many: t = r sqrt((N_eff - 2) / (1 - r^2)) (Afyouni, Smith and Nichols, NeuroImage 2019).
+with both autocorrelations estimated, tapered by a Tukey window of `WHITENESS.memory` seconds. Without the taper c(0)
+would be the very periodogram that is tested. N_eff = 1 / c(0) samples count as independent, and r is judged as a
+correlation of so many: t = r sqrt((N_eff - 2) / (1 - r^2)) (Afyouni, Smith and Nichols, NeuroImage 2019).
 
 **The search over lags** is paid for. Over the lags, r is a smooth normal process with covariance c; the chance that its
 largest size exceeds u (in standard deviations) anywhere in T seconds is at most
@@ -41,12 +41,22 @@ from wrenchgap.learn.data.blocks import LEVEL
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
 
-LAGS = 1.0
-"""Largest lag that is looked at [s]."""
-MEMORY = 4.0
-"""Correlation beyond this time is not believed when bands are made [s]; two blocks of time."""
-FEWEST = 8.0
-"""Fewest independent samples from which a correlation is judged."""
+
+@dataclass(frozen=True)
+class WhitenessSettings:
+    """How the correlation of a residual in time is judged."""
+
+    lags: float = 1.0
+    """Largest lag that is looked at [s]."""
+    memory: float = 4.0
+    """Correlation beyond this time is not believed when bands are made [s]; two blocks of time."""
+    fewest: float = 8.0
+    """Fewest independent samples from which a correlation is judged."""
+
+
+WHITENESS = WhitenessSettings()
+
+
 WORTH = 0.1
 """Correlation that is worth a word, however sure: it stands for 1 % of the variance."""
 INPUTS = ("command", "command_rate", "rates", "velocity", "attitude", "arm_rates")
@@ -114,11 +124,11 @@ class Whiteness:
 
 
 def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | None = None) -> Whiteness:
-    """Judge a residual (K, 6) of `data`; lags to `LAGS`. Records are correlated one by one and pooled."""
+    """Judge a residual (K, 6) of `data`; lags to `WHITENESS.lags`. Records are correlated one by one and pooled."""
     chosen = [g for g in input_groups(data)[0] if g.name in INPUTS] if groups is None else groups
     first = data.records[0]
     dt = first.dt_kept
-    count = max(1, round(LAGS / dt))
+    count = max(1, round(WHITENESS.lags / dt))
     ends = np.cumsum([len(r) for r in data.records])
     parts = [slice(end - len(r), end) for end, r in zip(ends, data.records, strict=True)]
     pieces = [residual[part] - residual[part].mean(axis=0) for part in parts]
@@ -148,14 +158,14 @@ def noise_autocorrelation(dt: float, cutoff_hz: float, dt_kept: float, different
 
     frequency, response = sosfreqz(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"), worN=8192, fs=1.0 / dt)
     power = np.abs(response) ** 4 * ((2 * np.pi * frequency) ** 2 if differentiated else 1.0)
-    lags = dt_kept * np.arange(round(MEMORY / dt_kept) + 1)
+    lags = dt_kept * np.arange(round(WHITENESS.memory / dt_kept) + 1)
     rho = np.cos(2 * np.pi * np.outer(lags, frequency)) @ power
     return np.asarray(rho / rho[0])
 
 
 def autocorrelation(pieces: Sequence[Array], expected: Array, dt: float, axis: str = "") -> Autocorrelation:
-    """Compare the autocorrelation of a signal in `pieces` with `expected` (M,), that of noise, at lags to `LAGS`."""
-    count = min(max(1, round(LAGS / dt)), len(expected) - 1, min(len(p) for p in pieces) - 2)
+    """Compare the autocorrelation of a signal in `pieces` with `expected` (M,), that of noise, at all lags."""
+    count = min(max(1, round(WHITENESS.lags / dt)), len(expected) - 1, min(len(p) for p in pieces) - 2)
     value = _pooled(pieces, pieces, count)[count:]
     total = sum(len(p) for p in pieces)
     lags = np.asarray(dt * np.arange(count + 1), dtype=np.float64)
@@ -185,7 +195,7 @@ def crosscorrelation(
     """
     x, z = ([p - p.mean() for p in pieces] for pieces in (inputs, outputs))
     count = min(count, min(len(p) for p in x) // 4)
-    memory = min(round(MEMORY / dt), min(len(p) for p in x) // 3)
+    memory = min(round(WHITENESS.memory / dt), min(len(p) for p in x) // 3)
     energy = float(np.sqrt(sum(p @ p for p in x) * sum(p @ p for p in z)))
     if energy <= 1e-300 or count < 1:
         return None
@@ -195,7 +205,7 @@ def crosscorrelation(
     total = sum(len(p) for p in x)
     c0 = float(rho_x @ rho_z) / total
     c1 = float(rho_x[1:] @ rho_z[:-1]) / total
-    if c0 <= 0 or 1.0 / c0 < FEWEST or _too_slow(max(x, key=len), max(z, key=len)):
+    if c0 <= 0 or 1.0 / c0 < WHITENESS.fewest or _too_slow(max(x, key=len), max(z, key=len)):
         return None
     freedom = 1.0 / c0 - 2.0
     nu = float(np.arccos(np.clip(c1 / c0, -1.0, 1.0))) / dt

@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.applicable import inapplicable, unexcited
 from wrenchgap.learn.data.blocks import INDISTINCT, by_block, paired_t, significant
+from wrenchgap.learn.data.candidates import inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, rms
-from wrenchgap.learn.data.inputs import pooled_inputs
-from wrenchgap.learn.data.prediction import Process
+from wrenchgap.learn.data.prediction import Process, pooled_inputs
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value
@@ -37,12 +36,20 @@ from wrenchgap.plant.model import Model
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-CLEAR = 0.5
-"""Least share of the correction that an effect must reproduce to be named."""
-AS_GOOD = 0.1
-"""How much less another may reproduce and still count as equal, if the blocks do not tell the two apart."""
-SECONDS = 60.0
-"""Most flight time that effects are fitted on [s], in pieces spread over all of it."""
+
+@dataclass(frozen=True)
+class AbsorptionThresholds:
+    """When a correction is that of an effect."""
+
+    clear: float = 0.5
+    """Least share of the correction that an effect must reproduce to be named."""
+    as_good: float = 0.1
+    """How much less another may reproduce and still count as equal, if the blocks do not tell the two apart."""
+    seconds: float = 60.0
+    """Most flight time that effects are fitted on [s], in pieces spread over all of it."""
+
+
+ABSORPTION = AbsorptionThresholds()
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ def absorbed(
     progress: Progress | None = None,
 ) -> Absorption:
     """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have."""
-    some = spread_out(data.records, SECONDS)
+    some = spread_out(data.records, ABSORPTION.seconds)
     data = data if some is data.records else dataset(some, model)
     every = output_indices(gp.outputs)
     correction = gp.mean(pooled_inputs(gp.input_groups, data.records))
@@ -106,7 +113,8 @@ def absorbed(
     guard = _Guard(data, correction, rows)
     found: list[tuple[Absorbed, Array]] = []
     present = {e.name for e in model.effects}
-    tried = [n for n in (names or catalogue()) if n not in present and _possible(n, model, data)]
+    others = [n for n in (names or catalogue()) if n not in present and inapplicable(n, model, data.records) is None]
+    tried = [n for n in others if unexcited(n, model, data.records) is None]
     for k, name in enumerate(tried):
         if progress is not None:
             progress(k / len(tried), f"does the GP absorb {name}?")
@@ -115,11 +123,6 @@ def absorbed(
         found.append(guard.compare(name, fitted, given, left))
     found.sort(key=lambda pair: -pair[0].share)
     return Absorption(guard.choose(found), tuple(one for one, _ in found), size)
-
-
-def _possible(name: str, model: Model, data: Dataset) -> bool:
-    """Whether these flights can show the effect at all."""
-    return inapplicable(name, model, data.records) is None and unexcited(name, model, data.records) is None
 
 
 class _Guard:
@@ -147,7 +150,7 @@ class _Guard:
         t = self.t_value(before, after)
         large = any(abs(v) >= MATERIAL * p.scale for (_, p), v in zip(fitted.parameters, fitted.theta, strict=True))
         halved = energy(after, self.weights) < 0.5 * energy(before, self.weights)
-        named = share >= CLEAR and significant(t, large=halved) and large and not fitted.at_bound
+        named = share >= ABSORPTION.clear and significant(t, large=halved) and large and not fitted.at_bound
         return Absorbed(name, fitted, product / max(float(lengths), 1e-30), share, t, named), rest
 
     def choose(self, found: Sequence[tuple[Absorbed, Array]]) -> tuple[str, ...]:
@@ -159,7 +162,7 @@ class _Guard:
         equal = [
             one
             for one, other in clear
-            if one is best or (one.share > best.share - AS_GOOD and self.t_value(other, rest) < INDISTINCT)
+            if one is best or (one.share > best.share - ABSORPTION.as_good and self.t_value(other, rest) < INDISTINCT)
         ]
         order = sorted(equal, key=lambda a: (len(a.fit.theta), -a.share))
         first = {family(one.name): one.name for one in reversed(order)}  # one form of each effect

@@ -16,8 +16,8 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of
+from wrenchgap.learn.identify.bias_and_trim import between_flights
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
-from wrenchgap.learn.identify.trim import between_flights
 from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Trial
@@ -33,7 +33,7 @@ class Addition(Result):
     """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already.
 
     `between_flights` (6,) [N, Nm] is by how much these flights differ on average, one standard deviation, None where
-    they do not (`learn.identify.trim`). `together` are effects that the given model had besides.
+    they do not (`learn.identify.bias_and_trim`). `together` are effects that the given model had besides.
     `trial` is the error on time that was not fitted, None where the logs are too short to hold any out.
     """
 

@@ -23,8 +23,8 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.blocks import contrast, significant
+from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight

@@ -31,14 +31,8 @@ from wrenchgap.flight.flight import Array
 
 FEWEST = 4
 """Flights below which nothing can be said about steps and drifts."""
-SHORTEST = 2
-"""Flights of a segment, at least."""
-MOST_STEPS = 8
-"""Steps that are looked for at most."""
 SIGNIFICANT = 0.01
 """Probability, corrected for all that was looked at, below which a step or a drift is believed."""
-INTERVAL = 0.95
-"""Probability of intervals."""
 
 
 class Verdict(StrEnum):
@@ -145,14 +139,19 @@ def _line(values: Array, errors: Array, looks: int) -> Course | None:
     return Course(Verdict.DRIFT, level, _scatter(values, level, 2, 0.0), drift=drift)
 
 
-def _segmentations(values: Array, errors: Array, looks: int) -> list[tuple[Array, tuple[Step, ...]]]:
-    """The best segmentations with one step, two, ... of which every step is significant: levels (n,) and steps."""
+def _segmentations(
+    values: Array, errors: Array, looks: int, shortest: int = 2, most: int = 8
+) -> list[tuple[Array, tuple[Step, ...]]]:
+    """The best segmentations with one step, two, ... of which every step is significant: levels (n,) and steps.
+
+    A segment has the `shortest` number of flights at least; at `most` so many steps are looked for.
+    """
     count = len(values)
-    places = count - 2 * SHORTEST + 1
+    places = count - 2 * shortest + 1
     size = max(float(np.std(values)), 1e-300)
-    search = ruptures.Dynp(model="l2", min_size=SHORTEST, jump=1).fit((values / size)[:, None])
+    search = ruptures.Dynp(model="l2", min_size=shortest, jump=1).fit((values / size)[:, None])
     out = []
-    for number in range(1, min(MOST_STEPS, count // SHORTEST - 1) + 1):
+    for number in range(1, min(most, count // shortest - 1) + 1):
         ends = search.predict(n_bkps=number)
         parts = np.split(np.arange(count), ends[:-1])
         level = np.concatenate([np.full(len(part), values[part].mean()) for part in parts])
@@ -176,8 +175,8 @@ def _step(
     return Step(int(second[0]), low, high, high - low - half, high - low + half, t, p)
 
 
-def _test(size: float, error: float, free: int, looks: int) -> tuple[float, float, float]:
-    """Student's t of a size, its two-sided probability for so many looks, half the width of its interval."""
+def _test(size: float, error: float, free: int, looks: int, interval: float = 0.95) -> tuple[float, float, float]:
+    """Student's t of a size, its two-sided probability for so many looks, half the width of its `interval`."""
     t = size / max(error, 1e-300)
     p = min(1.0, 2.0 * float(stdtr(free, -abs(t))) * looks)
-    return t, p, float(stdtrit(free, 0.5 * (1.0 + INTERVAL))) * error
+    return t, p, float(stdtrit(free, 0.5 * (1.0 + interval))) * error

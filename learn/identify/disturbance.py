@@ -29,10 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.learn.data.applicable import check_effects
+from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import low_pass
-from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ, RecordedMotion
-from wrenchgap.learn.data.recording import Recording
+from wrenchgap.learn.data.recording import CUTOFF_HZ, RecordedMotion, Recording
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.closed_loop import fly, over_periods
 from wrenchgap.plant.controller import evaluate, integrate_error, pushes_along_z_only

@@ -6,7 +6,8 @@ Minimised over theta (all parameters of all named effects together):
 
 An accelerometer's bias changes from flight to flight and looks like a force that is constant in B. It is therefore
 estimated along with the effects, per flight, within +-`ACCELEROMETER_BIAS`: a constant force larger than that is an
-effect, a smaller one is not news. So is the trim, where the model knows that flights differ (`learn.identify.trim`).
+effect, a smaller one is not news. So is the trim, where the model knows that flights differ
+(`learn.identify.bias_and_trim`).
 
 w_l are the axis weights, s_p the parameter's typical size (a weak prior that only decides what the data leave open),
 and eta = dt_kept * 2 f_c at most 1 discounts samples that the filter has made dependent. Steps are bounded
@@ -18,7 +19,7 @@ Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001).
 is weak, one weak rotor is then preferred to twelve slightly odd ones.
 
 On axes where commands answer the motion residual and derivatives are taken without what any such answer could explain
-(`learn.data.answering`).
+(`learn.data.feedback_regressors`).
 
 Standard deviations have four parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
 honest when residuals are coloured; the width of the prior in directions that the data leave open (of a sparse effect
@@ -37,7 +38,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.memory import on_disk
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
 from wrenchgap.plant.model import Model
@@ -129,8 +130,6 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
 
 MATERIAL = 0.2
 """Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
-SMALL = 0.3
-"""Change of a prediction, relative to the residual, up to which its linearisation will do in a search."""
 
 
 def held_out(
@@ -142,12 +141,13 @@ def held_out(
     *,
     exact: bool = True,
     groups: NDArray[np.intp] | None = None,
+    small: float = 0.3,
 ) -> Array:
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
     Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
     from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; with `exact` off,
-    linearised where the step changes it by less than `SMALL` of the residual. Not a number on axes that were not
+    linearised where the step changes it by less than `small` of the residual. Not a number on axes that were not
     measured.
     """
     problem = Problem(data, model, tuple(names))
@@ -166,7 +166,7 @@ def held_out(
         others = [own for other, own in zip(parts, sums, strict=True) if other is not test]
         step = problem.step_from(point, *(sum(of) for of in zip(*others, strict=True)))
         change = fitted.jacobian[test] @ step
-        if not exact and np.linalg.norm(change) < SMALL * np.linalg.norm(point.residual[test]):
+        if not exact and np.linalg.norm(change) < small * np.linalg.norm(point.residual[test]):
             out[test] = point.residual[test] - change
         else:
             out[test] = problem.at(point.x + step).residual[test]

@@ -8,7 +8,7 @@ axis by axis, with e_R and e_omega from the logged attitude and reference, q the
 model clamps it, and least squares for the coefficients. The controller computes M_des from measured values, so that
 sensor noise is in regressors and result alike and does not bias them; one filter (`learn.data.measurement`) is on
 both, since they are not of the same instants to a fraction of a period. What is not of this form leaves a residual.
-Gains count where e_R and e_omega explain at least `EXPLAINED` of the variance that the other regressors leave, on
+Gains count where e_R and e_omega explain at least 97 % of the variance that the other regressors leave, on
 every axis, and both coefficients are positive: a vehicle that follows without error shows none.
 """
 
@@ -34,11 +34,6 @@ from wrenchgap.plant.controller import (
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import cross
 
-EXPLAINED = 0.97
-"""Least share of what feed-forward, integral and constant leave of the commanded angular acceleration."""
-FEWEST = 200
-"""Samples."""
-
 
 @dataclass(frozen=True)
 class FoundGains:
@@ -54,16 +49,20 @@ class FoundGains:
         return replace(gains, zeta_attitude=zeta, omega_attitude=omega)
 
 
-def attitude_gains(flights: Sequence[OpenFlight], model: Model) -> FoundGains | None:
+def attitude_gains(
+    flights: Sequence[OpenFlight], model: Model, enough: float = 0.97, fewest: int = 200
+) -> FoundGains | None:
     """The gains that flew; None where the logs lack command or attitude reference, or do not have this form.
 
-    A vehicle that turns in order to move follows no logged attitude, and is not asked.
+    `enough` is the least share that they explain of what feed-forward, integral and constant leave of the commanded
+    angular acceleration, from `fewest` samples on. A vehicle that turns in order to move follows no logged attitude,
+    and is not asked.
     """
     if pushes_along_z_only(model.vehicle):
         return None
     parts = [_regression(s, f.flight, model) for f in flights for s in f.flown]
     known = [p for p in parts if p is not None]
-    if len(known) < len(parts) or sum(len(y) for _, y in known) < FEWEST:
+    if len(known) < len(parts) or sum(len(y) for _, y in known) < fewest:
         return None
     X, y = np.concatenate([x for x, _ in known]), np.concatenate([v for _, v in known])
     slope, explained = np.empty((3, 2)), np.empty(3)
@@ -71,7 +70,7 @@ def attitude_gains(flights: Sequence[OpenFlight], model: Model) -> FoundGains | 
         slope[k], left = _fitted(X[:, k], y[:, k])
         _, without = _fitted(X[:, k, 2:], y[:, k])
         explained[k] = 1.0 - left / max(without, 1e-300)
-    if explained.min() < EXPLAINED or slope.min() <= 0.0:
+    if explained.min() < enough or slope.min() <= 0.0:
         return None
     omega = np.sqrt(slope[:, 1])
     return FoundGains(slope[:, 0] / (2.0 * omega), omega, float(explained.min()))

@@ -27,11 +27,20 @@ from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.process.calibration import BLOCKS, FOLDS
 from wrenchgap.plant.effects.lag import first_order
 
-TAUS = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1, 0.12, 0.15, 0.2)
-"""Time constants that are tried [s]."""
-LEAST_GAIN = 0.05
-"""Of the rms on held-out time."""
-RIDGE = 1e-3
+
+@dataclass(frozen=True)
+class LagSettings:
+    """Which lags are tried, and from when on one is believed."""
+
+    taus: tuple[float, ...] = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1, 0.12, 0.15, 0.2)
+    """Time constants that are tried [s]."""
+    least_gain: float = 0.05
+    """Share of the rms on held-out time that a lag must take off."""
+    ridge: float = 1e-3
+    """Ridge of the regression, over the samples."""
+
+
+LAG = LagSettings()
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
 
     Zero on outputs that were not measured.
     """
-    errors = np.stack([held_out(stretches, looks, tau) for tau in TAUS])
+    errors = np.stack([held_out(stretches, looks, tau) for tau in LAG.taus])
     count = errors.shape[1]
     block = np.arange(count) * BLOCKS // count
     found = np.zeros(len(AXES))
@@ -66,8 +75,10 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
             continue
         best = int(np.argmin(square.mean(axis=1)))
         gain = 1.0 - float(np.sqrt(square[best].mean() / max(float(square[0].mean()), 1e-300)))
-        if gain > LEAST_GAIN and significant(float(paired_t(by_block(block, square[0] - square[best]))), large=True):
-            found[k] = TAUS[best]
+        if gain > LAG.least_gain and significant(
+            float(paired_t(by_block(block, square[0] - square[best]))), large=True
+        ):
+            found[k] = LAG.taus[best]
     return found
 
 
@@ -77,12 +88,12 @@ def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: 
     Without a test of significance: a process that is blind to all outputs has no slope with which a wrong lag could
     do harm, and what it gains by it is decided on held-out time later.
     """
-    squares = np.stack([held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in TAUS]).mean(axis=1)
+    squares = np.stack([held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in LAG.taus]).mean(axis=1)
     relative = (squares / np.maximum(squares[0], 1e-300)).mean(axis=1)
     if not np.isfinite(relative).all():
         return 0.0
     best = int(np.argmin(relative))
-    return TAUS[best] if 1.0 - float(np.sqrt(relative[best])) > LEAST_GAIN else 0.0
+    return LAG.taus[best] if 1.0 - float(np.sqrt(relative[best])) > LAG.least_gain else 0.0
 
 
 def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
@@ -97,6 +108,6 @@ def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float)
     error = np.empty_like(residual)
     for k in range(FOLDS):
         a, z = features[fold != k], np.nan_to_num(residual[fold != k])
-        normal = a.T @ a + RIDGE * len(a) * np.eye(a.shape[1])
+        normal = a.T @ a + LAG.ridge * len(a) * np.eye(a.shape[1])
         error[fold == k] = residual[fold == k] - features[fold == k] @ np.linalg.solve(normal, a.T @ z)
     return error

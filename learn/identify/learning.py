@@ -1,7 +1,7 @@
 """A Gaussian process learnt from flights, how well it predicts, and what to know before it is used.
 
 Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench
-(`learn.identify.samples`). How much of it is believed is decided in `learn.identify.guarding`.
+(`learn.identify.samples`). How much of it is believed is decided in `learn.identify.guard`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
 from wrenchgap.learn.identify.gains import attitude_gains, origin
-from wrenchgap.learn.identify.guarding import guarded_process
+from wrenchgap.learn.identify.guard import guarded_process
 from wrenchgap.learn.identify.samples import sampled_inputs, samples
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives

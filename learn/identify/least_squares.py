@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
-from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.plant.air import is_air
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.history import Snapshot, Value
@@ -32,10 +32,10 @@ class Fit:
     """Effects with fitted values, and what they leave.
 
     `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, A) of the accelerometer [m/s^2],
-    with the trim of the flights where they differ (`learn.identify.trim`); `residual` (K, 6) on the fitted data,
-    without those; `jacobian` (K, 6, P + A flights) of the prediction; `scale` (P + A flights,) the prior's sizes and
-    `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible limit.
-    Residual, derivative and weight are zero on axes that were not measured.
+    with the trim of the flights where they differ (`learn.identify.bias_and_trim`); `residual` (K, 6) on the fitted
+    data, without those; `jacobian` (K, 6, P + A flights) of the prediction; `scale` (P + A flights,) the prior's sizes
+    and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible
+    limit. Residual, derivative and weight are zero on axes that were not measured.
     """
 
     effects: tuple[ModelEffect, ...]

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.applicable import check_effects
-from wrenchgap.learn.data.inputs import process_inputs
+from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.data.prediction import Predictor, process_inputs
 from wrenchgap.learn.identify.lag import Stretch, lagged
 from wrenchgap.plant.model import Model
 

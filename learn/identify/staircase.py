@@ -24,19 +24,14 @@ from numpy.typing import NDArray
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, whole
-from wrenchgap.learn.data.inputs import pooled_inputs
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.data.prediction import Predictor, pooled_inputs
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
-
-AT_THE_NOISE = 1.05
-"""Ratio of an error to the sensor noise up to which nothing remains but noise: the estimate of the noise itself is
-good to a few per cent only."""
 
 
 class Basis(StrEnum):
@@ -105,9 +100,9 @@ class Staircase:
         """The error in all of a stair over that of the nominal vehicle."""
         return stair.in_all / max(self.stairs[0].in_all, 1e-30)
 
-    def at_the_noise(self, stair: Stair) -> bool:
-        """Whether nothing remains but the noise of the sensors."""
-        return stair.in_all <= AT_THE_NOISE * self.noise.in_all
+    def at_the_noise(self, stair: Stair, within: float = 1.05) -> bool:
+        """Whether nothing remains but the noise of the sensors, whose estimate is good to a few per cent only."""
+        return stair.in_all <= within * self.noise.in_all
 
 
 def staircase(basis: Basis, data: Dataset, residuals: Iterable[Array], effects: Sequence[str]) -> Staircase:

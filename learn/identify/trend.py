@@ -1,8 +1,8 @@
 """Parameters flight by flight: each flight fitted by itself, and what each parameter did over the flights.
 
-A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.trim`): what differs is
-looked for. On axes where the commands of any flight answer the motion, what such answers could explain is left out
-of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
+A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.bias_and_trim`): what
+differs is looked for. On axes where the commands of any flight answer the motion, what such answers could explain is
+left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
@@ -29,8 +29,6 @@ from wrenchgap.plant.model import Model
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
-UNSEEN = 0.8
-"""Standard error from which on a flight does not show a parameter, in typical sizes (the prior's)."""
 
 
 @dataclass(frozen=True)
@@ -215,6 +213,6 @@ def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTren
     return tuple(out)
 
 
-def _shown(parameter: Parameter, errors: Array) -> bool:
-    """Whether the flights say more of a parameter than what is typical of its kind."""
-    return bool(np.median(errors) < UNSEEN * parameter.scale)
+def _shown(parameter: Parameter, errors: Array, unseen: float = 0.8) -> bool:
+    """Whether the flights say more of a parameter than what is typical of its kind (the prior), times `unseen`."""
+    return bool(np.median(errors) < unseen * parameter.scale)

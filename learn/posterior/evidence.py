@@ -7,7 +7,8 @@ at declared values (`declared`), the same for every flight, and not where they f
 
 Products P = C'C of coefficients C (n, Q) are kept as a root R with R'R = P: C itself where it has few rows, else the
 triangle of its QR decomposition; that takes min(n, Q) Q numbers for a band and axis, and loses no digits to squaring.
-Trims (`learn.identify.trim`) are unknowns of each flight, and enter through one sum a flight (`Evidence.trimmed`).
+Trims (`learn.identify.bias_and_trim`) are unknowns of each flight, and enter through one sum a flight
+(`Evidence.trimmed`).
 """
 
 from __future__ import annotations
@@ -23,14 +24,13 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.applicable import inapplicable, unexcited
+from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
-from wrenchgap.learn.identify.candidates import candidates
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
-from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import DULL, Column
 from wrenchgap.learn.posterior.score import saturated
 from wrenchgap.learn.posterior.spectrum import EDGES, Spectrum, noise_shapes, transformed

@@ -1,6 +1,6 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
-`explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.identify.candidates`), each by
+`explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.data.candidates`), each by
 itself (`learn.posterior.table`), weights of sets of them (`learn.posterior.posterior`), the likeliest set fitted and
 its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out blocks:
 
@@ -32,19 +32,17 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, by_block
+from wrenchgap.learn.data.candidates import Candidates, Lack, Untried, candidates
+from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.one_rotor import OneRotor, one_rotor
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
-from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation, one_rotor, oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
-from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.fit import Fit, with_fit
-from wrenchgap.learn.identify.validation import Validation, validate
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock

@@ -64,8 +64,8 @@ class Member:
 
     `share` of the given model's energy is lost without it; `significance` and `evidence` are those of the set with it
     against the set without it, on held-out time, without what commands that answer the motion could explain
-    (`learn.data.answering`), `by_axis` (6,) the evidence of each; `probability` is that of the effect or one of its
-    group.
+    (`learn.data.feedback_regressors`), `by_axis` (6,) the evidence of each; `probability` is that of the effect
+    or one of its group.
     """
 
     name: str

@@ -9,8 +9,8 @@ quantities. With weights w of the quantities, g the precision of a coefficient a
     -1/2 log(1 + g N sigma^2)                 its Occam factor
 
 so thousands of flights cost sums, and no unknowns. Source: the Schur complement of a block-arrow matrix, Golub and Van
-Loan, "Matrix Computations", 4th ed., 4.5. The limits of trims (`learn.identify.trim.FAR`, five standard deviations) are
-not enforced here.
+Loan, "Matrix Computations", 4th ed., 4.5. The limits of trims (`learn.identify.bias_and_trim.trim_of`, five standard
+deviations) are not enforced here.
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ from scipy.fft import dct
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
-from wrenchgap.learn.data.answering import SHIFTS, answers, spanned
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanned
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.trim import Trim
+from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 
 SECONDS = 2.5
@@ -47,11 +47,11 @@ class Spectrum:
 
     The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
     always there: what the model's own effects may be off by (`known`), biases and trims of flights
-    (`learn.identify.trim`). On the axes where commands answer the motion it is of all of them what free responses to
-    all commands leave (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients. `count`
-    (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time. `leak`
-    (bands, axes) is the mean square below which nothing is told by what is left on an axis: `LEAK` of what the model
-    leaves in all of its force, or torque, in that band.
+    (`learn.identify.bias_and_trim`). On the axes where commands answer the motion it is of all of them what free
+    responses to all commands leave (`learn.data.feedback_regressors`). `products` (bands, axes, Q, Q) are means over
+    coefficients. `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one;
+    `blocks` of time. `leak` (bands, axes) is the mean square below which nothing is told by what is left on an axis:
+    `LEAK` of what the model leaves in all of its force, or torque, in that band.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Spectrum:
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
             return
-        signals = answers(data.records, SHIFTS)
+        signals = answers(data.records, REGRESSORS.shifts)
         free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
         moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]

@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem
-from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender

@@ -90,7 +90,7 @@ class Provenance:
     verdicts      one for each output; none in files of older versions, and where nobody asked
     lags          first-order lag of each output behind the commands, as the fit found it [s] (`learn.identify.lag`)
     margin        least stability margin along the training commands (`plant.stability`)
-    observer_hz   bandwidth of the observer of what is left that log and loop support [Hz] (`learn.identify.observing`);
+    observer_hz   bandwidth of the observer of what is left that log and loop support [Hz] (`learn.identify.observer`);
                   None: none does, or nobody looked
     observer_lag  lag that this observer takes the vehicle to have [s]
     observer_peak M_s of the attitude loop with it, without it where there is none; None where that loop is unstable

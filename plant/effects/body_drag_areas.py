@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.plant.effects.body_drag import BodyDrag
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter
 from wrenchgap.plant.vehicle import Vehicle

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.linear_filter import filtered
+from wrenchgap.flight.filters import filtered
 
 Array = NDArray[np.float64]
 LagMemory = tuple[Array, Array]

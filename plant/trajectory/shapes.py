@@ -9,8 +9,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Array
 from wrenchgap.plant.trajectory.reference import (
     E_Z,
     Reference,

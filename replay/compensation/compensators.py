@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
-from wrenchgap.learn.identify.guarding import loop_of
-from wrenchgap.learn.identify.observing import MOST_SENSITIVE, UNKNOWN
+from wrenchgap.learn.identify.guard import loop_of
+from wrenchgap.learn.identify.observer import MOST_SENSITIVE, UNKNOWN
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.learn.process.train import fit_linear
@@ -50,7 +50,7 @@ def combined(
 ) -> Combined | Compensator:
     """`compensator`, and an observer of what it leaves, of the bandwidth that training log and attitude loop support.
 
-    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observing`).
+    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observer`).
     Where nothing of the process is to be compensated, effects and observer, or the observer alone. Where the process
     has no bandwidth for an observer, the compensation without one, whose `without_observer` says why. Raises FitError
     where neither process nor observer is to be compensated with.

@@ -26,9 +26,9 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, OpenFlight
-from wrenchgap.learn.data.applicable import check_effects
-from wrenchgap.learn.data.held import commanded_otherwise
-from wrenchgap.learn.data.inputs import check
+from wrenchgap.learn.data.candidates import check_effects
+from wrenchgap.learn.data.prediction import require_pose
+from wrenchgap.learn.data.zero_order_hold import commanded_otherwise
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Saturation, allocation_of
@@ -236,7 +236,7 @@ def _motion(
         has = "has neither IMU nor odometry" if blind else "has no stretch that is long enough to filter"
         raise LogError(f"{flight.path.name}: this GP depends on the motion, and the log {has}")
     for record in records:
-        check(gp.settings.inputs, record)
+        require_pose(gp.settings.inputs, record)
     if compensator.physics is not None:
         check_effects(compensator.physics.model.effects, model, records)
     every = joined([r.state for r in records])

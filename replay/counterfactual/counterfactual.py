@@ -24,11 +24,10 @@ from wrenchgap.compensate import Combined, Compensator
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.inputs import process_inputs
-from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
-from wrenchgap.learn.data.recording import Recording
+from wrenchgap.learn.data.prediction import process_inputs
+from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
-from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model

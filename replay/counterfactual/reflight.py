@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.learn.data.applicable import check_effects
+from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
 from wrenchgap.plant import Model, Vehicle

@@ -13,7 +13,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.designer import REST
 from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
 from wrenchgap.plant import trajectory_file

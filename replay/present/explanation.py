@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.identify.validation import Validation
+from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.table import Candidate

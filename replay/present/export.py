@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from wrenchgap.learn.identify.observing import MOST_SENSITIVE
+from wrenchgap.learn.identify.observer import MOST_SENSITIVE
 from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.counting import KINDS
 from wrenchgap.replay.export.export import Export

@@ -13,7 +13,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Series
 from wrenchgap.flight.inspection import Inspection, TopicReport
 from wrenchgap.flight.unmeasured import unmeasured_axes
-from wrenchgap.learn.data.phases import Phase
+from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.figures import style

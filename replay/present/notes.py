@@ -7,14 +7,14 @@ from typing import Any
 
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.check import Check, Finding, TimeLeftOut
-from wrenchgap.learn.data.applicable import Lack, Untried
+from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 from wrenchgap.replay.present.tables import Line
 
 SHORT = 8.0
-"""Flight [s] below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
+"""Flight [s] below which blocks of held-out time are shorter than half of those of `learn.data.dataset.dataset`."""
 
 
 def sentences(notes: Iterable[object]) -> list[str]:

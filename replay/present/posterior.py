@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.learn.diagnose.one_rotor import OneRotor
-from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.flight.flight import AXES, GRAVITY
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wrenchgap.learn.identify.observing import MOST_SENSITIVE
+from wrenchgap.learn.identify.observer import MOST_SENSITIVE
 from wrenchgap.learn.process.gp import Caution, CautionKind, GaussianProcess
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
 from wrenchgap.plant import model_file, trajectory_file
 from wrenchgap.plant.effects import catalogue, find

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.comparison import Stretch, worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import length, weighted

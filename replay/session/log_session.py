@@ -13,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.channels import Channel, channels
+from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.process.gp import GaussianProcess
@@ -98,7 +98,7 @@ class LogSession:
     def channels(self, flight: str) -> Mapping[str, Channel]:
         """Everything in the log of a flight, by name."""
         found = self.working.flight(flight).flight
-        return channels(found.path, found, self._budget)
+        return channels_of(found.path, found, self._budget)
 
     def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
         """The HTML report: the current model fitted on the flight, tested on all others. Takes minutes.

@@ -17,7 +17,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn import GaussianProcess, OpenFlight
-from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.diagnose.timing import dataset_of

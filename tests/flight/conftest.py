@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wrenchgap import flight
 from wrenchgap.flight import so3
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 
 HEADER = "std_msgs/Header header"
 CUSTOM = {

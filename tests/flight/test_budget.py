@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.faults.appetites import made
 from wrenchgap import flight
-from wrenchgap.flight.budget import MEMORY, MOST_MEMORY, SECONDS, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Budget, BudgetError
 from wrenchgap.flight.errors import UsageError
 
 
@@ -23,9 +23,9 @@ def test_another_text_is_refused_with_an_example(text):
 
 def test_defaults_grow_with_the_file(tmp_path):
     small, large = (Budget().account(tmp_path, size) for size in (1000, 10**10))
-    assert small.memory <= MEMORY * 1.001
-    assert small.memory <= large.memory <= MOST_MEMORY
-    assert small.seconds == pytest.approx(SECONDS, rel=0.01)
+    assert small.memory <= LIMITS.memory * 1.001
+    assert small.memory <= large.memory <= LIMITS.most_memory
+    assert small.seconds == pytest.approx(LIMITS.seconds, rel=0.01)
     assert large.seconds > 1000.0
 
 

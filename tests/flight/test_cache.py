@@ -8,8 +8,9 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.flight import cache
-from wrenchgap.flight.channels import channels
+from wrenchgap.flight.budget import Limits
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.inspection import channels_of
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 
@@ -69,7 +70,7 @@ def test_another_mapping_another_content_or_a_damaged_file_is_read_anew(log, rea
 
 
 def test_old_flights_make_room(log, reads, monkeypatch):
-    monkeypatch.setattr(cache, "BYTES", 1)
+    monkeypatch.setattr(cache, "LIMITS", Limits(kept_flights=1))
     cache.load(log)
     cache.load(log, {"desired": "none"})
     assert len(list(cache.folder().glob("*"))) == 1
@@ -88,7 +89,7 @@ def test_a_log_that_is_none_is_told_as_ever(tmp_path):
 
 def test_channels_are_everything_in_the_log_on_its_clock(log):
     found = flight.load(log)
-    every = channels(log, found)
+    every = channels_of(log, found)
     time, values = every["/imu.angular_velocity.x"]
     assert time == pytest.approx(found.imu.time, abs=1e-9)
     assert values == pytest.approx(found.imu.omega_B[:, 0])

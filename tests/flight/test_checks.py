@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap import flight
 from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
-from wrenchgap.flight.checks import checked
-from wrenchgap.flight.checks.axes import PERMUTATIONS, best_axes
-from wrenchgap.flight.checks.mending import _with, option
+from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.motion import PERMUTATIONS, best_axes
+from wrenchgap.flight.checks.remedies import _with, option
 from wrenchgap.flight.clocks import relation, without_jumps
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries, WrenchSeries
@@ -83,11 +83,11 @@ def spoilt(name, rows, value=None, column=slice(None)):
 
 
 def found_in(one):
-    return {c.name: c for c in checked(one).checks if c.level != "ok"}
+    return {c.name: c for c in with_checks(one).checks if c.level != "ok"}
 
 
 def test_a_channel_that_stands_still_is_left_out_for_so_long():
-    one = checked(moving(change=spoilt("omega", slice(400, 700), column=1)))
+    one = with_checks(moving(change=spoilt("omega", slice(400, 700), column=1)))
     assert one.checks[0].name == "frozen"
     (left,) = one.left_out
     assert (left.start, left.stop) == pytest.approx((4.0, 6.99), abs=0.02)
@@ -108,7 +108,7 @@ def test_what_may_stand_still_is_kept():
 
 @pytest.mark.parametrize("name", ["omega", "force"])
 def test_a_sensor_that_dies_is_left_out_to_the_end_of_the_log(name):
-    one = checked(moving(change=spoilt(name, slice(800, None))))
+    one = with_checks(moving(change=spoilt(name, slice(800, None))))
     found = {c.name: c for c in one.checks}["frozen"]
     assert found.level == "warn"
     assert "at 8.00 s, to the end of the log" in found.words
@@ -134,7 +134,7 @@ def test_rates_that_an_attitude_shows_by_half_do_not_agree(noise, level):
         white(rng, len(flight.odometry.time), 0.03 * noise)
     )
     noisy = replace(flight.odometry, quat_EB=shaken.as_quat(scalar_first=True))
-    found = {c.name: c for c in checked(replace(flight, odometry=noisy)).checks}["gyroscope"]
+    found = {c.name: c for c in with_checks(replace(flight, odometry=noisy)).checks}["gyroscope"]
     assert found.level == level
     if level == "warn":
         assert found.mend is None
@@ -147,10 +147,10 @@ def test_an_imu_stuck_for_most_of_the_log_is_bad():
 
 
 def test_spikes_are_left_out_and_units_are_not_spikes():
-    one = checked(moving(change=spoilt("force", [300, 301, 800], 1e5, 0)))
+    one = with_checks(moving(change=spoilt("force", [300, 301, 800], 1e5, 0)))
     assert one.imu.dropped["beyond what is possible"] == 3
     assert found_in(moving(change=spoilt("force", [300, 301, 800], 1e5, 0)))["spikes"].level == "warn"
-    large = checked(moving(change=lambda n, v: 1e3 * v if n == "force" else v))
+    large = with_checks(moving(change=lambda n, v: 1e3 * v if n == "force" else v))
     assert len(large.imu.time) == len(moving().imu.time)
 
 
@@ -212,7 +212,7 @@ def test_pairs_of_faults_of_an_imu_are_both_said():
     def change(name, values):
         return values @ flipped / (9.81 if name == "force" else 1.0) if name in ("omega", "force") else values
 
-    names = {c.name for c in checked(moving(change=change)).checks if c.level == "bad"}
+    names = {c.name for c in with_checks(moving(change=change)).checks if c.level == "bad"}
     assert {"accelerometer-unit", "body-frame"} <= names
 
 
@@ -279,7 +279,7 @@ def test_odometry_rates_and_a_wrench_along_z_alone_freeze_too(channel):
 
     log = moving(change=change)
     rate = change("rate", log.imu.omega_B + white(np.random.default_rng(6), len(log.imu.time), 0.01))
-    found = checked(replace(log, odometry=replace(log.odometry, omega_B=rate)))
+    found = with_checks(replace(log, odometry=replace(log.odometry, omega_B=rate)))
     assert "frozen" in {c.name for c in found.checks if c.level == "warn"}
     (gone, *_) = found.left_out
     assert (gone.start, gone.stop) == pytest.approx((4.0, 5.99))
@@ -295,7 +295,7 @@ def test_a_command_that_leaps_to_zero_and_back_was_lost_and_one_that_came_there_
 
     def found(values):
         sent = ActuatorSeries("/a", time, np.zeros((len(time), 0)), values)
-        return {c.name for c in checked(replace(moving(), actuators=sent)).checks if c.level == "warn"}
+        return {c.name for c in with_checks(replace(moving(), actuators=sent)).checks if c.level == "warn"}
 
     assert "frozen" in found(lost)
     assert "frozen" not in found(clipped)
@@ -313,7 +313,7 @@ def test_a_flip_faster_than_half_a_turn_in_an_interval_is_no_wrong_gyroscope():
     odometry = OdometrySeries("/odometry", time, np.zeros((len(time), 3)), quat, np.zeros((len(time), 3)), omega)
     imu = ImuSeries("/imu", time, omega, force)
     for sensor, name in ((imu, "gyroscope"), (None, "odometry-rate")):
-        found = checked(Flight("f", Path("f"), "0", 0, imu=sensor, odometry=odometry)).checks
+        found = with_checks(Flight("f", Path("f"), "0", 0, imu=sensor, odometry=odometry)).checks
         assert {c.name: c.level for c in found}.get(name, "ok") == "ok"
 
 
@@ -321,7 +321,7 @@ def test_rates_that_nobody_fills_in_are_not_those_of_a_vehicle_that_turns():
     flight = moving()
     for share, level in ((1.0, "ok"), (0.0, "bad")):
         rated = replace(flight.odometry, omega_B=share * flight.imu.omega_B)
-        checks = {c.name: c for c in checked(replace(flight, imu=None, odometry=rated)).checks}
+        checks = {c.name: c for c in with_checks(replace(flight, imu=None, odometry=rated)).checks}
         found = checks.get("odometry-rate")
         assert (found.level if found else "ok") == level
     assert found.mend == "--topic twist=none"
@@ -343,7 +343,7 @@ def hovering(imu_down, wrench_down):
     wrench = np.hstack((4.0 * up * (-1.0 if wrench_down else 1.0) + white(rng, len(time), 0.2), white(rng, len(time))))
     imu = ImuSeries("/imu", time, white(rng, len(time), 0.1), force)
     log = Flight("hover", "hover.mcap", "0" * 64, 0, commanded=WrenchSeries("/w", time, wrench), imu=imu)
-    return {check.name: check for check in checked(log).checks if check.level == "bad"}
+    return {check.name: check for check in with_checks(log).checks if check.level == "bad"}
 
 
 def test_a_wrench_that_is_opposite_to_a_wrong_imu_alone_has_no_mend_of_its_own():

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.flight.checks import checked
+from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.gyroscope_scale import gyroscope_scales
 from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
 
@@ -65,7 +65,7 @@ def noisy_gravity(quat, imu_time, time):
 
 
 def said(flight):
-    found = {check.name: check for check in checked(flight).checks}
+    found = {check.name: check for check in with_checks(flight).checks}
     return found["gyroscope-scale"]
 
 

@@ -20,7 +20,7 @@ SECOND = 1_000_000_000
 @pytest.fixture(autouse=True)
 def our_level(monkeypatch):
     """The package's writer has no argument for the level of compression."""
-    compress = partial(zstandard.compress, level=mcap_messages.LEVEL)
+    compress = partial(zstandard.compress, level=1)
     monkeypatch.setattr(mcap.writer, "zstandard", SimpleNamespace(compress=compress))
 
 

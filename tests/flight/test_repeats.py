@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, WrenchSeries
-from wrenchgap.flight.repeats import KEPT, Repeats, refuse_seen, row_hashes, sketch
+from wrenchgap.flight.repeats import SKETCH, Repeats, refuse_seen, row_hashes, sketch
 
 
 def flown(seed, seconds=20.0, rate=250.0):
@@ -74,10 +74,10 @@ def test_other_commands_with_the_same_motion_are_another_log():
 
 def test_a_cut_of_hours_is_found():
     rng = np.random.default_rng(7)
-    long = rng.standard_normal((40 * KEPT, 2))
+    long = rng.standard_normal((40 * SKETCH.kept, 2))
     cut = long[50_000:60_000]
     whole, part = (row_hashes([v]) for v in (long, cut))
-    assert len(whole) == KEPT
+    assert len(whole) == SKETCH.kept
     assert len(np.intersect1d(whole, part)) == pytest.approx(len(cut) / 40, rel=0.25)
 
 

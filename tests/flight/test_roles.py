@@ -6,8 +6,8 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.formats import Table
+from wrenchgap.flight.mapping_units import parse_source
 from wrenchgap.flight.roles import propose
-from wrenchgap.flight.topic_sources import parse_source
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"

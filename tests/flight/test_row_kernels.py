@@ -9,7 +9,7 @@ from scipy.ndimage import correlate1d
 from scipy.signal import savgol_filter
 
 from wrenchgap.flight import row_kernels
-from wrenchgap.flight.derivative import local_cubics
+from wrenchgap.flight.filters import local_cubics
 from wrenchgap.flight.stamps import interpolated, spread, thinned
 
 

@@ -173,7 +173,7 @@ def test_noise_that_goes_through_the_controller_is_no_common_motion():
     moved = replace(first, values=first.values - 0.02 * shake(first.time))
     rate = (shake(second.time - 0.0073 + 1e-4) - shake(second.time - 0.0073 - 1e-4)) / 2e-4
     shaken = replace(second, values=second.values + 0.01 * rate)
-    fooled, found = offset(moved, shaken), offset(moved, shaken, gains=offsets.ALIKE)
+    fooled, found = offset(moved, shaken), offset(moved, shaken, gains=offsets.OFFSETS.alike)
     assert abs(fooled.seconds - 0.0073) > 0.003
     assert abs(found.seconds - 0.0073) < 3e-4
 

@@ -7,8 +7,7 @@ import pytest
 
 import wrenchgap as wg
 from benchmarks.hidden_effects.engine import fly
-from wrenchgap.learn.data.applicable import Lack
-from wrenchgap.learn.identify.candidates import candidates
+from wrenchgap.learn.data.candidates import Lack, candidates
 from wrenchgap.plant.vehicle import Tolerances
 
 MODEL = wg.load_model("tilt_hexarotor")

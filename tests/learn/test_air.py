@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Samples
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.learn.data.applicable import Lack
+from wrenchgap.flight.flight import GRAVITY, Samples
+from wrenchgap.learn.data.candidates import Candidates, Lack, candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify.add import add
-from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.plant import model_file

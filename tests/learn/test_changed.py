@@ -22,8 +22,8 @@ from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.timing import answering_axes
+from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
-from wrenchgap.learn.identify.trim import WORTH, typical
 from wrenchgap.learn.posterior.columns import Column
 
 TRIED = (
@@ -314,7 +314,7 @@ def test_a_flight_of_another_vehicle_is_an_error(flown, wrong):
 
 def test_scatter_is_pooled_with_the_typical_one(hexarotor):
     """Flights that agree leave the typical scatter's share; many that differ leave their own standard deviation."""
-    usual = typical(hexarotor)
+    usual = typical_trim(hexarotor)
     np.testing.assert_allclose(scatter_between(np.zeros((3, 6)), usual), np.sqrt(WORTH / (2 + WORTH)) * usual)
     np.testing.assert_allclose(scatter_between(np.zeros((1, 6)), usual), usual)
     means = 50.0 * usual * np.random.default_rng(0).normal(size=(400, 1))
@@ -323,7 +323,7 @@ def test_scatter_is_pooled_with_the_typical_one(hexarotor):
 
 def test_scatter_is_what_the_noise_of_the_means_leaves(hexarotor):
     """Variances of what differs and of noise add up; of many flights the noise's is taken out again."""
-    usual, rng = typical(hexarotor), np.random.default_rng(1)
+    usual, rng = typical_trim(hexarotor), np.random.default_rng(1)
     means = 3.0 * usual * rng.normal(size=(4000, 1)) + 4.0 * usual * rng.normal(size=(4000, 1))
     np.testing.assert_allclose(scatter_between(means, usual, (4.0 * usual) ** 2), 3.0 * usual, rtol=0.05)
 

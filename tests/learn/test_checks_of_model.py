@@ -8,14 +8,14 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, WrenchSeries
 from wrenchgap.learn.data.checks import rates
-from wrenchgap.learn.data.checks.limits import possible
-from wrenchgap.learn.data.checks.vehicle import of_vehicle
+from wrenchgap.learn.data.checks.records import without_impossible_commands
+from wrenchgap.learn.data.checks.vehicle import vehicle_checks
 
 SHIPPED = ("crazyflie", "tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "variable_tilt_hexacopter")
 
 
 def levels(model):
-    return {check.name: check.level for check in of_vehicle(model)}
+    return {check.name: check.level for check in vehicle_checks(model)}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -43,7 +43,7 @@ def test_a_torque_coefficient_is_no_kappa_and_the_right_one_is_said():
     model = wg.load_model("crazyflie")
     rotors = model.vehicle.rotors
     wrong = replace(model.vehicle, rotors=replace(rotors, kappa=rotors.kappa * rotors.c_f))
-    (found,) = [c for c in of_vehicle(replace(model, vehicle=wrong)) if c.name == "kappa"]
+    (found,) = [c for c in vehicle_checks(replace(model, vehicle=wrong)) if c.name == "kappa"]
     assert found.level == "bad"
     assert f"{rotors.kappa[0]:.3g} m" in found.words
 
@@ -63,7 +63,7 @@ def test_a_c_f_per_another_speed_is_no_thrust_coefficient_and_the_right_one_is_s
     """T = c_f Omega^2: with Omega in another unit c_f is its square as large; C_T = c_f / (rho pi R^4) has no unit."""
     model = wg.load_model(name)
     c_f = model.vehicle.rotors.c_f
-    (check,) = [c for c in of_vehicle(with_rotors(model, c_f=c_f * square)) if c.name == "thrust-coefficient"]
+    (check,) = [c for c in vehicle_checks(with_rotors(model, c_f=c_f * square)) if c.name == "thrust-coefficient"]
     assert check.level == "warn"
     assert unit in check.words
     assert f"it is {c_f[0]:.3g};" in check.words
@@ -114,10 +114,12 @@ def test_many_commands_far_beyond_all_others_are_no_unit():
         out[::10] = 9000.0
         return out
 
-    log, (found,) = possible(flight_of(250.0, 250.0, speeds), model)
+    log, (found,) = without_impossible_commands(flight_of(250.0, 250.0, speeds), model)
     assert found.name == "spikes"
     assert log.actuators.rotor_speed.max() < 2000.0
-    everywhere, none = possible(flight_of(250.0, 250.0, lambda n: 9.55 * (speeds(n) % 4000.0)), model)
+    everywhere, none = without_impossible_commands(
+        flight_of(250.0, 250.0, lambda n: 9.55 * (speeds(n) % 4000.0)), model
+    )
     assert none == ()
     assert len(everywhere.actuators.time) == 2000
 
@@ -130,11 +132,11 @@ def test_single_commands_beyond_speed_max_are_left_out_and_counted():
         speeds[[100, 700], [1, 3]] = 28000.0
         return speeds
 
-    found, (check,) = possible(flight_of(250.0, speeds=spiked), model)
+    found, (check,) = without_impossible_commands(flight_of(250.0, speeds=spiked), model)
     assert check.level == "warn"
     assert "2 sample(s)" in check.words
     assert found.actuators.rotor_speed.max() == 2000.0
     assert found.actuators.dropped == {"beyond speed_max": 2}
-    every, none = possible(flight_of(250.0, speeds=lambda n: np.full((n, 4), 9000.0)), model)
+    every, none = without_impossible_commands(flight_of(250.0, speeds=lambda n: np.full((n, 4), 9000.0)), model)
     assert none == ()  # a unit, which another check names
     assert len(every.actuators.time) == 2000

@@ -7,7 +7,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import multivariate_normal
 
 from wrenchgap.learn.data.measurement import low_pass
-from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.posterior import compiled, score
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.hunt import Hunt

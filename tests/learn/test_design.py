@@ -1,5 +1,7 @@
 """Designed flights: what they contain, the limits that they keep on the plant, and what no flight can do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,7 +10,7 @@ from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, extent, space, usual, violations
-from wrenchgap.learn.design.rehearsal import lost_after, rehearse
+from wrenchgap.learn.design.screening import lost_after, rehearse
 from wrenchgap.learn.design.separability import separability, typical
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
@@ -24,8 +26,7 @@ LIMITS = Limits((3.0, 3.5, 2.6), float(np.radians(50.0)), 1.5)
 def few():
     """Only one azimuth and one sweep of exchanges are tried: a quarter of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "AZIMUTHS", (0.0,))
-        patch.setattr(search, "SWEEPS", 1)
+        patch.setattr(search, "SEARCH", replace(search.SEARCH, azimuths=(0.0,), sweeps=1))
         yield
 
 

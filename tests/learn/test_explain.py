@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.identify.candidates import candidates
 from wrenchgap.learn.posterior.explain import SEARCH_SECONDS, search_dataset
 from wrenchgap.learn.posterior.sets import LOUD
 

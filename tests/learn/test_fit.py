@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap import simulate
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.applicable import Lack, inapplicable
+from wrenchgap.learn.data.candidates import Lack, inapplicable
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.fit import fit, held_out, with_fit
 from wrenchgap.plant.effects import find

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.candidates import Candidates, candidates
 from wrenchgap.learn.data.errors import energy
-from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.fit import fit, held_out
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.plant.effects import families

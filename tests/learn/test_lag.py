@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.identify import guarding
+from wrenchgap.learn.identify import guard
 from wrenchgap.learn.identify.lag import Stretch, lagged, lags, shared_lag
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.effects.lag import first_order
@@ -98,8 +98,8 @@ def test_lag_is_shared_by_outputs_that_the_process_is_blind_to():
 def test_blind_outputs_have_the_lag_of_the_axes_that_show_it(tau, monkeypatch):
     """Commands lagged, expectations not: a mismatch of the lag's making, which is what this must not be."""
     parts, torques = smooth_flight(tau), ("torque_x", "torque_y", "torque_z")
-    monkeypatch.setattr(guarding, "stretches", lambda records, base: parts)
-    found = guarding._lags([], None, torques, FitSettings(blind=torques))
+    monkeypatch.setattr(guard, "stretches", lambda records, base: parts)
+    found = guard._lags([], None, torques, FitSettings(blind=torques))
     assert found[3:] == pytest.approx(np.full(3, found.max()))
     assert found[:3] == pytest.approx(np.full(3, tau), abs=0.011)
     left = parts[0].measured - lagged(parts[0].expected, found, DT)
@@ -107,5 +107,5 @@ def test_blind_outputs_have_the_lag_of_the_axes_that_show_it(tau, monkeypatch):
     features = np.column_stack([np.ones(len(behind)), behind, behind**2])
     error = left[:, 3:] - features @ np.linalg.lstsq(features, left[:, 3:], rcond=None)[0]
     assert error[100:].std() < 0.02
-    partly = guarding._lags([], None, torques, FitSettings(blind=("torque_y",)))
+    partly = guard._lags([], None, torques, FitSettings(blind=("torque_y",)))
     assert partly[4] == partly.max()

@@ -14,7 +14,7 @@ import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn import parallel, work_files
-from wrenchgap.learn.identify.candidates import candidates
+from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.plant import own_effects

@@ -10,7 +10,7 @@ from wrenchgap import load_model
 from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.data.phases.phase import NAMES, Phase, phase_names, used
+from wrenchgap.learn.data.phases.phase import NAMES, Phase, phase_names, used_samples
 
 
 @pytest.fixture(scope="module")
@@ -141,4 +141,4 @@ def test_names_of_phases():
 def test_only_what_is_left_out_is_not_used():
     time = np.arange(5.0)
     phases = [Phase("ground", 0.0, 1.0, ""), Phase("saturation", 3.0, 3.5, "", left_out=False)]
-    assert used(time, phases).tolist() == [False, False, True, True, True]
+    assert used_samples(time, phases).tolist() == [False, False, True, True, True]

@@ -11,11 +11,11 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
-from wrenchgap.learn.identify.candidates import Candidates
+from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.fit import fit
-from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.anew import near
 from wrenchgap.learn.posterior.classes import NamedSet, merged
 from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused

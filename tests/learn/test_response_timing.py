@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight
-from wrenchgap.flight.flight import Flight, ImuSeries, WrenchSeries
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Flight, ImuSeries, WrenchSeries
 from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.diagnose.response import Response, responses

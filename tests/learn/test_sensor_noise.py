@@ -9,7 +9,7 @@ from scipy.signal import lfilter, welch
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight, ImuSeries, Samples, WrenchSeries
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.data.sensor_noise import SEGMENT, left_by_resampling, periodogram, white_noise
+from wrenchgap.learn.data.sensor_noise import SPECTRUM, left_by_resampling, periodogram, white_noise
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 GYRO, ACCEL = 3e-3, 0.04  # one-sided densities
@@ -163,6 +163,6 @@ def test_segments_transformed_together_are_those_of_welch(count):
     columns = np.random.default_rng(3).standard_normal((4, count)) + 2.0
     columns[3, 5] = np.nan  # a reading that was none spoils its own column alone
     frequency, power = periodogram(columns, 1 / 197.0)
-    expected_frequency, expected = welch(columns, 197.0, nperseg=min(count, int(SEGMENT * 197.0)))
+    expected_frequency, expected = welch(columns, 197.0, nperseg=min(count, int(SPECTRUM.segment * 197.0)))
     np.testing.assert_allclose(frequency, expected_frequency, rtol=1e-14)
     np.testing.assert_allclose(power[1:], expected.T[1:], rtol=1e-11)  # the mean is taken out: nothing at zero

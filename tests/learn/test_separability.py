@@ -9,8 +9,7 @@ import pytest
 from wrenchgap.learn.data.blocks import contrast
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.design.manoeuvres import Limits
-from wrenchgap.learn.design.rehearsal import rehearse
-from wrenchgap.learn.design.screening import Screen
+from wrenchgap.learn.design.screening import Screen, rehearse
 from wrenchgap.learn.design.separability import expected_separation, separability, sized, typical
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.moves import Moves, Shake, Tilt, Turn

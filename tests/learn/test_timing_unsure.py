@@ -5,8 +5,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.offsets import Problem, Signal, offset
-from wrenchgap.flight.shift import shifted
-from wrenchgap.flight.topic_offsets import sensor_offsets
+from wrenchgap.flight.topic_offsets import sensor_offsets, shifted
 
 
 @pytest.mark.parametrize("trajectory", ["hover", "pitch"])

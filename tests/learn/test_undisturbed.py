@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.identify.candidates import Candidates
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.table import ground, table
 from wrenchgap.learn.posterior.undisturbed import may_be_undisturbed, unanswering

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import memory
+from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.identify import fit
-from wrenchgap.learn.identify.candidates import Candidates
 from wrenchgap.learn.posterior import columns, spectrum
 from wrenchgap.learn.posterior import table as tables
 from wrenchgap.learn.posterior.explain import search_dataset

@@ -11,11 +11,11 @@ from wrenchgap import flight
 from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
+from wrenchgap.learn.data.comparison import ranges
 from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, opened
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.identify.validation import ranges
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
 from wrenchgap.plant.model import make_effect
@@ -50,7 +50,7 @@ def test_the_worst_stretch_is_where_the_error_was_put(logs):
     assert found[0].stop == pytest.approx(7.0, abs=0.1)
     assert found[0].axis == "torque_z"
     starts = sorted(s.start for s in found)
-    assert min(np.diff(starts)) > 0.9 * comparison.STRETCH_SECONDS
+    assert min(np.diff(starts)) > 0.9 * comparison.THRESHOLDS.stretch
 
 
 def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs):

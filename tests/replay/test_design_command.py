@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,7 @@ from wrenchgap.plant.trajectory_file import load
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
     """Only one azimuth and one sweep of exchanges are tried."""
-    monkeypatch.setattr(search, "AZIMUTHS", (0.0,))
-    monkeypatch.setattr(search, "SWEEPS", 1)
+    monkeypatch.setattr(search, "SEARCH", replace(search.SEARCH, azimuths=(0.0,), sweeps=1))
 
 
 @pytest.mark.slow

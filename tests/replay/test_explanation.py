@@ -16,9 +16,8 @@ from rich.console import Console
 import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.measurement import window
-from wrenchgap.learn.diagnose.one_rotor import OneRotor
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
-from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.learn.posterior.open_bands import OpenBand

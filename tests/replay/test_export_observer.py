@@ -21,7 +21,7 @@ from tests.replay.exported_c import (
 )
 from wrenchgap.compensate import Combined, Compensator, PhysicsMismatch, Settings
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.simulate import simulate

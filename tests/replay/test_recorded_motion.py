@@ -9,7 +9,7 @@ from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import OdometrySeries
-from wrenchgap.learn.data.recorded_motion import integrate_rate, recorded_motion
+from wrenchgap.learn.data.recording import integrate_rate, recorded_motion
 from wrenchgap.plant import model_file
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named

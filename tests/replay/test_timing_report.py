@@ -28,7 +28,7 @@ def test_inspect_says_by_how_much_the_odometry_lags_and_its_advice_undoes_it(lat
     attitude = body["sensors"][0]
     assert (attitude["first"], attitude["second"]) == ("gyroscope", "odometry attitude")
     assert abs(attitude["seconds"] - LATE) < max(3 * attitude["std"], 1e-3)
-    assert attitude["effect_error"] > timing.MATTERS
+    assert attitude["effect_error"] > timing.TIMING.matters
     assert {r["axis"] for r in body["responses"]} == set(flight.AXES)
 
     option = next(w for w in body["warnings"] if "--shift" in w).split("--shift ")[1].rstrip(".")

@@ -11,19 +11,19 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from wrenchgap.flight.formats.px4 import commands, motion
+from wrenchgap.flight.formats.px4 import topics
 from wrenchgap.flight.formats.px4.messages import Messages, by_vehicle, wanted
 from wrenchgap.flight.formats.table import Table
 
 __all__ = ["derived", "wanted"]
 
 _MAKERS = (
-    motion.imus,
-    motion.odometries,
-    motion.references,
-    commands.wrenches,
-    commands.actuators,
-    commands.batteries,
+    topics.imus,
+    topics.odometries,
+    topics.references,
+    topics.wrenches,
+    topics.actuators,
+    topics.batteries,
 )
 
 
@@ -40,7 +40,7 @@ def derived(
         out |= {table.topic: table for _, table in made}
         listed = "; ".join(f"{table.topic} from {source}" for source, table in made)
         notes.append(f"PX4's topics in FRD and NED became, in FLU and ENU: {listed}.")
-        unarmed = commands.never_armed(said)
+        unarmed = topics.never_armed(said)
         notes += said.notes + ([unarmed] if unarmed else [])
     return out, notes
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.merging import Stamps
+from wrenchgap.flight.formats.derived_topics import Stamps
 from wrenchgap.flight.formats.table import Table
 
 NAMES = frozenset(
@@ -33,8 +33,6 @@ NAMES = frozenset(
     | {"actuator_outputs", "actuator_armed"}
 )
 """Messages that something here is made of."""
-LATEST_SAMPLE = 1_000_000_000
-"""A sample's stamp that is older than this before its message's [ns] is none."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +97,13 @@ def sent(table: Table) -> Stamps:
     return np.asarray(table.columns["timestamp"]).astype(np.int64) * 1000
 
 
-def sampled(table: Table) -> Stamps:
-    """When what each message tells was measured [ns]."""
+def sampled(table: Table, oldest: int = 1_000_000_000) -> Stamps:
+    """When what each message tells was measured [ns]; a stamp that is `oldest` [ns] before the message's is none."""
     stamps = sent(table)
     if "timestamp_sample" not in table.columns:
         return stamps
     sample = np.asarray(table.columns["timestamp_sample"]).astype(np.int64) * 1000
-    return np.where((sample > 0) & (np.abs(stamps - sample) < LATEST_SAMPLE), sample, stamps)
+    return np.where((sample > 0) & (np.abs(stamps - sample) < oldest), sample, stamps)
 
 
 def numbers(table: Table, *names: str) -> Array | None:

@@ -1,11 +1,11 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
     compared    commands and motion side by side
-    gyroscope   rates in deg/s, and beyond what the rotors can do
     vehicle     numbers of the vehicle that contradict one another
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
-    turning     torques by axis: inertia, arms, kappa; an IMU turned about z
+    torques     torques by axis: inertia, arms, kappa; an IMU turned about z, in deg/s, or beyond what the rotors can do
+    records     commands beyond the possible; weight and actuators against the commanded wrench
 
 What the log says by itself is asked in `flight.checks`.
 """
@@ -19,11 +19,10 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
-from wrenchgap.learn.data.checks.compared import compared
-from wrenchgap.learn.data.checks.gyroscope import gyroscope
+from wrenchgap.learn.data.checks.commands_and_motion import commands_and_motion
 from wrenchgap.learn.data.checks.rotors import rotors
-from wrenchgap.learn.data.checks.turning import sizes, turned_imu
-from wrenchgap.learn.data.checks.vehicle import of_vehicle
+from wrenchgap.learn.data.checks.torques import gyroscope, sizes, turned_imu
+from wrenchgap.learn.data.checks.vehicle import vehicle_checks
 from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
@@ -32,14 +31,12 @@ SAID = (
     *("gyroscope", "body-frame"),
 )
 """Checks of numbers that make torques of another size or about other axes, which then is no news."""
-FASTER = 2.5
-"""Times the cut-off that readings and commands must come, so that the filter's band is in them (Shannon: 2)."""
 
 
 def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) -> tuple[Check, ...]:
     """What a model says of a flight whose `stretches` are on one clock."""
-    found = [*of_vehicle(model)]
-    seen = compared(stretches, model.vehicle)
+    found = [*vehicle_checks(model)]
+    seen = commands_and_motion(stretches, model.vehicle)
     if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
         found += gyroscope(flight, model, seen)
     if any(check.name == "gyroscope" for check in found):
@@ -61,23 +58,23 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     return tuple(found)
 
 
-def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True) -> tuple[Check, ...]:
+def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True, faster: float = 2.5) -> tuple[Check, ...]:
     """Whether motion and commands come fast enough for a filter of `cutoff_hz`; `rotors`: the model uses actuators.
 
-    Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors
-    by the other.
+    Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors by
+    the other. `faster` is how many times the cut-off they must come, so that the filter's band is in them (Shannon: 2).
     """
     played = flight.series()
     motion = "imu" if "imu" in played else "odometry"
     sent = ("commanded", *(("actuators",) if rotors or "commanded" not in played else ()))
     asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, *sent) if role in played]
-    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < FASTER * cutoff_hz]
+    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < faster * cutoff_hz]
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])
-    usable = np.floor(9.7 * rate / FASTER) / 10.0
+    usable = np.floor(9.7 * rate / faster) / 10.0
     words = (
-        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {FASTER * cutoff_hz:g}: "
+        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {faster * cutoff_hz:g}: "
         "what is faster is folded into what is slower"
     )
     return (Check("rate", "bad", words, f"--cutoff {usable:g}"),)

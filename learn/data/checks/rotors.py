@@ -1,8 +1,8 @@
 """Order and spin of the rotors and the sign of tilt: what the model makes of the logged actuators, against a witness.
 
 The witness is the commanded wrench where it is logged: the allocation makes it of these very actuators, so that nothing
-but the model stands between them. Else it is the motion above `FAST_HZ`, where torques turn the vehicle; below,
-commands answer what disturbs it, and the rotors of a hover make torques that the motion does not show at all.
+but the model stands between them. Else it is the motion above `COMPARED.fast_hz`, where torques turn the vehicle;
+below, commands answer what disturbs it, and the rotors of a hover make torques that the motion does not show at all.
 
 The order is found from how the witness goes with each column of the log: with T (K, R) the thrusts of the columns and W
 (K, 4) force along z and torques, W = T B has the least-squares solution of smallest norm B (R, 4), and row j is what
@@ -13,17 +13,17 @@ is found in polynomial time (Kuhn 1955; `scipy.optimize.linear_sum_assignment`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import cosine
+from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
-from wrenchgap.learn.data.checks.turning import MOVES, Turned
+from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, moving
+from wrenchgap.learn.data.checks.torques import TORQUES, Turned
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
@@ -31,29 +31,44 @@ from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import about_com
 
-FITS, BETTER = 0.8, 0.25
-"""Cosine with the witness that another reading must reach, and by how much more than as stated. With the motion, in
-which there is more than the rotors made, `MOVES`: real hovers have 0.66 to 0.89."""
-AGAINST = 0.5
-"""Cosine with the motion about z from which on an opposite torque is worth a word."""
-SAME, EXACT = 0.97, 0.99
-"""Cosine with a commanded wrench above which the stated order is it, and above which another one is."""
-CLEAR, LEFT = 0.9, 1.0 / 3.0
-"""Cosine with the motion that an order must reach to be better than one that is like it too, and share of what that
-left unexplained."""
+
+@dataclass(frozen=True)
+class RotorThresholds:
+    """From when on another order, spin or tilt of the rotors is the likely one."""
+
+    fits: float = 0.8
+    """Cosine with the witness that another reading must reach. With the motion, in which there is more than the rotors
+    made, it is `TORQUES.moves`: real hovers have 0.66 to 0.89."""
+    better: float = 0.25
+    """By how much its cosine must exceed that of the reading as stated."""
+    against: float = 0.5
+    """Cosine with the motion about z from which on an opposite torque is worth a word."""
+    same: float = 0.97
+    """Cosine with a commanded wrench above which the stated order is it."""
+    exact: float = 0.99
+    """Cosine above which another order is."""
+    clear: float = 0.9
+    """Cosine with the motion that an order must reach to be better than one that is like it too."""
+    left: float = 1.0 / 3.0
+    """Share of what that left unexplained, at most."""
+    seen: float = 1e-3
+    """Of the largest: singular values of thrusts below it tell nothing."""
+
+
+ROTORS = RotorThresholds()
+
+
 TURN = "turn every spin over"
-SEEN = 1e-3
-"""Of the largest: singular values of thrusts below it tell nothing."""
 
 
-def rotors(flight: Flight, model: Model, seen: Compared, turned: Turned | None = None) -> Iterator[Check]:
+def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned | None = None) -> Iterator[Check]:
     """Whether another order, spin or sign of tilt explains the witness, and the stated one does not.
 
     `turned`: an IMU that is turned explains it, and is said where no order does as well.
     """
     if seen.made is None or seen.speed is None or seen.tilt is None:
         return
-    name, fits = ("the commanded wrench", FITS) if seen.wrench is not None else ("the motion", MOVES)
+    name, fits = ("the commanded wrench", ROTORS.fits) if seen.wrench is not None else ("the motion", TORQUES.moves)
     scale = _scale(model.vehicle, seen)
     stated = _alike(seen, seen.made, scale)
     if turned is not None and stated > fits:
@@ -74,7 +89,7 @@ def rotors(flight: Flight, model: Model, seen: Compared, turned: Turned | None =
     if turned is not None and _explained(found[what], turned.whole):
         yield turned.check
         return
-    if found[what] < fits or not (found[what] > stated + BETTER or _explained(stated, found[what])):
+    if found[what] < fits or not (found[what] > stated + ROTORS.better or _explained(stated, found[what])):
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
         if seen.wrench is not None:
             yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
@@ -112,54 +127,54 @@ def _columns(flight: Flight, order: list[int]) -> str:
     return f"--topic 'rotor_speed={head[:cut]}[{','.join(map(str, order))}]{head[cut:]}'"
 
 
-def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
+def _yaw(vehicle: Vehicle, seen: CommandsAndMotion, name: str) -> Iterator[Check]:
     """Spins: the torque about z alone, of vehicles whose rotors make it by drag."""
     assert seen.made is not None
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
     truth = moving(seen, witness, fast=fast)[:, [5]]
-    alike = max((cosine(truth, moving(seen, seen.made, tau, fast=fast)[:, [5]]) for tau in LAGS), key=abs)
-    if alike < -(AGAINST if fast else FITS):
+    alike = max((cosine(truth, moving(seen, seen.made, tau, fast=fast)[:, [5]]) for tau in COMPARED.lags), key=abs)
+    if alike < -(ROTORS.against if fast else ROTORS.fits):
         words = f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f})"
-        yield Check("rotors", "bad" if alike < -FITS else "warn", f"{words}: {TURN} in the model file")
+        yield Check("rotors", "bad" if alike < -ROTORS.fits else "warn", f"{words}: {TURN} in the model file")
 
 
-def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) -> bool:
+def _reordered(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array, stated: float) -> bool:
     """Whether a witness like the rotors' is that of another order, and clearly: six rotors hide two, twelve one."""
-    if stated > (SAME if seen.wrench is not None else CLEAR):
+    if stated > (ROTORS.same if seen.wrench is not None else ROTORS.clear):
         return False
     assert seen.speed is not None
     assert seen.tilt is not None
     found = _alike(seen, _made(vehicle, seen, seen.tilt, seen.speed[:, _order(vehicle, seen, scale)]), scale)
-    return found > EXACT if seen.wrench is not None else found > CLEAR and _explained(stated, found)
+    return found > ROTORS.exact if seen.wrench is not None else found > ROTORS.clear and _explained(stated, found)
 
 
 def _explained(stated: float, found: float) -> bool:
     """Whether a cosine `found` leaves less than a third of the energy that the `stated` one leaves unexplained."""
-    return 1.0 - found**2 < LEFT * (1.0 - stated**2)
+    return 1.0 - found**2 < ROTORS.left * (1.0 - stated**2)
 
 
-def _scale(vehicle: Vehicle, seen: Compared) -> Array:
+def _scale(vehicle: Vehicle, seen: CommandsAndMotion) -> Array:
     """Torques by which axes are made comparable: the inertia for the motion, the witness's own for a wrench."""
     if seen.wrench is None:
         return np.asarray(np.diag(vehicle.body.inertia))
     return np.asarray(np.maximum(np.std(moving(seen, seen.wrench[:, 3:]), axis=0), 1e-9))
 
 
-def _alike(seen: Compared, made: Array, scale: Array) -> float:
+def _alike(seen: CommandsAndMotion, made: Array, scale: Array) -> float:
     """Cosine of torques made with those of the witness, at the likeliest lag."""
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
     truth = moving(seen, witness[:, 3:], fast=fast) / scale
-    lags = LAGS if fast else (0.0,)
+    lags = COMPARED.lags if fast else (0.0,)
     return max(cosine(truth, moving(seen, made[:, 3:], tau, fast=fast) / scale) for tau in lags)
 
 
-def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
+def _made(vehicle: Vehicle, seen: CommandsAndMotion, tilt: Array, speed: Array) -> Array:
     """The wrench (N, 6) of other actuators, filtered as the rest."""
     wrench = about_com(vehicle.body, nominal_wrench(vehicle, Commands(np.zeros((len(speed), 6)), tilt, speed)))
     return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
 
 
-def _order(vehicle: Vehicle, seen: Compared, scale: Array) -> NDArray[np.intp]:
+def _order(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,): the likeliest of the assignment and of what people do."""
     assert seen.tilt is not None
     assert seen.speed is not None
@@ -179,7 +194,7 @@ def _usual(count: int) -> list[NDArray[np.intp]]:
     return [*(np.roll(plain, k) for k in range(1, count)), plain[::-1], *layers, *pairs]
 
 
-def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
+def _assigned(vehicle: Vehicle, seen: CommandsAndMotion) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,), by what each of both does."""
     from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
 
@@ -191,9 +206,9 @@ def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
     target = moving(seen, witness[:, axes], fast=fast)
     best: NDArray[np.intp] = np.arange(len(known))
     cost = -np.inf
-    for tau in LAGS if fast else (0.0,):
+    for tau in COMPARED.lags if fast else (0.0,):
         thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
-        found = np.linalg.pinv(moving(seen, thrust, tau, fast=fast), rcond=SEEN) @ target
+        found = np.linalg.pinv(moving(seen, thrust, tau, fast=fast), rcond=ROTORS.seen) @ target
         size = np.maximum(np.std(target, axis=0), 1e-12)
         a, b = (_normalised(rows / size) for rows in (effect, found))
         likeness = a @ b.T

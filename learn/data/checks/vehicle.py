@@ -10,6 +10,7 @@ about 0.01; a c_f per rpm^2 is a ninetieth of that, one per (1/s)^2 forty times 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,16 +18,27 @@ from wrenchgap.flight.check import Check
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 
-LEAST_GYRATION, SMALL_GYRATION = 0.015, 0.03
-"""Moment of inertia over m L^2, L the rms length of the arms: below it nothing that flies is, or hardly anything."""
-KAPPA = (0.025, 3.0)
-"""Drag torque per thrust over the rotor's radius."""
-COEFFICIENT = (0.0015, 0.1)
-"""C_T = T / (rho pi R^2 (Omega R)^2); the vehicles that we have are at 0.007 to 0.021."""
-AIR_DENSITY = 1.225  # kg/m^3, at sea level
+
+@dataclass(frozen=True)
+class VehicleRanges:
+    """Within which ranges numbers of a vehicle that flies are."""
+
+    least_gyration: float = 0.015
+    """Moment of inertia over m L^2, L the rms length of the arms, below which nothing that flies is."""
+    small_gyration: float = 0.03
+    """The same below which hardly anything is."""
+    kappa: tuple[float, float] = (0.025, 3.0)
+    """Drag torque per thrust over the rotor's radius."""
+    thrust_coefficient: tuple[float, float] = (0.0015, 0.1)
+    """C_T = T / (rho pi R^2 (Omega R)^2); the vehicles that we have are at 0.007 to 0.021."""
+    air_density: float = 1.225
+    """Density of air at sea level [kg/m^3]."""
 
 
-def of_vehicle(model: Model) -> Iterator[Check]:
+RANGES = VehicleRanges()
+
+
+def vehicle_checks(model: Model) -> Iterator[Check]:
     """Inertia against mass and arms, kappa and c_f against the radius."""
     vehicle = model.vehicle
     if not vehicle.has_rotors:
@@ -50,10 +62,12 @@ def _inertia(vehicle: Vehicle) -> Check:
         limit = body.mass * reach**2
         words = f"{described}: no mass within {reach:.3g} m has more than {limit:.3g} kg m^2; correct it in the model"
         return Check("inertia", "bad", words)
-    if least < LEAST_GYRATION:
-        words = f"{described}: {least:.2g} of m L^2, expected at least {LEAST_GYRATION:g}; correct it in the model"
+    if least < RANGES.least_gyration:
+        words = (
+            f"{described}: {least:.2g} of m L^2, expected at least {RANGES.least_gyration:g}; correct it in the model"
+        )
         return Check("inertia", "bad", words)
-    if least < SMALL_GYRATION:
+    if least < RANGES.small_gyration:
         return Check("inertia", "warn", f"{described}: only {least:.2g} of m L^2; is it in kg m^2?")
     return Check("inertia", "ok", f"{described}: plausible.")
 
@@ -67,32 +81,40 @@ def _kappa(vehicle: Vehicle) -> Check:
         return Check("kappa", "warn", f"{words}; write kappa without its sign in the model, and spin with it")
     if np.all(kappa == 0.0):
         return Check("kappa", "warn", "kappa is zero: rotors make no drag torque, and yaw is not predicted.")
-    worst = int(np.argmax(np.abs(np.log(np.maximum(share, 1e-30)) - np.log(np.sqrt(KAPPA[0] * KAPPA[1])))))
+    worst = int(
+        np.argmax(np.abs(np.log(np.maximum(share, 1e-30)) - np.log(np.sqrt(RANGES.kappa[0] * RANGES.kappa[1]))))
+    )
     described = f"kappa {kappa[worst]:.3g} m is {share[worst]:.2g} of the rotor's radius {radius[worst]:.3g} m"
-    if KAPPA[0] < share[worst] < KAPPA[1]:
+    if RANGES.kappa[0] < share[worst] < RANGES.kappa[1]:
         return Check("kappa", "ok", f"{described}.")
     instead = kappa[worst] / rotors.c_f[worst]
     hint = ""
-    if KAPPA[0] < instead / radius[worst] < KAPPA[1]:
+    if RANGES.kappa[0] < instead / radius[worst] < RANGES.kappa[1]:
         hint = f": it looks like the torque coefficient [N m s^2]; kappa is that over c_f, {instead:.3g} m"
-    limits = f"expected {KAPPA[0]:g} to {KAPPA[1]:g}"
+    limits = f"expected {RANGES.kappa[0]:g} to {RANGES.kappa[1]:g}"
     return Check("kappa", "bad", f"{described}, {limits}{hint}; correct vehicle.rotor.kappa in the model")
 
 
 def _thrust(vehicle: Vehicle) -> Check:
     _, rotors = vehicle.geometry()
-    disc = AIR_DENSITY * np.pi * rotors.radius**4
+    disc = RANGES.air_density * np.pi * rotors.radius**4
     coefficient = rotors.c_f / disc
-    worst = int(np.argmax(np.abs(np.log(coefficient) - np.log(np.sqrt(COEFFICIENT[0] * COEFFICIENT[1])))))
+    worst = int(
+        np.argmax(
+            np.abs(np.log(coefficient) - np.log(np.sqrt(RANGES.thrust_coefficient[0] * RANGES.thrust_coefficient[1])))
+        )
+    )
     found, c_f = float(coefficient[worst]), float(rotors.c_f[worst])
     described = (
         f"c_f {c_f:.3g} N s^2 with a radius of {rotors.radius[worst]:.3g} m is a thrust coefficient of {found:.2g}"
     )
-    if COEFFICIENT[0] < found < COEFFICIENT[1]:
+    if RANGES.thrust_coefficient[0] < found < RANGES.thrust_coefficient[1]:
         return Check("thrust-coefficient", "ok", f"{described}.")
     units = {"rpm^2": (30.0 / np.pi) ** 2, "revolutions per second, squared": (0.5 / np.pi) ** 2}
-    fitting = [unit for unit, k in units.items() if COEFFICIENT[0] < found * k < COEFFICIENT[1]]
+    fitting = [
+        unit for unit, k in units.items() if RANGES.thrust_coefficient[0] < found * k < RANGES.thrust_coefficient[1]
+    ]
     hint = f": it looks like newtons per {fitting[0]}; in N s^2 it is {c_f * units[fitting[0]]:.3g}" if fitting else ""
-    limits = f"expected {COEFFICIENT[0]:g} to {COEFFICIENT[1]:g}"
+    limits = f"expected {RANGES.thrust_coefficient[0]:g} to {RANGES.thrust_coefficient[1]:g}"
     words = f"{described}, {limits}{hint}; correct vehicle.rotor.c_f or radius in the model"
     return Check("thrust-coefficient", "warn", words)

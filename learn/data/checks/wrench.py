@@ -7,38 +7,49 @@ no effect makes is a unit, or a mass or inertia that is not this vehicle's.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.axes import Axes, best_axes
-from wrenchgap.flight.checks.mending import factor, option
-from wrenchgap.flight.checks.motion import cosine, rms
-from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
-from wrenchgap.learn.data.checks.gyroscope import largest_torque
+from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
+from wrenchgap.flight.checks.remedies import factor, option
+from wrenchgap.flight.flight import GRAVITY, Array, Flight
+from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, flown, moving
+from wrenchgap.learn.data.checks.torques import largest_torque
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 
-FORCE = (0.5, 2.0)
-"""Commanded over measured force that an effect may make."""
-TORQUE = (0.3, 10.0)
-"""Likewise of the torque: what disturbs is answered by commands that move nothing, so that these may well be larger."""
-ALIKE, MUCH_ALIKE = 0.5, 0.7
-"""Cosine from which on command and motion belong together, and from which on a command may be called too small."""
-WILD = 100.0
-"""Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
-FULL = 1.05
-"""Largest of a normalised command."""
-TURNED = 0.001
-"""Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no command."""
-SEEN = 0.3
-"""Share of a command's torque that an axis must have to be asked."""
+
+@dataclass(frozen=True)
+class WrenchThresholds:
+    """From when on a commanded wrench is in another unit or about other axes."""
+
+    force: tuple[float, float] = (0.5, 2.0)
+    """Commanded over measured force that an effect may make."""
+    torque: tuple[float, float] = (0.3, 10.0)
+    """Commanded over measured torque: what disturbs is answered by commands that move nothing, so that these may well
+    be larger."""
+    alike: float = 0.5
+    """Cosine from which on command and motion belong together."""
+    much_alike: float = 0.7
+    """Cosine from which on a command may be called too small."""
+    wild: float = 100.0
+    """Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
+    full: float = 1.05
+    """Largest of a normalised command."""
+    turned: float = 0.001
+    """Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no
+    command."""
+    seen: float = 0.3
+    """Share of a command's torque that an axis must have to be asked."""
 
 
-def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+WRENCH = WrenchThresholds()
+
+
+def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Size of the force, of the commanded wrench or of the logged rotors."""
     pushed = seen.wrench if seen.wrench is not None else seen.made
     assert pushed is not None
@@ -48,7 +59,7 @@ def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         abs(float(np.median(along))), 1e-12
     )  # of the part along the measured force: a command that chatters is no larger
     said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
-    if FORCE[0] < ratio < FORCE[1]:
+    if WRENCH.force[0] < ratio < WRENCH.force[1]:
         yield Check("force-unit", "ok", f"{said}.")
     elif seen.wrench is not None:
         words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
@@ -57,7 +68,7 @@ def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         yield _speeds(flight, model.vehicle, seen, ratio, said)
 
 
-def speed_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def speed_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Rotor speeds against the commanded wrench where both are logged: thrusts go with the square of a unit."""
     if seen.wrench is None or seen.made is None:
         return
@@ -80,17 +91,17 @@ def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
             unit, f"in {unit}"
         )
         return words, f"it is {what}"
-    kind = "normalised" if largest <= FULL else "in another unit, or the mass is not this vehicle's"
+    kind = "normalised" if largest <= WRENCH.full else "in another unit, or the mass is not this vehicle's"
     return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
 
 
-def _speeds(flight: Flight, vehicle: Vehicle, seen: Compared, ratio: float, said: str) -> Check:
+def _speeds(flight: Flight, vehicle: Vehicle, seen: CommandsAndMotion, ratio: float, said: str) -> Check:
     """Rotor speeds in another unit make thrusts by its square; a factor that is no unit is another vehicle's."""
     for word, k, unit in (("rpm", np.pi / 30.0, "rpm"), ("*6.283185", 2.0 * np.pi, "revolutions per second")):
-        if FORCE[0] < ratio * k**2 < FORCE[1]:
+        if WRENCH.force[0] < ratio * k**2 < WRENCH.force[1]:
             words = f"{said}: rotor speeds are in {unit}"
             return Check("rotor-speed-unit", "bad", words, option(flight, word, "rotor_speed"))
-    if seen.speed is not None and np.max(np.abs(seen.speed)) <= FULL:
+    if seen.speed is not None and np.max(np.abs(seen.speed)) <= WRENCH.full:
         words = f"{said}: rotor speeds are normalised"
         mend = option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed")
         return Check("rotor-speed-unit", "bad", words, mend)
@@ -98,7 +109,7 @@ def _speeds(flight: Flight, vehicle: Vehicle, seen: Compared, ratio: float, said
     return Check("weight", "bad", f"{words} Else correct its mass or c_f")
 
 
-def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Size of the commanded torque, each axis by its inertia."""
     if seen.wrench is None:
         return
@@ -108,52 +119,55 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     size = np.sqrt(np.mean(sent**2, axis=0))
     if not size.any():
         return
-    used = size > SEEN * size.max()
+    used = size > WRENCH.seen * size.max()
     ratio = rms(sent[:, used]) / max(rms(motion[:, used]), 1e-12)
     alike = cosine(motion[:, used], sent[:, used])
     said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
     usual = _chatter(seen)
     quick = _quick_ratio(seen, inertia, used)
-    small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
+    small, large = (
+        ratio < WRENCH.torque[0] and abs(alike) > WRENCH.much_alike,
+        ratio > WRENCH.torque[1] * usual and abs(alike) > WRENCH.alike,
+    )
     most = largest_torque(model.vehicle)  # in a hover in still air nothing is commanded, and what is felt is noise
-    turned = most is not None and rms(flown(seen, seen.measured[:, 3:])) > TURNED * most
-    if turned and max(ratio, quick) < 1.0 / WILD and not small:
+    turned = most is not None and rms(flown(seen, seen.measured[:, 3:])) > WRENCH.turned * most
+    if turned and max(ratio, quick) < 1.0 / WRENCH.wild and not small:
         words = f"{said}: another unit, of the torques or of the gyroscope, or vehicle.inertia is not this vehicle's"
         yield Check("torque-unit", "bad", words)
         return
-    if (small and quick < 1.0) or ((large or ratio > WILD * usual) and quick > TORQUE[1]):
+    if (small and quick < 1.0) or ((large or ratio > WRENCH.wild * usual) and quick > WRENCH.torque[1]):
         unit = ratio if small else quick  # what answers disturbances is larger than what moves the vehicle
         words = "Nmm" if 0.2 < unit / 1000.0 < 5.0 else f"torque*{factor(1.0 / unit)}"
         kind = "in Nmm" if words == "Nmm" else "normalised, in another unit, or vehicle.inertia is not this vehicle's"
         yield Check("torque-unit", "bad", f"{said}: it is {kind}", option(flight, words, "commanded"))
         return
-    words = f"{said}." if alike > ALIKE else f"{said}: too little in common to check its unit."
+    words = f"{said}." if alike > WRENCH.alike else f"{said}: too little in common to check its unit."
     yield Check("torque-unit", "ok", words)
 
 
-def _quick_ratio(seen: Compared, inertia: Array, used: NDArray[np.bool_]) -> float:
+def _quick_ratio(seen: CommandsAndMotion, inertia: Array, used: NDArray[np.bool_]) -> float:
     """Commanded over measured torque where torques turn the vehicle: a unit is the same at all frequencies."""
     assert seen.wrench is not None
     sent, felt = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.wrench, seen.measured))
     return rms(sent[:, used]) / max(rms(felt[:, used]), 1e-12)
 
 
-def _chatter(seen: Compared) -> float:
+def _chatter(seen: CommandsAndMotion) -> float:
     """How much more commanded forces vary than measured ones, at least 1: a command that the vehicle cannot follow."""
     assert seen.wrench is not None
     sent, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
     return max(1.0, sent / max(felt, 1e-12))
 
 
-def _likeliest(seen: Compared, motion: Array, inertia: Array) -> tuple[float, Array]:
+def _likeliest(seen: CommandsAndMotion, motion: Array, inertia: Array) -> tuple[float, Array]:
     """The lag [s] behind which the commanded torques are most like the motion, and those as accelerations (K, 3)."""
     assert seen.wrench is not None
     torque = seen.wrench[:, 3:]
-    tried = [(tau, moving(seen, torque, tau) / inertia) for tau in LAGS]
+    tried = [(tau, moving(seen, torque, tau) / inertia) for tau in COMPARED.lags]
     return max(tried, key=lambda item: abs(cosine(motion, item[1])))
 
 
-def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+def axes(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Axes of the commanded wrench, among 48, against those of the motion."""
     if seen.wrench is None:
         return

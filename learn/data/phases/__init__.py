@@ -6,40 +6,47 @@
     crash       impacts, loss of control
     saturation  commands beyond what the rotors can make
 
-Asked in `learn.data.opening`; docs/checks.md says what is done with them.
+Asked in `learn.data.opening`; docs/checks.md says what is done with them. What a user reads of them, times that are
+left out, checks, and a log without any flight, is made here too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.flight.flight import Samples
+from wrenchgap.flight.check import UNPOWERED, Check, TimeLeftOut
+from wrenchgap.flight.flight import Gap, Samples
 from wrenchgap.learn.data.phases.crash import crashes, spikes
 from wrenchgap.learn.data.phases.ground import contact, ground
-from wrenchgap.learn.data.phases.phase import Phase, runs, used
+from wrenchgap.learn.data.phases.phase import Phase, used_samples
 from wrenchgap.learn.data.phases.saturation import saturations
 from wrenchgap.learn.data.phases.signals import command_scale, signals
+from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
-from wrenchgap.plant.vehicle import Vehicle
-
-MOSTLY = 0.5
-"""Share of the time in the air beyond which saturation is no phase of a flight, but a limit that is too low."""
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 
 def phases_of(
-    parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle, cutoff_hz: float, keep: Sequence[str] = ()
+    parts: Sequence[tuple[Samples, Commands, str]],
+    vehicle: Vehicle,
+    cutoff_hz: float,
+    keep: Sequence[str] = (),
+    mostly: float = 0.5,
 ) -> tuple[Phase, ...]:
     """Phases of a flight, in order of time, of its stretches with their commands (`measurement.commands_of`).
 
-    `keep` are names of phases that are found but not left out.
+    `keep` are names of phases that are found but not left out; `mostly` is the share of the time in the air beyond
+    which saturation is no phase of a flight, but a limit that is too low.
     """
     found = _grounded(parts, vehicle)
     limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
     limited = [p for p in limited if not _within(p, found)]
-    if _seconds(limited) > MOSTLY * _flown(parts, found):
+    flown = sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts)
+    if sum(p.stop - p.start for p in limited if p.left_out) > mostly * flown:
         why = "for most of the flight: is vehicle.rotor.speed_max too low?"
         limited = [replace(p, why=why, left_out=False) for p in limited]
     every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
@@ -66,12 +73,84 @@ def _within(phase: Phase, others: Sequence[Phase]) -> bool:
     return any(o.left_out and o.start <= phase.start and phase.stop <= o.stop for o in others)
 
 
-def _seconds(phases: Sequence[Phase]) -> float:
-    return sum(p.stop - p.start for p in phases if p.left_out)
+def times_left_out(
+    flight: str, between: Between, holes: Iterable[Gap], phases: Sequence[Phase], log: Sequence[Samples]
+) -> list[TimeLeftOut]:
+    """Every time that is not used, with its reason; `holes` are those between the parts that are, `log` is all of it.
+
+    In a hole lie phases, and pieces of flight too short to be of use. What begins or ends with the log is open there.
+    """
+    span = float(log[0].time[0]), float(log[-1].time[-1])
+    told = [TimeLeftOut(flight, gap.start, gap.stop, "not asked for (--between)") for gap in times_outside(between)]
+    for hole in holes:
+        at = max(hole.start, span[0])
+        for phase in phases:
+            if not phase.left_out or phase.stop < hole.start or phase.start > hole.stop:
+                continue
+            told += _short(flight, hole, at, phase.start, span)
+            start, stop = max(phase.start, hole.start), min(phase.stop, hole.stop)
+            told.append(TimeLeftOut(flight, *_open(start, stop, hole, span), f"{phase.name}: {phase.why}"))
+            at = max(at, stop)
+        told += _short(flight, hole, at, min(hole.stop, span[1]), span)
+    return told
 
 
-def _flown(parts: Sequence[tuple[Samples, Commands, str]], found: Sequence[Phase]) -> float:
-    return float(sum(used(samples.time, found).sum() * samples.dt for samples, _, _ in parts))
+def _short(
+    flight: str, hole: Gap, start: float, stop: float, span: tuple[float, float], edge: float = 0.3
+) -> list[TimeLeftOut]:
+    """A piece of flight between phases; nothing of less than `edge` [s], which is not worth a word."""
+    if stop - start < edge:
+        return []
+    return [TimeLeftOut(flight, *_open(start, stop, hole, span), f"less than {MINIMUM_FLIGHT:g} s of flight")]
 
 
-__all__ = ["Phase", "phases_of", "runs", "used"]
+def _open(start: float, stop: float, hole: Gap, span: tuple[float, float], edge: float = 0.3) -> tuple[float, float]:
+    """The times with the hole's end in place of the log's, from which they are less than `edge` [s]."""
+    return (
+        hole.start if start < span[0] + edge else start,
+        hole.stop if stop > span[1] - edge else stop,
+    )
+
+
+def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
+    """What is worth a warning: crashes and impacts, and limits that a vehicle is at all the time."""
+    found = []
+    for name in ("crash", "impact"):
+        events = [p for p in phases if p.name == name]
+        if events:
+            first = events[0]
+            more = f", and {len(events) - 1} time(s) more" if len(events) > 1 else ""
+            kept = ": left out" if first.left_out else ": kept (--keep)"
+            words = f"{first.start:.2f} to {first.stop:.2f} s{more}: {first.why}{kept}."
+            found.append(Check("crash", "warn", f"{name.capitalize()} at {words}"))
+    limited = [p for p in phases if p.name == "saturation" and (p.left_out or "too low" in p.why)]
+    if limited:
+        seconds = sum(p.stop - p.start for p in limited)
+        kept = "left out" if limited[0].left_out else "kept"
+        found.append(Check("saturation", "warn", f"{seconds:.1f} s saturated: {limited[0].why}; {kept}."))
+    return tuple(found)
+
+
+def never_flew(
+    name: str, phases: Sequence[Phase], model: Model, notes: Sequence[object] = (), *, of_rotors: bool = False
+) -> str:
+    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader, `of_rotors`
+    says that the wrench is that of the logged rotor speeds.
+    """  # noqa: D205
+    unpowered = next((str(note) for note in notes if str(note).endswith(UNPOWERED)), None)
+    if unpowered is not None:
+        return f"{name}: {unpowered.removesuffix('.')}; give another log"
+    weight = f"{model.vehicle.body.mass * GRAVITY:.3g} N"
+    seconds: dict[str, float] = {}
+    for phase in phases:
+        if phase.left_out:
+            seconds[phase.name] = seconds.get(phase.name, 0.0) + phase.stop - phase.start
+    if not seconds:
+        return f"{name}: no stretch of {MINIMUM_FLIGHT:g} s of flight in the log"
+    listed = ", ".join(f"{which} {length:.1f} s" for which, length in seconds.items())
+    most = max(seconds, key=lambda which: seconds[which])
+    why = f"{name}: no {MINIMUM_FLIGHT:g} s of flight ({listed})"
+    if most in ("ground", "held"):
+        unit = "rotor speeds in rad/s" if of_rotors else "wrench in newtons"
+        return f"{why}: the rotors never carry {model.vehicle.name}'s weight ({weight}); right model, {unit}?"
+    return f"{why}; keep a phase with --keep {most}"

@@ -10,6 +10,7 @@ crash.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,30 +19,46 @@ from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import Flags, Signals, by_rows, contradiction
 
-SPIKE, OUTSTANDING = 2.5, 20.0
-"""Felt minus commanded force of an impact at least: in weights, and in quartiles of the flight."""
-ONE_EVENT = 0.5
-"""Spikes closer than this [s] are one impact."""
-LOST, TIMES = 0.5, 4.0
-"""Contradiction of motion and commands from which control is lost: in weights, and in medians of the time before it."""
-LOSING = 0.4
-"""Share of that, from which on back in time the loss began."""
-BRIEFEST, SWAYS = 0.5, 0.4
-"""For so long [s] it lasts at least; it may dip below for so long."""
-BEFORE, AFTER = 0.1, 0.4
-"""Time [s] around an impact that shows nothing of the vehicle."""
-BOUNCES = 3.0
-"""Impacts and contacts with the ground that follow one another within this time [s] up to a crash belong to it."""
-DROPPED = 1.5
-"""Time [s] from an impact to the ground in which the two are one event."""
-LYING = 0.5
-"""Vertical share of the felt force below which a vehicle at rest does not stand on its feet."""
+
+@dataclass(frozen=True)
+class CrashThresholds:
+    """What an impact is, and when control is lost."""
+
+    spike: float = 2.5
+    """Felt minus commanded force of an impact, at least [weights]."""
+    outstanding: float = 20.0
+    """The same, in quartiles of the flight."""
+    one_event: float = 0.5
+    """Spikes closer than this [s] are one impact."""
+    lost: float = 0.5
+    """Contradiction of motion and commands from which on control is lost [weights]."""
+    lost_times: float = 4.0
+    """The same, in medians of the time before it."""
+    losing: float = 0.4
+    """Share of that, from which on back in time the loss began."""
+    briefest: float = 0.5
+    """Shortest loss of control [s]."""
+    sways: float = 0.4
+    """Time [s] for which it may dip below."""
+    before: float = 0.1
+    """Time before an impact [s] that shows nothing of the vehicle."""
+    after: float = 0.4
+    """Time after it [s], likewise."""
+    bounces: float = 3.0
+    """Impacts and contacts with the ground that follow one another within this time [s] up to a crash belong to it."""
+    dropped: float = 1.5
+    """Time [s] from an impact to the ground in which the two are one event."""
+    lying: float = 0.5
+    """Vertical share of the felt force below which a vehicle at rest does not stand on its feet."""
+
+
+CRASH = CrashThresholds()
 
 
 def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]:
     """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of `spikes` in the air."""
     sudden, doubt = spikes(part, scale), contradiction(part, scale)
-    struck = (sudden > max(SPIKE, OUTSTANDING * usual)) & ~on
+    struck = (sudden > max(CRASH.spike, CRASH.outstanding * usual)) & ~on
     out = []
     for a, b in runs(~on):
         lies = _lies(part, on, b)
@@ -56,9 +73,9 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
             words += "the vehicle comes to lie" if lies else "motion contradicts the commands until the end"
             out.append(Phase("crash", float(part.time[begin]), stop, words))
         for first, last in events:
-            hard_landing = b < len(on) and (b - last) * part.dt < DROPPED
+            hard_landing = b < len(on) and (b - last) * part.dt < CRASH.dropped
             if not hard_landing and (begin is None or first < begin):
-                start, stop = part.time[first] - BEFORE, part.time[last] + AFTER
+                start, stop = part.time[first] - CRASH.before, part.time[last] + CRASH.after
                 peak = float(sudden[first : last + 1].max())
                 out.append(
                     Phase("impact", float(start), float(stop), f"a force of {peak:.1f} weights that no rotor makes")
@@ -75,7 +92,7 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
     landed = [(float(part.time[a]), float(part.time[b - 1])) for a, b in runs(on) if a > 0]
     before = sorted([*((p.start, p.stop) for p in found if p.name == "impact"), *landed], reverse=True)
     for begin, end in before:
-        if begin < start and end > start - BOUNCES:
+        if begin < start and end > start - CRASH.bounces:
             start = begin
     rest = [p for p in found if p.name == "impact" and p.stop < start]
     return [*rest, Phase("crash", start, stop, crash.why)]
@@ -93,7 +110,7 @@ def spikes(part: Signals, scale: float) -> Array:
 
 def _events(part: Signals, struck: Flags, a: int, b: int) -> Iterator[tuple[int, int]]:
     """First and last sample of every impact within a stay in the air."""
-    for first, stop in runs(closed(struck[a:b], part.samples(ONE_EVENT))):
+    for first, stop in runs(closed(struck[a:b], part.samples(CRASH.one_event))):
         yield a + first, a + stop - 1
 
 
@@ -101,26 +118,26 @@ def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *,
     """Whether an impact ends a stay in the air: first sample, that of the impact, one past the last."""
     a, at, b = stay
     left = (b - at) * part.dt
-    if b < len(on) and left < DROPPED:
+    if b < len(on) and left < CRASH.dropped:
         return lies
-    after = min(at + part.samples(AFTER), b - 1)
-    return left < AFTER + BRIEFEST or _contradicts(part, doubt, a, at, after, b)
+    after = min(at + part.samples(CRASH.after), b - 1)
+    return left < CRASH.after + CRASH.briefest or _contradicts(part, doubt, a, at, after, b)
 
 
 def _contradicts(part: Signals, doubt: Array, a: int, begin: int, after: int, b: int) -> bool:
     """Whether motion follows commands up to sample `begin` and contradicts them from `after` to `b`."""
-    if begin - a < part.samples(BRIEFEST):
+    if begin - a < part.samples(CRASH.briefest):
         return False
-    return float(np.median(doubt[after:b])) > max(LOST, TIMES * float(np.median(doubt[a:begin])))
+    return float(np.median(doubt[after:b])) > max(CRASH.lost, CRASH.lost_times * float(np.median(doubt[a:begin])))
 
 
 def _loss(part: Signals, doubt: Array, a: int, b: int, *, lies: bool) -> int | None:
     """Where the motion begins to contradict the commands until sample `b`, or the last second before a vehicle lies."""
-    lost = closed(doubt[a:b] > LOST, part.samples(SWAYS))
-    last = [run for run in runs(lost) if a + run[1] >= b - part.samples(SWAYS)]
-    if last and (last[0][1] - last[0][0]) * part.dt >= BRIEFEST:
+    lost = closed(doubt[a:b] > CRASH.lost, part.samples(CRASH.sways))
+    last = [run for run in runs(lost) if a + run[1] >= b - part.samples(CRASH.sways)]
+    if last and (last[0][1] - last[0][0]) * part.dt >= CRASH.briefest:
         begin = a + last[0][0]
-        while begin > a and doubt[begin - 1] > LOSING * LOST:
+        while begin > a and doubt[begin - 1] > CRASH.losing * CRASH.lost:
             begin -= 1
         if _contradicts(part, doubt, a, begin, begin, b):
             return begin
@@ -133,7 +150,7 @@ def _lies(part: Signals, on: Flags, b: int) -> bool:
     if b >= len(on) or not part.vertical:
         return False
     felt = part.slow_felt[b:stop]
-    return bool(np.median(felt[:, 2] / np.maximum(lengths(felt), 1e-9)) < LYING)
+    return bool(np.median(felt[:, 2] / np.maximum(lengths(felt), 1e-9)) < CRASH.lying)
 
 
 def _end_of_rest(on: Flags, b: int) -> int:

@@ -48,7 +48,7 @@ def phase_names(names: Iterable[str], said: str = "--keep") -> tuple[str, ...]:
     return tuple(NAMES) if EVERY in found else tuple(dict.fromkeys(found))
 
 
-def used(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
+def used_samples(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
     """Which of the samples at `time` (N,) [s] lie in no phase that is left out."""
     keep = np.ones(len(time), dtype=bool)
     for phase in phases:

@@ -3,7 +3,7 @@
 A command *at* a limit is as good as any: what the rotors were told is known, and the model is given the same. It is
 shown and not left out. What matters is a command that asks for more than there is: then the wrench that counts as
 commanded is not the one that the vehicle was able to make. It is left out where the missing part, behind the filter of
-the analysis, is larger than `FORCE` of the weight or `TORQUE` of the weight at the rotors' distance.
+the analysis, is larger than 5 % of the weight, or 2 % of the weight at the rotors' distance.
 """
 
 from __future__ import annotations
@@ -17,39 +17,44 @@ from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import FEWEST, sizes
+from wrenchgap.learn.data.phases.signals import SIGNALS, sizes
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin
 
-FORCE, TORQUE = 0.05, 0.02
-"""Missing force in weights, missing torque in weights at the rotors' distance (root mean square), from which it
-matters."""
-AT = 0.999
-"""Share of `speed_max` from which on a rotor is at it."""
-JOINED = 0.2
-"""Saturations closer than this [s] are one."""
 
-
-def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehicle, cutoff_hz: float) -> list[Phase]:
+def saturations(
+    samples: Samples,
+    commands: Commands,
+    source: str,
+    vehicle: Vehicle,
+    cutoff_hz: float,
+    *,
+    least_force: float = 0.05,
+    least_torque: float = 0.02,
+    full: float = 0.999,
+    joined: float = 0.2,
+) -> list[Phase]:
     """Where rotors are at their limits, and where that takes away from the wrench that counts as commanded.
 
-    `source` is that of `commands_of`. Vehicles without rotors in the model file have no limits.
+    `source` is that of `commands_of`. Vehicles without rotors in the model file have no limits. A missing force
+    matters from `least_force` [weights] on, a torque from `least_torque` [weights at the rotors' distance], root mean
+    square. A rotor is at its limit from the share `full` of `speed_max` on; what is closer than `joined` [s] is one.
     """
-    if not vehicle.has_rotors or commands.rotor_speed is None or len(samples) < FEWEST:
+    if not vehicle.has_rotors or commands.rotor_speed is None or len(samples) < SIGNALS.fewest:
         return []
     _, rotors = vehicle.geometry()
-    at = np.any(commands.rotor_speed >= AT * rotors.speed_max, axis=1)
-    join = max(1, round(JOINED / samples.dt))
+    at = np.any(commands.rotor_speed >= full * rotors.speed_max, axis=1)
+    join = max(1, round(joined / samples.dt))
     give_back(len(samples))
     missing = _missing(commands, source, vehicle)
     force, torque = _sizes(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt))
     give_back(len(missing))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
-    matters = closed((force > FORCE * weight) | (torque > TORQUE * weight * arm), join)
+    matters = closed((force > least_force * weight) | (torque > least_torque * weight * arm), join)
     out = []
     for a, b in runs(matters):
         most = f"up to {force[a:b].max():.2g} N and {torque[a:b].max():.2g} Nm beyond what the rotors can make"

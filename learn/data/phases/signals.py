@@ -23,15 +23,27 @@ from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 Flags = NDArray[np.bool_]
-SLOW_HZ, RATES_HZ = 1.0, 8.0
-"""Low-pass of forces, of which phases are made, and of the rates of which a lever arm's acceleration is made."""
-SHARE_OF_NYQUIST = 0.3
-PUSHING = 0.6
-"""Share of the large commands (90th percentile) from which on one of them carries the vehicle."""
-SCALES = (0.5, 2.0)
-"""Between these commands may be off throughout; beyond, the check `force-unit` speaks."""
-FEWEST = 16
-"""Samples of a stretch below which nothing is said of it."""
+
+
+@dataclass(frozen=True)
+class SignalSettings:
+    """How the signals are made of which phases are found."""
+
+    slow_hz: float = 1.0
+    """Low-pass of forces, of which phases are made [Hz]."""
+    rates_hz: float = 8.0
+    """Low-pass of the rates of which a lever arm's acceleration is made [Hz]."""
+    of_nyquist: float = 0.3
+    """Largest cut-off, over the clock's rate."""
+    pushing: float = 0.6
+    """Share of the large commands (90th percentile) from which on one of them carries the vehicle."""
+    scales: tuple[float, float] = (0.5, 2.0)
+    """Between these commands may be off throughout; beyond, the check `force-unit` speaks."""
+    fewest: int = 16
+    """Samples of a stretch below which nothing is said of it."""
+
+
+SIGNALS = SignalSettings()
 
 
 @dataclass(frozen=True)
@@ -61,10 +73,10 @@ class Signals:
 
 def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals | None:
     """What phases are made of; None for a stretch that is too short for a filter."""
-    if len(samples) < FEWEST:
+    if len(samples) < SIGNALS.fewest:
         return None
     dt = samples.dt
-    slow, quick = (min(hz, SHARE_OF_NYQUIST / dt) for hz in (SLOW_HZ, RATES_HZ))
+    slow, quick = (min(hz, SIGNALS.of_nyquist / dt) for hz in (SIGNALS.slow_hz, SIGNALS.rates_hz))
     weight = vehicle.body.mass * GRAVITY
     pushed = on_disk(commands.wrench_B[:, :3] / weight)
     force = samples.specific_force_B
@@ -96,11 +108,11 @@ def command_scale(parts: Sequence[Signals]) -> float:
     pushed, felt = (
         np.concatenate([sizes(getattr(part, name)) for part in parts]) for name in ("slow_pushed", "slow_felt")
     )
-    busy = pushed > SCALES[0] * PUSHING
+    busy = pushed > SIGNALS.scales[0] * SIGNALS.pushing
     if not busy.any():
         return 1.0
-    larges = (pushed > PUSHING * high for high in np.percentile(pushed[busy], (50.0, 90.0)))
-    found = [float(np.clip(np.median(felt[large] / pushed[large]), *SCALES)) for large in larges]
+    larges = (pushed > SIGNALS.pushing * high for high in np.percentile(pushed[busy], (50.0, 90.0)))
+    found = [float(np.clip(np.median(felt[large] / pushed[large]), *SIGNALS.scales)) for large in larges]
     return min(found, key=lambda scale: abs(np.log(scale)))
 
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Array
 from wrenchgap.learn.posterior.bench.hull import LEVEL
 from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, off, total
 from wrenchgap.plant.vehicle import Vehicle

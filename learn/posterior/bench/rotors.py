@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, Array
 from wrenchgap.learn.posterior.bench.arms import FRAME, step
 from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, off, per_cent, total
 from wrenchgap.plant.effects import Context, ThrustEffect, find

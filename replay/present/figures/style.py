@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from wrenchgap._escaping import figure_text
-from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.stamps import envelope
 from wrenchgap.replay.present.numbers import number
 
 COMMANDED, MEASURED, NOISE, WARNING = "0.6", "black", "#55a868", "tab:red"

@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
-from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.diagnose.error_grid import FEWEST, Grid
 from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 
 CODES = {"uint64_t": "Q", "int64_t": "q", "uint32_t": "I", "int32_t": "i", "float": "f", "uint8_t": "B", "bool": "?"}
 

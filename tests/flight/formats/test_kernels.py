@@ -8,9 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1.reader import Header, ReaderError, read_bytes, read_uint32
 
+from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.formats import kernels, read_log
 from wrenchgap.flight.formats.decode import Decoder, definitions_of
-from wrenchgap.flight.formats.packed import MOST_TEMPLATES, Template
+from wrenchgap.flight.formats.message_layouts import Template
 from wrenchgap.flight.formats.reader import Channel, Places
 from wrenchgap.flight.formats.rosbag1 import IndexedBag, Rosbag1Reader
 
@@ -256,7 +257,7 @@ def test_text_that_changes_with_every_message_does_not_make_layouts_without_end(
     channel, payloads = mixed(logs, [(f"{i:04d}", [], []) for i in range(200)])
     decoder = Decoder(channel, definitions_of(channel))
     decoder.add(places_of(payloads))
-    assert len(decoder._packer.found[id(decoder.definitions)]) == MOST_TEMPLATES
+    assert len(decoder._packer.found[id(decoder.definitions)]) == LIMITS.layouts
     columns = decoder.columns()
     np.testing.assert_array_equal(columns["d"], 2**60 + np.arange(200))
     np.testing.assert_array_equal(columns["name"], [f"{i:04d}".encode() for i in range(200)])

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
-from wrenchgap.flight.derivative import angular_velocity
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.filters import angular_velocity
 from wrenchgap.flight.formats.ulog import parameters
-from wrenchgap.learn.data.phases.told import never_flew
+from wrenchgap.learn.data.phases import never_flew
 from wrenchgap.plant.model_file import load as load_model
 from wrenchgap.replay.cli.main import app
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.flight.so3 import exp, multiply, rotate, rotate_inverse
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 
 
 def test_heavier_vehicle_hovers_on_more_thrust_but_reports_its_nominal_weight(bench):

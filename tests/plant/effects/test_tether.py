@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.flight.so3 import exp, multiply, rotate, rotate_inverse
 from wrenchgap.plant.effects import find
 

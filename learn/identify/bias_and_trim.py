@@ -1,0 +1,116 @@
+"""What a flight as a whole may be off by, whatever effects there are: its accelerometer's bias, and its trim.
+
+No two flights of a vehicle are trimmed alike: a battery goes in a little further aft, a propeller has been nicked, the
+air is thinner. The wrench that is left on average therefore differs from flight to flight by more than the flights'
+own noise. `between_flights` measures by how much; a model file keeps it (`plant.model.Model.between_flights`), and
+every fit and search then grants each flight a wrench of that size, constant in B: a later flight that differs no more
+than the earlier ones did among themselves shows nothing. Source: a random effect by flight, Pinheiro and Bates,
+"Mixed-Effects Models in S and S-PLUS", 2000, ch. 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.dataset import Dataset, length_scale
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import GRAVITY
+
+ACCELEROMETER_BIAS = 0.05
+"""Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
+
+
+WORTH = 2.0
+"""Flights that the typical values are worth, where few flights say how much they differ."""
+ROTOR, PLACE, AIR = 0.01, 0.02, 0.015
+"""Typical between flights: thrust of one rotor, relative to it; place of the centre of mass, relative to the radius of
+the circle on which the rotors are; thrust of all rotors (battery, density), relative to the weight."""
+
+
+@dataclass(frozen=True)
+class Trim:
+    """Unknowns of every flight: one for each of `axes` (A,) of the wrench, `unit` (A,) N or Nm each.
+
+    `scale` (A,) are their standard deviations, `limit` (A,) what they stay below.
+    """
+
+    axes: NDArray[np.intp]
+    unit: Array
+    scale: Array
+    limit: Array
+
+    def columns(self, data: Dataset) -> Array:
+        """Derivatives (K, 6, flights x A) of the measured wrench, by flight; zero on axes that were not measured."""
+        size = len(self.axes)
+        out = np.zeros((len(data.flight), 6, size * (int(data.flight.max()) + 1)))
+        rows = np.arange(len(data.flight))
+        for k, axis in enumerate(self.axes):
+            if data.measured_axes[axis]:
+                out[rows, axis, size * data.flight + k] = self.unit[k]
+        return out
+
+
+def trim_of(model: Model, far: float = 5.0) -> Trim:
+    """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ.
+
+    No flight is beyond `far` standard deviations of what differs between flights.
+    """
+    mass = model.vehicle.body.mass
+    scatter = np.zeros(6) if model.between_flights is None else np.array(model.between_flights)
+    bias = np.full(3, ACCELEROMETER_BIAS)
+    turned = 3 + np.flatnonzero(scatter[3:] > 0.0)
+    return Trim(
+        np.concatenate((np.arange(3), turned)),
+        np.concatenate((np.full(3, mass), np.ones(len(turned)))),
+        np.concatenate((np.hypot(0.5 * bias, scatter[:3] / mass), scatter[turned])),
+        np.concatenate((bias + far * scatter[:3] / mass, far * scatter[turned])),
+    )
+
+
+def typical_trim(model: Model) -> Array:
+    """Standard deviation (6,) [N, Nm] of the trim between flights of vehicles like this, where nothing better is known.
+
+    A centre of mass that is `PLACE` off in both directions, every rotor `ROTOR` off by itself, the air and the battery
+    `AIR`; forces across thrust as from thrust axes half a degree off.
+    """
+    vehicle = model.vehicle
+    weight = vehicle.body.mass * GRAVITY
+    radius, kappa, share = length_scale(model), 0.05 * length_scale(model), 0.5
+    if vehicle.arms is not None and vehicle.rotors is not None:
+        radius = float(np.median(np.linalg.norm(vehicle.arms.position_B[:, :2], axis=1)))
+        kappa = float(np.median(np.abs(vehicle.rotors.kappa)))
+        share = 1.0 / np.sqrt(len(vehicle.rotors))
+    across = np.radians(0.5) * weight
+    tilting = np.hypot(PLACE, ROTOR * share / np.sqrt(2.0)) * radius * weight
+    return np.array([across, across, AIR * weight, tilting, tilting, ROTOR * share * kappa * weight])
+
+
+def between_flights(data: Dataset, left: Array, model: Model, different: float = 4.0) -> Array | None:
+    """Standard deviation (6,) of what a model leaves (K, 6) on average of a flight; None where flights do not differ.
+
+    They do where the mean square of their differences is `different` times that which their blocks of time make likely:
+    all six axes together stay below it with 99.9 % where nothing but noise differs.
+    """
+    count = int(data.flight.max()) + 1
+    if count < 2:
+        return None
+    means, variances = zip(
+        *(_mean(data.block[data.flight == f], left[data.flight == f]) for f in range(count)), strict=True
+    )
+    known = data.measured_axes
+    spread = np.sum((np.array(means) - np.mean(means, axis=0)) ** 2, axis=0)
+    noise = np.mean(variances, axis=0)
+    if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < different:
+        return None
+    pooled = (spread + WORTH * typical_trim(model) ** 2) / (count - 1 + WORTH)
+    return np.where(known, np.sqrt(pooled * (1.0 + 1.0 / count)), 0.0)
+
+
+def _mean(block: NDArray[np.intp], left: Array) -> tuple[Array, Array]:
+    """Mean (6,) over the blocks of one flight and its variance (6,)."""
+    blocks = np.array([left[block == b].mean(axis=0) for b in np.unique(block)])
+    return blocks.mean(axis=0), blocks.var(axis=0) / max(len(blocks) - 1, 1)

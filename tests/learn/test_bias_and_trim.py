@@ -1,0 +1,91 @@
+"""What differs between flights as a whole: measured, granted to later flights, and written into the model file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.identify.bias_and_trim import WORTH, between_flights, trim_of, typical_trim
+from wrenchgap.learn.identify.fit import fit
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model_file import dumps, loads
+from wrenchgap.plant.vehicle import GRAVITY
+
+
+def several(fly, hexarotor, count=4):
+    """The same flight several times over, as so many flights."""
+    records = fly("none", None, "train", seed=23, seconds=25)[0].records
+    return dataset([replace(r, flight=str(k)) for k in range(count) for r in records], hexarotor)
+
+
+def noise(data, seed=0):
+    return np.random.default_rng(seed).standard_normal(data.measured.shape) * data.noise
+
+
+def test_flights_that_differ_by_noise_do_not_differ(fly, hexarotor):
+    data = several(fly, hexarotor)
+    assert all(between_flights(data, noise(data, seed), hexarotor) is None for seed in range(20))
+
+
+def test_one_flight_says_nothing(plain, hexarotor):
+    assert between_flights(plain, noise(plain), hexarotor) is None
+
+
+def test_the_scatter_is_that_which_was_put_in_pooled_with_what_is_typical(fly, hexarotor):
+    """Random effects: the sum of squares over count - 1, with typical values that are worth two flights; a later
+    flight differs from the mean of the others by that times sqrt(1 + 1/n).
+    """
+    data = several(fly, hexarotor)
+    sizes = np.array([0.3, -0.1, -0.5, 0.3])  # their mean is zero
+    left = noise(data)
+    left[:, 3] += sizes[data.flight]
+    found = between_flights(data, left, hexarotor)
+    usual = typical_trim(hexarotor)
+    assert found[3] == pytest.approx(np.sqrt((np.sum(sizes**2) + WORTH * usual[3] ** 2) / (3 + WORTH) * 1.25), rel=0.02)
+    assert found[5] == pytest.approx(usual[5] * np.sqrt(WORTH / (3 + WORTH) * 1.25), rel=0.2)
+
+
+def test_typical_trims_follow_from_weight_and_arm(hexarotor):
+    """A centre of mass that is 2 % of the arm off turns the vehicle by weight times that; rotors add little."""
+    weight, arm = hexarotor.vehicle.body.mass * GRAVITY, np.linalg.norm(hexarotor.vehicle.arms.position_B[0, :2])
+    usual = typical_trim(hexarotor)
+    assert usual[3] == pytest.approx(0.02 * arm * weight, rel=0.05)
+    assert usual[2] == pytest.approx(0.015 * weight)
+    assert np.all(usual[:2] < usual[2])
+
+
+def test_a_flight_that_differs_as_much_as_others_did_shows_no_torque(fly, hexarotor, plain):
+    """A constant torque of one standard deviation is the flight's own; without that knowledge it is an effect's."""
+    moved = replace(plain, measured=plain.measured + np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0]))
+    knows = replace(hexarotor, between_flights=(0.0, 0.0, 0.0, 0.1, 0.1, 0.1))
+    names = ["constant_wrench"]
+    without, with_it = (fit(moved, m, names) for m in (hexarotor, knows))
+    at = [p.name for _, p in without.parameters].index("torque_x")
+    assert without.theta[at] == pytest.approx(0.1, rel=0.05)
+    assert without.theta[at] > 10.0 * without.std[at]
+    assert abs(with_it.theta[at]) < 2.0 * with_it.std[at]
+    assert with_it.bias[0, 3] == pytest.approx(0.1 - with_it.theta[at], rel=0.1)
+
+
+def test_a_torque_that_no_flight_had_is_still_an_effect(plain, hexarotor):
+    moved = replace(plain, measured=plain.measured + np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
+    found = fit(moved, replace(hexarotor, between_flights=(0.0, 0.0, 0.0, 0.01, 0.01, 0.01)), ["constant_wrench"])
+    at = [p.name for _, p in found.parameters].index("torque_x")
+    assert found.theta[at] > 0.9
+
+
+def test_axes_without_scatter_have_no_trim_but_the_accelerometers_bias(hexarotor, plain):
+    alone = trim_of(hexarotor)
+    assert list(alone.axes) == [0, 1, 2]
+    knows = trim_of(replace(hexarotor, between_flights=(0.0, 0.0, 0.5, 0.0, 0.1, 0.0)))
+    assert list(knows.axes) == [0, 1, 2, 4]
+    assert knows.scale[2] == pytest.approx(np.hypot(alone.scale[2], 0.5 / hexarotor.vehicle.body.mass))
+    assert knows.columns(plain).shape == (len(plain.measured), 6, 4)
+
+
+def test_the_model_file_keeps_it():
+    model = replace(model_file.load("tilt_hexarotor"), between_flights=(0.1, 0.2, 0.3, 0.01, 0.02, 0.03))
+    again = loads(dumps(model))
+    assert again.between_flights == model.between_flights
+    assert loads(dumps(replace(again, between_flights=None))).between_flights is None
