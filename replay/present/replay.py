@@ -215,17 +215,6 @@ def notes(replay: Replay) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
 
 
-def withheld_in_words(replay: Replay) -> list[str]:
-    """How much of the correction was withheld, how it fades, and steps in which something went wrong."""
-    withheld = share(float(np.mean(replay.steps.beta > 0.5)))
-    fading = np.exp(-replay.dt / replay.settings.decay_time)
-    return [
-        f"{len(replay)} steps of {1e3 * replay.dt:.3g} ms; more than half of the correction is withheld in {withheld} "
-        f"of them. a = exp(-dt / tau_d) = {fading:.3f}.",
-        *(f"{count} steps: {words}" for words, count in replay.steps.trouble.items()),
-    ]
-
-
 def frame(replay: Replay) -> dict[str, Any]:
     """One row for each step: time, wrenches as `desired.force_x` etc., then sigma, beta, cost, iterations, accepted.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.replay.present.numbers import row, unit_of
+from wrenchgap.replay.present.numbers import row, share, unit_of
 from wrenchgap.replay.session.compensation import Compensation, SessionCompensation
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.host import Host
@@ -163,7 +163,7 @@ def _replay_html(found: Replay) -> str:
         heading="mean absolute error of the wrench, as the process predicts it",
         head=("", "before", "after"),
         rows=list(zip(axes, before, after, strict=True)),
-        sentences=(*replay.withheld_in_words(found), *replay.notes(found)),
+        sentences=(*withheld_in_words(found), *replay.notes(found)),
         look="wg-muted",
     )
 
@@ -193,3 +193,14 @@ def ghost_of(found: Counterfactual, name: str) -> Motion:
         None if commands.tilt is None else commands.tilt[::every],
         f"compensated by {name}" if found.change.process is not None else "re-simulated, nothing changed",
     )
+
+
+def withheld_in_words(replay: Replay) -> list[str]:
+    """How much of the correction was withheld, how it fades, and steps in which something went wrong."""
+    withheld = share(float(np.mean(replay.steps.beta > 0.5)))
+    fading = np.exp(-replay.dt / replay.settings.decay_time)
+    return [
+        f"{len(replay)} steps of {1e3 * replay.dt:.3g} ms; more than half of the correction is withheld in {withheld} "
+        f"of them. a = exp(-dt / tau_d) = {fading:.3f}.",
+        *(f"{count} steps: {words}" for words, count in replay.steps.trouble.items()),
+    ]
