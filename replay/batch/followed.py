@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
-
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.trend import Trend, trend_of
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.present.trend import from_fit_json
+from wrenchgap.replay.present.stored_fit import from_fit_json
 
 
 def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehicle: str | None = None) -> Trend:
     """The trend over the flights of one vehicle, in the order of their clocks, then of the logs' names.
 
-    Raises UsageError where the rows are not those of `compare`, are of several vehicles and none is named, are of
-    other effects, or of fewer than two flights.
+    Raises UsageError where the rows are damaged or not those of `compare`, are of several vehicles and none is named,
+    are of other effects, or of fewer than two flights.
     """
     where = store.url
     if (command := store.identity()["command"]) != "compare":
@@ -31,8 +30,8 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: got {len(own)} flights of {vehicle or 'one vehicle'}, expected two or more; "
             f"vehicles there: {listed}"
         )
-    own.sort(key=lambda r: (r["start_ns"], r["log"]))
-    pairs = [from_fit_json(json.loads(r["fit"])) for r in own]
+    read = [(r["log"], from_fit_json(r["fit"], f"{where}: `fit` of the row of {r['log']}")) for r in own]
+    pairs = [pair for _, pair in sorted(read, key=lambda one: (one[1][0].flight.start_ns, one[0]))]
     common = tuple(n for n in pairs[0][1].effects if all(n in values.effects for _, values in pairs))
     if any(values.effects != common for _, values in pairs) or (names and names != common):
         fitted = ", ".join(dict.fromkeys(n for _, values in pairs for n in values.effects))
@@ -40,4 +39,11 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: not all flights were fitted with the same effects ({fitted}); run `batch compare` "
             "with --fit A,B into another folder"
         )
+    count = sum(len(find(name).parameters(model.vehicle)) for name in common)
+    for one, values in pairs:
+        if not len(values.theta) == len(values.std) == count:
+            raise UsageError(
+                f"{where}: `fit` of {one.flight.name} has {len(values.theta)} values and {len(values.std)} standard "
+                f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
+            )
     return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.untold)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.posterior.evidence import Evidence, unpacked
 from wrenchgap.learn.posterior.fleet import Ranking, ranking
 from wrenchgap.replay.batch.store import Store
@@ -27,7 +27,7 @@ class FleetRanking:
 
 def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRanking]:
     """Of every vehicle with a row among `keys`, in the order of their names. Evidence is merged in the order of the
-    logs' names, whichever was done first.
+    logs' names, whichever was done first. Raises UsageError for evidence that is damaged.
     """  # noqa: D205
     wanted = set(keys)
     rows = [r for r in store.rows(number, ("key", "log", "status")) if r["key"] in wanted and r["status"] == "ok"]
@@ -36,13 +36,20 @@ def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRankin
         own = [r["key"] for r in rows if r["vehicle"] == vehicle]
 
         def read(own: Sequence[str] = own) -> Iterator[Evidence]:
-            return (unpacked(content) for content in store.evidence(own, number))
+            return (_unpacked(content, where) for where, content in store.evidence(own, number))
 
         try:
             out.append(FleetRanking(vehicle, ranking(read)))
         except FitError as error:
             out.append(FleetRanking(vehicle, None, str(error)))
     return out
+
+
+def _unpacked(content: bytes | None, where: str) -> Evidence:
+    try:
+        return unpacked(content, where)
+    except FitError as error:
+        raise UsageError(str(error)) from None
 
 
 def points_of(found: Sequence[FleetRanking]) -> dict[str, dict[str, list[float]]]:
