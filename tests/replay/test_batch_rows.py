@@ -1,4 +1,4 @@
-"""Rows that a batch has kept, damaged or put there by somebody else: one line each, and no file of anybody's is lost."""
+"""Rows that a batch has kept, damaged or put there by somebody else: one line each, and no file of a user is lost."""
 
 import json
 import os
