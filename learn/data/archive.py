@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Sequence
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ def check_sizes(archive: zipfile.ZipFile, parts: dict[str, int]) -> None:
             raise ValueError(f"{name} claims {sizes[name]} bytes")
 
 
-def numbers(archive: zipfile.ZipFile, name: str, kinds: Sequence[str] = ("<f8",)) -> NDArray[np.generic]:
+def numbers(archive: zipfile.ZipFile, name: str, kinds: Sequence[str] = ("<f8",)) -> NDArray[Any]:
     """The array of a part, of one of these types: an object would be a pickle, which is code. Raises ValueError."""
     try:
         found = np.load(BytesIO(archive.read(name)), allow_pickle=False)
