@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 import sqlite3
+import struct
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 
 from wrenchgap.flight.budget import Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
@@ -31,6 +32,11 @@ STEPS = 100_000
 COPIES, LONGEST = 8, 10**9
 """A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
 
+DAMAGED = (
+    *(McapError, OSError, EOFError, ValueError, TypeError),
+    *(struct.error, MemoryError, OverflowError, RuntimeError, LookupError, StopIteration),
+)
+"""What mcap's reader raises of a summary that is none."""
 Range = tuple[int, int]
 
 
@@ -139,8 +145,9 @@ def _time_range(path: Path) -> Range | None:
     """First and last log time [ns] of a bag file, where it tells them without being read whole."""
     try:
         if path.suffix == ".mcap":
+            size = path.stat().st_size
             with path.open("rb") as stream:
-                summary = make_reader(stream).get_summary()
+                summary = SeekingReader(stream, record_size_limit=size).get_summary()
             known = None if summary is None else summary.statistics
             return None if known is None else (known.message_start_time, known.message_end_time)
         if path.suffix == ".db3":
@@ -150,6 +157,6 @@ def _time_range(path: Path) -> Range | None:
             finally:
                 database.close()
             return None if first is None else (int(first), int(last))
-    except (McapError, sqlite3.DatabaseError, OSError, ValueError, TypeError, EOFError):
+    except (*DAMAGED, sqlite3.DatabaseError):
         return None
     return None

@@ -237,7 +237,7 @@ def unpacked(content: bytes | None, where: str = "stored evidence") -> Evidence:
         with zipfile.ZipFile(io.BytesIO(content or b"")) as archive:
             check_sizes(archive, {"head.npy": LARGEST_HEAD})
             names = [n.removesuffix(".npy") for n in archive.namelist() if n != "head.npy"]
-            arrays = {n: numbers(archive, f"{n}.npy", ("<f8", "<i8")) for n in names}
+            arrays: dict[str, Any] = {n: numbers(archive, f"{n}.npy", ("<f8", "<i8")) for n in names}
             head: dict[str, Any] = json.loads(str(np.load(io.BytesIO(archive.read("head.npy")), allow_pickle=False)))
         if head.pop("format") != FORMAT:
             raise ValueError("another version")

@@ -13,15 +13,17 @@ import zipfile
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.plant.reader import Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 4
@@ -64,7 +66,7 @@ def load(path: Path | str) -> GaussianProcess:
             return GaussianProcess(
                 outputs=tuple(metadata["outputs"]),
                 settings=_settings(metadata["settings"]),
-                provenance=_provenance(metadata["provenance"], metadata["format_version"]),
+                provenance=_provenance(metadata["provenance"], metadata["format_version"], len(metadata["outputs"])),
                 **arrays,
             )
     except (FitError, ModelError, UsageError) as error:
@@ -112,9 +114,60 @@ def _settings(entries: dict[str, Any]) -> FitSettings:
     return FitSettings(**{**entries, **lists})
 
 
-def _provenance(entries: dict[str, Any], version: int) -> Provenance:
-    logs = tuple(LogSource(**log) for log in entries["logs"])
-    found: dict[str, Any] = {"logs": logs, "lags": tuple(entries.get("lags", ()))}
+Real = Annotated[float, Field(strict=True)]
+"""Any number, also none: what is only said, and never computed with."""
+
+
+class StoredVerdict(Table):
+    """Of one output."""
+
+    output: Text
+    decision: Text
+    reason: Text
+    gain: Annotated[Number, Field(ge=0.0, le=1.0), expected("a number from 0 to 1")]
+    reduction: tuple[Real, ...]
+
+
+class StoredCaution(Table):
+    """One of the warnings."""
+
+    kind: Text
+    axes: Names
+    before: tuple[Real, ...]
+    after: tuple[Real, ...]
+    eigenvalue: Real | None = None
+    text: Text = ""
+
+
+class StoredProvenance(Table):
+    """What a file says of where its process comes from; older ones say less."""
+
+    vehicle: Text = ""
+    model_hash: Text = ""
+    physics: Text = "nominal"
+    cutoff_hz: Positive | None = None
+    logs: tuple[Any, ...]
+    version: Text = ""
+    date: Text = ""
+    warnings: tuple[StoredCaution | Text, ...] = ()
+    verdicts: tuple[StoredVerdict, ...] = ()
+    lags: tuple[NotNegative, ...] = ()
+    margin: Real | None = None
+    observer_hz: Positive | None = None
+    observer_lag: NotNegative = 0.0
+    observer_peak: Real | None = None
+    observer_left: Real | None = None
+    loop_lag: NotNegative = 0.0
+    loop_delay: NotNegative = 0.0
+    gains: Text = ""
+
+
+def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenance:
+    checked = read(StoredProvenance, entries, where="provenance", error=FitError)
+    if len(checked.lags) not in (0, outputs):
+        raise FitError(f"provenance.lags: got {len(checked.lags)}, expected one for each of {outputs} outputs")
+    logs = [values_of(LogSource, log, where="provenance.logs", error=FitError) for log in checked.logs]
+    found: dict[str, Any] = {"logs": tuple(LogSource(**log) for log in logs), "lags": checked.lags}
     found |= {
         name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
     }

@@ -153,7 +153,7 @@ class FlownExport(Result):
             self._before("counts") == self.reset["counts"]
         )
         first = np.arange(len(self)) == 0
-        return self.at_reset & (first | self.restarts | ((self.steps == 1) & ~left))
+        return np.asarray(self.at_reset & (first | self.restarts | ((self.steps == 1) & ~left)))
 
     def _before(self, name: str) -> NDArray[Any]:
         """(K, ...) what the period before left or put out; of the first record its own."""
