@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.identify.trend import Trend, trend_of
+from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.batch.store import Store
@@ -30,7 +33,7 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: got {len(own)} flights of {vehicle or 'one vehicle'}, expected two or more; "
             f"vehicles there: {listed}"
         )
-    read = [(r["log"], from_fit_json(r["fit"], f"{where}: `fit` of the row of {r['log']}")) for r in own]
+    read = [(r["log"], _fit_of(r, where)) for r in own]
     pairs = [pair for _, pair in sorted(read, key=lambda one: (one[1][0].flight.start_ns, one[0]))]
     common = tuple(n for n in pairs[0][1].effects if all(n in values.effects for _, values in pairs))
     if any(values.effects != common for _, values in pairs) or (names and names != common):
@@ -47,3 +50,10 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
                 f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
             )
     return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.untold)
+
+
+def _fit_of(row: Mapping[str, Any], where: str) -> tuple[FollowedFlight, FlightValues]:
+    try:
+        return from_fit_json(row["fit"], f"{where}: `fit` of the row of {row['log']}")
+    except UsageError as error:
+        raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None

@@ -191,7 +191,7 @@ NO_OUTPUT = {
     "replay/batch/plan.py": "what a worker reads, in a folder that goes again",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",
     "replay/present/report/elements.py": "a picture in memory",
-    "replay/export/flown.py": "code that is compiled in a folder of its own",
+    "replay/export/stepping.py": "code that is compiled in a folder of its own",
 }
 
 
