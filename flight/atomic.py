@@ -3,18 +3,27 @@
 What is written goes to a hidden file beside the target, which takes the target's name when it is complete. Whoever
 kills the process, or fills the disk, leaves the old file or the new one, and at most that hidden file
 (`.NAME.PID.part`, which nothing reads).
+
+`atomic` is for files that the user named: it follows links, as he may have put them there. `write_below` is for names
+that a program makes up, in a folder that others may write to: it follows none, whenever it was put there.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wrenchgap.flight.errors import UsageError
+
+Identity = tuple[int, int, int, int]
+"""Which file it is, and in which state: another one under its name, or a change from elsewhere, differs."""
+NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK)
+"""What a file system says that has no hard links."""
 
 
 @contextmanager
@@ -49,6 +58,114 @@ def _create(path: Path, mode: int) -> None:
     """An empty file that was not there, nor a link that somebody else put there to be followed."""
     path.unlink(missing_ok=True)  # of a process of the same number that was killed
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
+
+
+def _flushed(path: Path) -> None:
+    """On the disk before it has its name: after a loss of power a name must not stand over an empty file."""
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def write_below(
+    root: Path, name: str, content: bytes, check: Callable[[Identity], None] = lambda found: None
+) -> Identity:
+    """Write the file `name` (its parts divided by "/") below the folder `root`, and return which file it is.
+
+    Folders on the way are opened one in the other, and made where they are missing; the hidden file is made and written
+    to in the folder that was opened. No link on the way is followed, and what has the name already is replaced only
+    where it is an ordinary file, about which `check` raises nothing. Raises UsageError where it cannot be written.
+    """
+    path = root / name
+    if os.open not in os.supports_dir_fd:  # Windows, where only an administrator makes links
+        path.parent.mkdir(parents=True, exist_ok=True)
+        check_replaceable(path, check)
+        with atomic(path) as partial:
+            partial.write_bytes(content)
+        return identity(path.lstat())
+    try:
+        with _opened(root, name.split("/")[:-1]) as place:
+            return _written(place, path, content, check)
+    except FileExistsError:
+        raise UsageError(f"{path}: somebody else made it meanwhile; nothing was replaced, try again") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def identity(found: os.stat_result) -> Identity:
+    """Of a file."""
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+@contextmanager
+def _opened(root: Path, folders: list[str]) -> Iterator[int]:
+    """The descriptor of a folder below `root`, by the names of the folders on the way."""
+    place = os.open(root, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        for k, folder in enumerate(folders):
+            with suppress(FileExistsError):
+                os.mkdir(folder, dir_fd=place)
+            try:
+                below = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=place)
+            except OSError as error:
+                if error.errno not in (errno.ELOOP, errno.ENOTDIR):
+                    raise
+                where = root.joinpath(*folders[: k + 1])
+                raise UsageError(f"{where}: is a link or a file; expected a folder, remove it") from None
+            os.close(place)
+            place = below
+        yield place
+    finally:
+        os.close(place)
+
+
+def _written(place: int, path: Path, content: bytes, check: Callable[[Identity], None]) -> Identity:
+    """Write the file of this name in the folder `place`; the rest of the path is for messages."""
+    before = check_replaceable(path, check, place)
+    partial = f".{path.name}.{os.getpid()}.part"
+    with suppress(FileNotFoundError):  # of a process of the same number that was killed
+        os.unlink(partial, dir_fd=place)
+    mode = 0o666 if before is None else stat.S_IMODE(before.st_mode) & 0o777 | 0o200
+    made = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, mode, dir_fd=place)
+    try:
+        with os.fdopen(made, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(made)
+            if before is not None:
+                os.fchmod(made, stat.S_IMODE(before.st_mode) & 0o777)
+            found = identity(os.fstat(made))
+        if before is not None or not _linked(partial, path.name, place):
+            check_replaceable(path, check, place)
+            os.rename(partial, path.name, src_dir_fd=place, dst_dir_fd=place)
+    finally:
+        with suppress(FileNotFoundError):
+            os.unlink(partial, dir_fd=place)
+    return found
+
+
+def _linked(partial: str, name: str, place: int) -> bool:
+    """Give a file a name that nothing has, raising FileExistsError where something has; False where that cannot be."""
+    try:
+        os.link(partial, name, src_dir_fd=place, dst_dir_fd=place, follow_symlinks=False)
+    except OSError as error:
+        if error.errno not in NO_LINKS:
+            raise
+        return False
+    return True
+
+
+def check_replaceable(path: Path, check: Callable[[Identity], None], place: int | None = None) -> os.stat_result | None:
+    """What is at a path, or has its name in the folder `place`; None for nothing. Raises UsageError for what is no
+    ordinary file, and what `check` raises.
+    """  # noqa: D205
+    try:
+        found = os.stat(path if place is None else path.name, dir_fd=place, follow_symlinks=False)
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(found.st_mode):
+        raise UsageError(f"{path}: is no ordinary file but a link, a folder or a device; choose another name")
+    check(identity(found))
+    return found
 
 
 def check_writable(folder: Path, what: str) -> None:

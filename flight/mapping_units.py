@@ -72,6 +72,10 @@ EXPECTED = (
     "expected words out of frd, ned, wxyz, inverse, axes=-yxz, roll=DEG, pitch=DEG, yaw=DEG, VECTOR*FACTOR, "
     f"VECTOR.x*FACTOR, {ALL_UNITS}"
 )
+LEAST, MOST = 1e-12, 1e12
+"""Sizes of a factor: from nanoseconds to hours, and from millinewtons to kilonewtons, with room."""
+TURN = 360.0
+"""Largest angle of an axis [deg]."""
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _AXIS_FACTOR = re.compile(rf"([a-z]+)\.([xyz])\*({NUMBER})")
 
@@ -165,7 +169,7 @@ class Meaning:
 def meaning(text: str, factor: float, value: str, quantities: Iterable[str]) -> Meaning:
     """The words `text` behind a topic that plays `quantities`; `value` is the whole, for the message.
 
-    Raises UsageError for a word that is none, or that suits none of the quantities.
+    Raises UsageError for a word that is none, or suits none of the quantities, and for numbers that no sensor has.
     """
     words = tuple(word.strip() for word in text.split(",")) if text.strip() else ()
     vectors = {vector for quantity in quantities for vector in VECTORS_OF[quantity]}
@@ -177,7 +181,28 @@ def meaning(text: str, factor: float, value: str, quantities: Iterable[str]) -> 
             raise UsageError(
                 f"topic {value!r}: {word!r} is about {', '.join(suits)}, and this role has {', '.join(sorted(vectors))}"
             )
-    return Meaning(words, factor)
+    found = Meaning(words, factor)
+    _check_numbers(found, value, vectors)
+    return found
+
+
+def _check_numbers(found: Meaning, value: str, vectors: Iterable[str]) -> None:
+    """Raise UsageError for factors, also of several words together, and angles that no sensor has."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        scales = [found.scale(vector) * found.axis_scales(vector) for vector in vectors]
+    factors = np.concatenate([[found.stamp, found.factor], *scales])
+    if not np.all((np.abs(factors) >= LEAST) & (np.abs(factors) <= MOST)):
+        raise UsageError(f"topic {value!r}: its factors come to {_worst(factors):g}; expected {LEAST:g} to {MOST:g}")
+    for word in found.words:
+        name, _, angle = _split(word)[1].partition("=")
+        if name in ("roll", "pitch", "yaw") and not abs(float(angle)) <= TURN:
+            raise UsageError(f"topic {value!r}: {word!r} is no angle; expected -{TURN:g} to {TURN:g} degrees")
+
+
+def _worst(factors: Array) -> float:
+    """The factor that is furthest from one."""
+    with np.errstate(divide="ignore"):
+        return float(factors[np.argmax(np.abs(np.log(np.abs(factors))))])
 
 
 def suited(word: str) -> tuple[str, ...] | None:

@@ -41,6 +41,7 @@ from wrenchgap.plant.effects import (
     sources,
 )
 from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
+from wrenchgap.plant.reader import text_of
 from wrenchgap.plant.vehicle import Vehicle
 
 PAGE = "see docs/effects/your-own.md"
@@ -65,11 +66,9 @@ def load(path: Path) -> list[tuple[AnyEffect, Source]]:
     """The checked effects of a file; raises ModelError with file and line for whatever is wrong with it."""
     if path.is_dir() or not path.exists():
         raise ModelError(f"--effects {path}: no such file; expected a Python file with an effect, {PAGE}")
+    text = text_of(path, "as --effects")
     try:
-        text = path.read_text(encoding="utf-8")
         code = compile(text, str(path), "exec")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"--effects {path}: cannot be read as text: {error}") from None
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
         raise ModelError(f"{path}:{line}: is not Python: {getattr(error, 'msg', error)}") from None

@@ -183,6 +183,8 @@ some 10,000."""
 def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, remedy: str = "") -> str:
     """The text of a file; raises `error`, which says that it cannot be read `words` ("as a model file")."""
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for without end
+            raise OSError(0, "it is no ordinary file")
         with path.open("rb") as file:
             content = file.read(LONGEST_TEXT + 1)
         if len(content) <= LONGEST_TEXT:

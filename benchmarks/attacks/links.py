@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
@@ -12,6 +13,7 @@ from benchmarks.attacks import Attack, Outcome
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import sources
+from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.present.documents import claim
 from wrenchgap.viewer.background import error_text
 from wrenchgap.viewer.view_state import parse
@@ -93,6 +95,53 @@ def _hidden(folder: Path) -> Outcome:
     return Outcome(kept and refused, f"the other file is kept: {kept}; the link to nothing is refused: {refused}")
 
 
+ROW = {"key": "k", "log": "a.mcap", "status": "ok"}
+
+
+def _rows_linked(folder: Path) -> Outcome:
+    """A batch that goes on in a folder with links for its hidden file, its row and the vehicle's folder."""
+    victim, shared = folder / "victim", folder / "shared"
+    victim.write_text("mine")
+    place = shared / "rows/pass=1/vehicle=alpha/date=unknown"
+    place.mkdir(parents=True)
+    (shared / "rows/pass=1/vehicle=bravo").symlink_to(folder)
+    for name in (f".k.parquet.{os.getpid()}.part", f".k.{os.getpid()}.part.parquet", "k.parquet"):
+        (place / name).symlink_to(victim)
+    refused = 0
+    for vehicle in ("alpha", "bravo"):
+        try:
+            Store(str(shared)).add(ROW, vehicle)
+        except UsageError:
+            refused += 1
+    kept = victim.read_text() == "mine" and sorted(p.name for p in folder.iterdir()) == ["shared", "victim"]
+    return Outcome(kept and refused == 2, f"the other file is kept: {kept}; refused: {refused} of 2")
+
+
+def _rows_damaged(folder: Path) -> Outcome:
+    """Rows that are empty, cut, another table, a pipe, a device."""
+    store = Store(str(folder))
+    store.add(ROW, "alpha")
+    (path,) = folder.rglob("*.parquet")
+    good = path.read_bytes()
+    makes: dict[str, Callable[[], object]] = {
+        "empty": lambda: path.write_bytes(b""),
+        "cut": lambda: path.write_bytes(good[: len(good) // 2]),
+        "garbage": lambda: path.write_bytes(b"PAR1" * 1000),
+        "pipe": lambda: os.mkfifo(path),
+        "device": lambda: path.symlink_to("/dev/zero"),
+    }
+    start, refused = perf_counter(), []
+    for name, make in makes.items():
+        path.unlink()
+        make()
+        try:
+            store.rows()
+        except UsageError as error:
+            refused += [name] if "\n" not in str(error) and path.name in str(error) else []
+    took = perf_counter() - start
+    return Outcome(len(refused) == len(makes) and took < 2.0, f"{len(refused)} of {len(makes)} refused, {took:.2f} s")
+
+
 def _pasted(_: Path) -> Outcome:
     start = perf_counter()
     try:
@@ -115,6 +164,16 @@ ATTACKS = (
         "a link in the place of the hidden file of an output, an output that is a link to nothing",
         "nothing behind a link is written; refused",
         _hidden,
+    ),
+    Attack(
+        "a folder of `batch` with links in the place of a row, of its hidden file and of a vehicle's folder",
+        "nothing behind a link is written; refused",
+        _rows_linked,
+    ),
+    Attack(
+        "rows of `batch` that are empty, cut, garbage, a pipe, /dev/zero",
+        "each refused in one line that names it, 2 s",
+        _rows_damaged,
     ),
     Attack("a view of 1 MB pasted into the page, a path at every second character", "one line in 2 s", _pasted),
 )

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 import sqlite3
+import struct
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 
 from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
@@ -23,6 +24,11 @@ SINGLE = (".bag", ".ulg", ".bin", ".csv", ".parquet")
 TABLES = ("messages", "topics", "message_definitions")
 """Of a ROS 2 bag in SQLite; older ones have no definitions."""
 
+DAMAGED = (
+    *(McapError, OSError, EOFError, ValueError, TypeError),
+    *(struct.error, MemoryError, OverflowError, RuntimeError, LookupError, StopIteration),
+)
+"""What mcap's reader raises of a summary that is none."""
 Range = tuple[int, int]
 
 
@@ -136,8 +142,9 @@ def _time_range(path: Path) -> Range | None:
     """First and last log time [ns] of a bag file, where it tells them without being read whole."""
     try:
         if path.suffix == ".mcap":
+            size = path.stat().st_size
             with path.open("rb") as stream:
-                summary = make_reader(stream).get_summary()
+                summary = SeekingReader(stream, record_size_limit=size).get_summary()
             known = None if summary is None else summary.statistics
             return None if known is None else (known.message_start_time, known.message_end_time)
         if path.suffix == ".db3":
@@ -147,6 +154,6 @@ def _time_range(path: Path) -> Range | None:
             finally:
                 database.close()
             return None if first is None else (int(first), int(last))
-    except (McapError, sqlite3.DatabaseError, OSError, ValueError, TypeError, EOFError):
+    except (*DAMAGED, sqlite3.DatabaseError):
         return None
     return None

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import io
 import json
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -23,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
@@ -43,6 +45,8 @@ BANDS = len(EDGES) + 1
 """Bands of frequency, whether a flight has coefficients in all of them or not."""
 FORMAT = 1
 """Version of what `packed` writes."""
+LARGEST_HEAD = 2**24
+"""Bytes of the part that is text; that of all effects is 44 kB."""
 
 Points = Mapping[str, Sequence[float]]
 """Values (P,) at which candidates are linearised, by `Column.key`, where these are not the declared ones."""
@@ -227,19 +231,55 @@ def packed(found: Evidence) -> bytes:
         return stream.getvalue()
 
 
-def unpacked(content: bytes) -> Evidence:
-    """From `packed`; raises FitError for what is none."""
+def unpacked(content: bytes | None, where: str = "stored evidence") -> Evidence:
+    """From `packed`; raises FitError, which begins with `where`, for anything else."""
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-            arrays = {k: stored[k] for k in stored.files if k != "head"}
-            head: dict[str, Any] = json.loads(str(stored["head"]))
+        with zipfile.ZipFile(io.BytesIO(content or b"")) as archive:
+            check_sizes(archive, {"head.npy": LARGEST_HEAD})
+            names = [n.removesuffix(".npy") for n in archive.namelist() if n != "head.npy"]
+            arrays: dict[str, Any] = {n: numbers(archive, f"{n}.npy", ("<f8", "<i8")) for n in names}
+            head: dict[str, Any] = json.loads(str(np.load(io.BytesIO(archive.read("head.npy")), allow_pickle=False)))
         if head.pop("format") != FORMAT:
             raise ValueError("another version")
         head |= {name: tuple(_line(c) for c in head[name]) for name in ("columns", "known")}
         head |= {name: tuple(head[name]) for name in ("answering", "unexcited")}
-        return Evidence(**arrays, **head)
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise FitError(f"stored evidence: cannot be read ({error}); run the batch again into another folder") from None
+        found = Evidence(**arrays, **head)
+        _check(found)
+    except (*DAMAGED, KeyError, TypeError, AttributeError, ModelError) as error:
+        raise FitError(
+            f"{where}: the evidence that is kept there cannot be read ({line(error)}); to do its log again, run the "
+            "same `wrenchgap batch` with --again"
+        ) from None
+    return found
+
+
+def _check(found: Evidence) -> None:
+    """Raise ValueError for numbers that no flight leaves: shapes that differ, axes that are none, no number."""
+    quantities = 1 + sum(len(c.theta) + 1 for c in found.columns) + sum(len(c.theta) for c in found.known)
+    axes, trims = len(found.axes), len(found.trims)
+    shapes = {
+        "axes": (axes,), "roots": (axes, int(np.sum(found.rows)), quantities), "rows": (BANDS,), "count": (BANDS,),
+        "power": (BANDS, axes), "shapes": (BANDS, 2), "noise": (len(AXES),), "trimmed": (trims, quantities),
+        "trims": (trims,), "trim_axes": (trims,), "trim_scale": (trims,),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        value = getattr(found, name)
+        kind = "i" if name in ("axes", "rows", "trim_axes") else "f"
+        if value.shape != shape or value.dtype.kind != kind:
+            raise ValueError(f"{name} is {value.dtype} {value.shape}, expected {shape}")
+        if name != "noise" and not np.isfinite(value).all():
+            raise ValueError(f"{name} has numbers that are not finite")
+        if name not in ("roots", "trimmed", "noise") and np.any(value < 0):
+            raise ValueError(f"{name} has negative numbers")
+    for name, most in (("axes", len(AXES)), ("trim_axes", axes)):
+        value = getattr(found, name)
+        if np.any(np.diff(value) <= 0) or np.any(value >= most):
+            raise ValueError(f"{name} are not in order, or none: {value.tolist()}")
+    counted = [float(np.sum(found.count)), float(found.seconds), *found.trim_scale]
+    if not axes or not found.columns or len(set(found.keys)) < len(found.columns) or not min(counted) > 0.0:
+        raise ValueError("no axis, column, coefficient or second, or a column twice")
+    if not (isinstance(found.flight, str) and isinstance(found.blocks, int) and np.isfinite(found.seconds)):
+        raise ValueError("name, length or blocks of the flight are none")
 
 
 def _plain(line: Column) -> dict[str, Any]:
@@ -248,12 +288,14 @@ def _plain(line: Column) -> dict[str, Any]:
 
 
 def _line(values: dict[str, Any]) -> Column:
+    """A column without samples. Raises ValueError where it is none, ModelError for an effect that is not known."""
     arrays = {k: np.array(values[k], dtype=float) for k in ("origin", "theta", "low", "high", "scale")}
+    sparse, accuracy = np.array(values["sparse"], dtype=bool), float(values["accuracy"])
+    names, size = tuple(find(name).name for name in values["names"]), len(values["theta"])
+    finite = np.isfinite([*arrays["origin"], *arrays["theta"], *arrays["scale"], accuracy]).all()
+    alike = all(a.shape == (size,) for a in (*arrays.values(), sparse))
+    if not (names and size and alike and finite) or not np.all(arrays["low"] <= arrays["high"]):
+        raise ValueError(f"the column of {', '.join(names)} is none")
     return Column(
-        tuple(values["names"]),
-        **arrays,
-        offset=np.empty((0, 6)),
-        jacobian=np.empty((0, 6, len(values["theta"]))),
-        sparse=np.array(values["sparse"], dtype=bool),
-        accuracy=float(values["accuracy"]),
+        names, **arrays, offset=np.empty((0, 6)), jacobian=np.empty((0, 6, size)), sparse=sparse, accuracy=accuracy
     )

@@ -9,23 +9,21 @@ The same GP always gives the same bytes. `numpy.load` opens the arrays too.
 from __future__ import annotations
 
 import json
-import lzma
-import struct
-import tokenize
 import zipfile
-import zlib
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.plant.reader import Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 4
@@ -34,16 +32,8 @@ WITH_LOOP = 4
 """Version from which on the bandwidth of the observer keeps the margin of the whole loop; an older one is forgotten."""
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
-LARGEST, LARGEST_METADATA = 2**28, 2**22
-"""Bytes of all parts together, and of gp.json: a few bytes of a zip may unfold to any number. 1,000 points and six
-outputs are 50 MB, and the JSON of a process is some 10 kB."""
-ABSURD = 1e100
-"""No number of a process is larger: products of two must not overflow."""
-DAMAGED = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-    *(EOFError, ValueError, RuntimeError, OverflowError, SyntaxError, MemoryError, tokenize.TokenError),
-)
-"""What zipfile, numpy and json raise of a file that is none."""
+LARGEST_METADATA = 2**22
+"""Bytes of gp.json; that of a process is some 10 kB."""
 
 
 def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
@@ -62,27 +52,27 @@ def load(path: Path | str) -> GaussianProcess:
         raise FitError(f"{path}: is no ordinary file; give a file made by `wrenchgap learn`")
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_sizes(archive)
+            check_sizes(archive, {METADATA: LARGEST_METADATA})
             metadata = _metadata(archive, path)
-            arrays = {Path(n).stem: _array(archive, n) for n in archive.namelist() if n.endswith(".npy")}
+            arrays = {Path(n).stem: numbers(archive, n) for n in archive.namelist() if n.endswith(".npy")}
     except FileNotFoundError:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror or error}") from None
     except DAMAGED as error:
-        raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
+        raise FitError(f"{path}: not a stored GP, or a damaged one ({line(error)}); learn it again") from None
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             return GaussianProcess(
                 outputs=tuple(metadata["outputs"]),
                 settings=_settings(metadata["settings"]),
-                provenance=_provenance(metadata["provenance"], metadata["format_version"]),
+                provenance=_provenance(metadata["provenance"], metadata["format_version"], len(metadata["outputs"])),
                 **arrays,
             )
     except (FitError, ModelError, UsageError) as error:
         raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise FitError(f"{path}: a stored GP with missing or unknown parts ({_line(error)}); learn it again") from None
+        raise FitError(f"{path}: a stored GP with missing or unknown parts ({line(error)}); learn it again") from None
 
 
 def _bytes(gp: GaussianProcess) -> bytes:
@@ -105,30 +95,6 @@ def _bytes(gp: GaussianProcess) -> bytes:
     return whole.getvalue()
 
 
-def _check_sizes(archive: zipfile.ZipFile) -> None:
-    """Raise ValueError where the parts are larger than those of any process, or one comes twice."""
-    sizes = {part.filename: part.file_size for part in archive.infolist()}
-    if len(sizes) < len(archive.infolist()):
-        raise ValueError("a part comes twice")
-    if sum(sizes.values()) > LARGEST:
-        raise ValueError(f"its parts claim {sum(sizes.values())} bytes")
-    if sizes.get(METADATA, 0) > LARGEST_METADATA:
-        raise ValueError(f"{METADATA} claims {sizes[METADATA]} bytes")
-
-
-def _array(archive: zipfile.ZipFile, name: str) -> Array:
-    """Numbers and nothing else: an object would be a pickle, which is code."""
-    try:
-        found = np.load(BytesIO(archive.read(name)), allow_pickle=False)
-    except (ValueError, TypeError) as error:  # a header whose keys cannot be sorted, say
-        raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
-    if not isinstance(found, np.ndarray) or found.dtype != np.dtype("<f8"):
-        raise ValueError(f"{name} holds no numbers in double precision")
-    if np.abs(found).max(initial=0.0) > ABSURD:
-        raise ValueError(f"{name} holds numbers above {ABSURD:g}")
-    return found
-
-
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if METADATA not in archive.namelist():
         raise FitError(f"{path}: a zip without {METADATA}, so not a stored GP; give a file made by `wrenchgap learn`")
@@ -148,9 +114,60 @@ def _settings(entries: dict[str, Any]) -> FitSettings:
     return FitSettings(**{**entries, **lists})
 
 
-def _provenance(entries: dict[str, Any], version: int) -> Provenance:
-    logs = tuple(LogSource(**log) for log in entries["logs"])
-    found: dict[str, Any] = {"logs": logs, "lags": tuple(entries.get("lags", ()))}
+Real = Annotated[float, Field(strict=True)]
+"""Any number, also none: what is only said, and never computed with."""
+
+
+class StoredVerdict(Table):
+    """Of one output."""
+
+    output: Text
+    decision: Text
+    reason: Text
+    gain: Annotated[Number, Field(ge=0.0, le=1.0), expected("a number from 0 to 1")]
+    reduction: tuple[Real, ...]
+
+
+class StoredCaution(Table):
+    """One of the warnings."""
+
+    kind: Text
+    axes: Names
+    before: tuple[Real, ...]
+    after: tuple[Real, ...]
+    eigenvalue: Real | None = None
+    text: Text = ""
+
+
+class StoredProvenance(Table):
+    """What a file says of where its process comes from; older ones say less."""
+
+    vehicle: Text = ""
+    model_hash: Text = ""
+    physics: Text = "nominal"
+    cutoff_hz: Positive | None = None
+    logs: tuple[Any, ...]
+    version: Text = ""
+    date: Text = ""
+    warnings: tuple[StoredCaution | Text, ...] = ()
+    verdicts: tuple[StoredVerdict, ...] = ()
+    lags: tuple[NotNegative, ...] = ()
+    margin: Real | None = None
+    observer_hz: Positive | None = None
+    observer_lag: NotNegative = 0.0
+    observer_peak: Real | None = None
+    observer_left: Real | None = None
+    loop_lag: NotNegative = 0.0
+    loop_delay: NotNegative = 0.0
+    gains: Text = ""
+
+
+def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenance:
+    checked = read(StoredProvenance, entries, where="provenance", error=FitError)
+    if len(checked.lags) not in (0, outputs):
+        raise FitError(f"provenance.lags: got {len(checked.lags)}, expected one for each of {outputs} outputs")
+    logs = [values_of(LogSource, log, where="provenance.logs", error=FitError) for log in checked.logs]
+    found: dict[str, Any] = {"logs": tuple(LogSource(**log) for log in logs), "lags": checked.lags}
     found |= {
         name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
     }
@@ -169,8 +186,3 @@ def _caution(entry: str | dict[str, Any]) -> Caution:
         return Caution(CautionKind.SAID, text=entry)
     lists = {name: tuple(entry[name]) for name in ("axes", "before", "after")}
     return Caution(**{**entry, **lists, "kind": CautionKind(entry["kind"])})
-
-
-def _line(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else f"{text[:120]}..."

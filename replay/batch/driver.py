@@ -196,17 +196,21 @@ def passes(
 
 
 def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: Tell, *, again: bool = False) -> Outcome:
-    """One pass: do the command on every log whose row is not there yet; those that failed only `again`.
+    """One pass: do the command on every log whose row is not there yet. Those that failed are done only `again`, and
+    then those too whose row cannot be read.
 
     Raises UsageError where the scheduler is lost; what is done by then is kept.
-    """
+    """  # noqa: D205
     distributed = dask_distributed()
     try:
         tasks, same = _tasks(found, sources, plan)
         done = store.done(plan.number)
         if again:
-            store.drop([d for t in tasks if (d := done.get(t.key)) is not None and d.failed])
-            done = {k: d for k, d in done.items() if not d.failed}
+            own = [d for t in tasks if (d := done.get(t.key)) is not None]
+            gone = [d for d in own if d.failed]
+            gone += store.unreadable([d for d in own if not d.failed], plan.number)
+            store.drop(gone)
+            done = {k: d for k, d in done.items() if d not in gone}
         todo = [t for t in tasks if t.key not in done]
         before = len(tasks) - len(todo)
         bad = sum(d.failed for t in tasks if (d := done.get(t.key)) is not None)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.identify.trend import Trend, trend_of
+from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
 from wrenchgap.learn.posterior.evidence import Evidence, unpacked
 from wrenchgap.learn.posterior.fleet import Ranking, ranking
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.present.trend import from_fit_json
+from wrenchgap.replay.present.stored_fit import from_fit_json
 
 SETTLED = 0.1
 """Change of a value between two passes, in typical sizes, below which another pass would change nothing."""
@@ -31,7 +32,7 @@ class FleetRanking:
 
 def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRanking]:
     """Of every vehicle with a row among `keys`, in the order of their names. Evidence is merged in the order of the
-    logs' names, whichever was done first.
+    logs' names, whichever was done first. Raises UsageError for evidence that is damaged.
     """  # noqa: D205
     wanted = set(keys)
     rows = [r for r in store.rows(number, ("key", "log", "status")) if r["key"] in wanted and r["status"] == "ok"]
@@ -40,13 +41,20 @@ def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRankin
         own = [r["key"] for r in rows if r["vehicle"] == vehicle]
 
         def read(own: Sequence[str] = own) -> Iterator[Evidence]:
-            return (unpacked(content) for content in store.evidence(own, number))
+            return (_unpacked(content, where) for where, content in store.evidence(own, number))
 
         try:
             out.append(FleetRanking(vehicle, ranking(read)))
         except FitError as error:
             out.append(FleetRanking(vehicle, None, str(error)))
     return out
+
+
+def _unpacked(content: bytes | None, where: str) -> Evidence:
+    try:
+        return unpacked(content, where)
+    except FitError as error:
+        raise UsageError(str(error)) from None
 
 
 def points_of(found: Sequence[FleetRanking]) -> dict[str, dict[str, list[float]]]:
@@ -70,8 +78,8 @@ def moved(found: Sequence[FleetRanking]) -> bool:
 def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehicle: str | None = None) -> Trend:
     """The trend over the flights of one vehicle, in the order of their clocks, then of the logs' names.
 
-    Raises UsageError where the rows are not those of `compare`, are of several vehicles and none is named, are of
-    other effects, or of fewer than two flights.
+    Raises UsageError where the rows are damaged or not those of `compare`, are of several vehicles and none is named,
+    are of other effects, or of fewer than two flights.
     """
     where = store.url
     if (command := store.identity()["command"]) != "compare":
@@ -87,8 +95,8 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: got {len(own)} flights of {vehicle or 'one vehicle'}, expected two or more; "
             f"vehicles there: {listed}"
         )
-    own.sort(key=lambda r: (r["start_ns"], r["log"]))
-    pairs = [from_fit_json(json.loads(r["fit"])) for r in own]
+    read = [(r["log"], _fit_of(r, where)) for r in own]
+    pairs = [pair for _, pair in sorted(read, key=lambda one: (one[1][0].flight.start_ns, one[0]))]
     common = tuple(n for n in pairs[0][1].effects if all(n in values.effects for _, values in pairs))
     if any(values.effects != common for _, values in pairs) or (names and names != common):
         fitted = ", ".join(dict.fromkeys(n for _, values in pairs for n in values.effects))
@@ -96,4 +104,18 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: not all flights were fitted with the same effects ({fitted}); run `batch compare` "
             "with --fit A,B into another folder"
         )
+    count = sum(len(find(name).parameters(model.vehicle)) for name in common)
+    for one, values in pairs:
+        if not len(values.theta) == len(values.std) == count:
+            raise UsageError(
+                f"{where}: `fit` of {one.flight.name} has {len(values.theta)} values and {len(values.std)} standard "
+                f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
+            )
     return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.untold)
+
+
+def _fit_of(row: Mapping[str, Any], where: str) -> tuple[FollowedFlight, FlightValues]:
+    try:
+        return from_fit_json(row["fit"], f"{where}: `fit` of the row of {row['log']}")
+    except UsageError as error:
+        raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import quote, unquote
 
@@ -24,8 +25,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchgap._escaping import storable
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.atomic import write_below
+from wrenchgap.flight.budget import default_memory
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.posterior.evidence import unpacked
 from wrenchgap.replay.batch.sources import opened, reached
+from wrenchgap.replay.present.stored_fit import from_fit_json
 
 SCHEMA = pa.schema(
     [
@@ -46,6 +51,12 @@ HEAVY = ("result", "evidence")
 EPOCH = 10**18
 """Start of a log [ns] before which its clock is no calendar (September 2001)."""
 FAILED = ".failed"
+PLACE = re.compile(r"vehicle=([^/]+)/date=([^/]+)/([^/.]+)(\.failed)?\.parquet")
+"""Of a row, below the folder of its pass: vehicle, date, key, and whether its log failed."""
+ALWAYS = ("key", "log", "status")
+"""Columns that every row fills."""
+LONGEST_RUN = 2**22
+"""Bytes of run.json: the text of a model for each vehicle is some 10 kB."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +92,12 @@ class Store:
             self._write(f"{root}/run.json", json.dumps(dict(identity), indent=1).encode())
         return False
 
+    @property
+    def _local(self) -> bool:
+        """Whether it is a folder of a file system, and no object store."""
+        system, _ = self._at
+        return "file" in (system.protocol if isinstance(system.protocol, tuple) else (system.protocol,))
+
     def _differs(self, identity: Mapping[str, Any]) -> str | None:
         here = self.identity()
         for name, value in json.loads(json.dumps(dict(identity))).items():
@@ -92,9 +109,12 @@ class Store:
         """What the rows were made by; raises UsageError where no run is here."""
         system, root = self._at
         try:
-            with reached(self.url), system.open(f"{root}/run.json", "rb") as stream:
-                found = json.loads(stream.read())
-        except ValueError:
+            with reached(self.url):
+                _check_file(system, f"{root}/run.json", LONGEST_RUN)
+                with system.open(f"{root}/run.json", "rb") as stream:
+                    content = stream.read()
+            found = json.loads(content)
+        except (ValueError, RecursionError):
             raise UsageError(f"{self.url}: run.json cannot be read; expected the output of `wrenchgap batch`") from None
         if not isinstance(found, dict) or "command" not in found:
             raise UsageError(f"{self.url}: run.json is not that of `wrenchgap batch`")
@@ -112,7 +132,7 @@ class Store:
         out = {}
         for path, name in names:
             key = name.partition(".")[0]
-            if key:
+            if key:  # the hidden file of a write that was killed has none
                 out[key] = Done(key, FAILED in name, path)
         return out
 
@@ -139,41 +159,92 @@ class Store:
 
     def _write(self, path: str, content: bytes) -> None:
         """An object of a store appears when it is whole; a file of a folder gets its name when it is."""
-        system, _ = self._at
-        system.makedirs(path.rpartition("/")[0], exist_ok=True)
-        if "file" not in (system.protocol if isinstance(system.protocol, tuple) else (system.protocol,)):
+        system, root = self._at
+        if self._local:
+            Path(root).mkdir(parents=True, exist_ok=True)
+            write_below(Path(root), path.removeprefix(f"{root}/"), content)
+        else:
+            system.makedirs(path.rpartition("/")[0], exist_ok=True)
             system.pipe_file(path, content)
-            return
-        folder, _, name = path.rpartition("/")
-        partial = f"{folder}/.{name}.{os.getpid()}.part"
-        with system.open(partial, "wb") as stream:
-            stream.write(content)
-        os.replace(partial, path)  # noqa: PTH105
 
     def rows(self, number: int = 1, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Rows of a pass without their heavy columns, with `vehicle` and `date`, in the order of the logs' names."""
+        """Rows of a pass without their heavy columns, with `vehicle` and `date`, in the order of the logs' names.
+
+        Raises UsageError for a row that is none; see `unreadable`.
+        """
         wanted = list(columns or (c for c in SCHEMA.names if c not in HEAVY))
-        out = [{**self._read(one.path, wanted)[0], **_folders(one.path)} for one in self.done(number).values()]
-        return sorted(out, key=lambda row: (row["vehicle"], row.get("log") or "", row.get("key") or ""))
+        out = [self._read(one.path, number, wanted) for one in self.done(number).values()]
+        return sorted(out, key=lambda row: (row["vehicle"], row["log"], row["key"]))
 
-    def _read(self, path: str, columns: Sequence[str]) -> list[dict[str, Any]]:
-        system, _ = self._at
-        with system.open(path, "rb") as stream:
-            found: list[dict[str, Any]] = pq.read_table(stream, columns=list(columns), schema=SCHEMA).to_pylist()
-        return found
+    def unreadable(self, rows: Sequence[Done], number: int = 1) -> list[Done]:
+        """Those of these rows that are none: damaged, or put there by something else."""
+        out = []
+        for one in rows:
+            try:
+                row = self._read(one.path, number, SCHEMA.names)
+                if row["evidence"] is not None:
+                    unpacked(row["evidence"])
+                if row["fit"] is not None:
+                    from_fit_json(row["fit"], one.path)
+            except (UsageError, FitError):
+                out.append(one)
+        return out
 
-    def evidence(self, keys: Sequence[str], number: int = 1) -> Iterator[bytes]:
-        """The evidence of these rows, one after the other."""
+    def _read(self, path: str, number: int, columns: Sequence[str]) -> dict[str, Any]:
+        """The one reader of rows: these columns and those of `ALWAYS`, with `vehicle` and `date`, checked."""
+        system, root = self._at
+        place = PLACE.fullmatch(path.removeprefix(f"{root}/rows/pass={number}/"))
+        try:
+            if place is None:
+                raise ValueError("expected rows/pass=1/vehicle=NAME/date=DATE/KEY.parquet")
+            _check_file(system, path)
+            with system.open(path, "rb") as stream:
+                row = _only_row(stream, list(dict.fromkeys([*ALWAYS, *columns])))
+            if row["key"] != place[3] or row["status"] != ("failed" if place[4] else "ok"):
+                raise ValueError(f"its name and what it says differ: key {row['key']}, status {row['status']}")
+        except (pa.ArrowException, ValueError, OSError, MemoryError) as error:
+            said = " ".join(str(error).split()) or type(error).__name__
+            raise UsageError(
+                f"{path}: is no row of a batch, or a damaged one ({_cut(said)}); to do its log again, run the same "
+                "`wrenchgap batch` with --again"
+            ) from None
+        return {**row, "vehicle": unquote(place[1]), "date": unquote(place[2])}
+
+    def evidence(self, keys: Sequence[str], number: int = 1) -> Iterator[tuple[str, bytes | None]]:
+        """Path and evidence of these rows, one after the other."""
         done = self.done(number)
         for key in keys:
-            yield self._read(done[key].path, ["evidence"])[0]["evidence"]
+            yield done[key].path, self._read(done[key].path, number, ["evidence"])["evidence"]
 
 
-def _folders(path: str) -> dict[str, str]:
-    parts = (p.partition("=") for p in PurePosixPath(path).parts if "=" in p)
-    return {name: unquote(value) for name, _, value in parts if name in ("vehicle", "date")}
+def _check_file(system: Any, path: str, most: int | None = None) -> None:
+    """Raise ValueError for what is no ordinary file: a pipe or a device would be read without end."""
+    about = system.info(path)
+    if about["type"] != "file" or about.get("islink"):
+        raise ValueError(f"{PurePosixPath(path).name} is no ordinary file but a link, a folder, a pipe or a device")
+    if most is not None and (about.get("size") or 0) > most:
+        raise ValueError(f"{PurePosixPath(path).name} has {about['size']:,} bytes")
+
+
+def _only_row(stream: Any, columns: list[str]) -> dict[str, Any]:
+    """The row of a Parquet file that has one. Raises ValueError or pyarrow's errors for any other."""
+    with pq.ParquetFile(stream, pre_buffer=False) as file:  # no threads, which may outlive an error
+        about = file.metadata
+        groups = [about.row_group(i) for i in range(about.num_row_groups)]
+        unfolded = sum(group.total_byte_size for group in groups)
+        if about.num_rows != 1 or unfolded > default_memory(0):
+            raise ValueError(f"{about.num_rows} rows of {unfolded:,} bytes")
+        if not file.schema_arrow.equals(SCHEMA):
+            raise ValueError("other columns than those of docs/batch.md")
+        found: list[dict[str, Any]] = file.read(columns=columns, use_threads=False).to_pylist()
+    if len(found) != 1 or any(found[0][name] is None for name in ALWAYS):
+        raise ValueError(f"{len(found)} rows, or one without {', '.join(ALWAYS)}")
+    return found[0]
 
 
 def _short(value: Any) -> str:
-    text = json.dumps(value)
+    return _cut(json.dumps(value))
+
+
+def _cut(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."

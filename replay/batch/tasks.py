@@ -28,7 +28,7 @@ from wrenchgap.replay.batch.plan import ModelText, Plan, model_of
 from wrenchgap.replay.batch.sources import Source, at_hand
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.present.documents import plain
-from wrenchgap.replay.present.trend import fit_json
+from wrenchgap.replay.present.stored_fit import fit_json
 
 KEPT = ("key", "log", "status", "reason", "wall_s", "cpu_s", "bytes", "peak_mb")
 """What of a row goes back to where the batch was started."""

@@ -87,6 +87,8 @@ def report(error: BaseException) -> int:
     """Say in one line what went wrong, and return the exit code."""
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
+    if isinstance(error, typer.Abort) and isinstance(error.__cause__, EOFError):  # of a file; a prompt's has no cause
+        error = error.__cause__
     if isinstance(error, (typer.Abort, KeyboardInterrupt)):
         say("interrupted")
         return _code(error.__cause__ or error)

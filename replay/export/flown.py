@@ -6,13 +6,7 @@ by their first bytes and their checksum: a file of records, a topic of bytes in 
 
 from __future__ import annotations
 
-import os
-import shlex
-import shutil
-import subprocess
-import tempfile
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,25 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.replay.export.records import (
-    EXPORT_ID,
-    HASHED,
     HEAD,
     OUTPUT,
     PRECISION,
-    export_id,
     read_records,
     record_type,
     sizes_of,
 )
+from wrenchgap.replay.export.stepping import checked_export, stepped
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
-AT_ONCE = 20_000
-"""Records that are stepped in one run of the program: some 30 MB."""
+ROUNDINGS = 16
+"""By how many units in the last place a state may differ between two builds of one step, besides what their outputs
+differ: sums of some ten terms. Measured: 2 (-O3 with fused multiplication against -O2)."""
+IDS = 3
+"""Ids of other exports that a sentence names."""
 
 
 class Deviation(NamedTuple):
@@ -63,6 +58,7 @@ class FlownExport(Result):
     reset         (1,) the state that wg_reset leaves
     tolerance     of two builds [N, Nm], and `tolerance_of_beta`
     damaged       places that begin like a record and are none
+    repeated      records that repeat others, byte for byte, and were left out
     others        records of other exports, by their ids
     """
 
@@ -76,6 +72,7 @@ class FlownExport(Result):
     tolerance: float
     tolerance_of_beta: float
     damaged: int
+    repeated: int
     others: dict[str, int]
 
     def __len__(self) -> int:
@@ -83,9 +80,11 @@ class FlownExport(Result):
 
     @cached_property
     def identical(self) -> NDArray[np.bool_]:
-        """(K,) whether all that was put out is the same to the last bit."""
+        """(K,) whether all that was put out is the same to the last bit, and the state is the one that was left."""
         names = (*OUTPUT, "evaluations", "status")
-        return np.asarray(np.all([_rows(_bits(self.flown[n]) == _bits(self.made[n])) for n in names], axis=0))
+        parts = [_rows(_bits(self.flown[n]) == _bits(self.made[n])) for n in names]
+        same = _rows(_bits(self.flown["state"]) == _bits(self._before("state")))
+        return np.asarray(np.all([*parts, same | ~self.follows], axis=0))
 
     @cached_property
     def apart(self) -> Array:
@@ -108,8 +107,8 @@ class FlownExport(Result):
         )
 
     @cached_property
-    def begins(self) -> NDArray[np.bool_]:
-        """(K,) whether the state is that of wg_reset."""
+    def at_reset(self) -> NDArray[np.bool_]:
+        """(K,) whether the state is the one that wg_reset leaves; a refused period may leave the same."""
         return _rows(self.flown["state"] == self.reset["state"]) & _rows(self.flown["counts"] == self.reset["counts"])
 
     @cached_property
@@ -118,19 +117,71 @@ class FlownExport(Result):
         return np.concatenate((np.ones(1, np.int32), np.diff(self.flown["number"]).astype(np.uint32).view(np.int32)))
 
     @cached_property
+    def restarts(self) -> NDArray[np.bool_]:
+        """(K,) whether the count starts again: with the state of wg_reset, at the first number of the run or below."""
+        out, first = np.zeros(len(self), bool), int(self.flown["number"][0])
+        for k in np.flatnonzero((self.steps <= 0) & self.at_reset):
+            number = int(self.flown["number"][k])
+            if _ahead(number, first) <= 0:
+                out[k], first = True, number
+        return out
+
+    @cached_property
     def ordered(self) -> NDArray[np.bool_]:
-        """(K,) whether `number` goes up, or starts again with the state of wg_reset."""
-        return (self.steps > 0) | self.begins
+        """(K,) whether `number` goes up, or starts again."""
+        return (self.steps > 0) | self.restarts
+
+    @cached_property
+    def follows(self) -> NDArray[np.bool_]:
+        """(K,) whether the period before is the record before, and nobody called wg_reset between them."""
+        return (np.arange(len(self)) > 0) & (self.steps <= 1) & ~self.at_reset
+
+    @cached_property
+    def begins(self) -> NDArray[np.bool_]:
+        """(K,) whether a run is known to begin here: with wg_reset, whose state the period before did not leave."""
+        left = _rows(self._before("state") == self.reset["state"]) & _rows(
+            self._before("counts") == self.reset["counts"]
+        )
+        first = np.arange(len(self)) == 0
+        return np.asarray(self.at_reset & (first | self.restarts | ((self.steps == 1) & ~left)))
+
+    def _before(self, name: str) -> NDArray[Any]:
+        """(K, ...) what the period before left or put out; of the first record its own."""
+        return np.concatenate((self.flown[name][:1], self.made[name][:-1]))
+
+    @cached_property
+    def pushed(self) -> Array:
+        """(K, numbers of the state) what was added to the state since the period before, beyond what two builds differ
+        by: what their outputs do, and the last places. Zero where that is not known (`follows`).
+        """  # noqa: D205
+        flown, made = self.flown["state"].astype(float), self._before("state").astype(float)
+        apart = np.concatenate(([0.0], self.apart[:-1]))[:, None] * np.maximum(1.0, np.abs(made))
+        with np.errstate(invalid="ignore"):
+            added = np.where((flown == made) | (np.isnan(flown) & np.isnan(made)), 0.0, flown - made)
+            beyond = np.maximum(np.abs(added) - apart - self._rounding * np.abs(made), 0.0)
+            return np.where(self.follows[:, None], np.sign(added) * beyond, 0.0)
+
+    @cached_property
+    def _rounding(self) -> float:
+        return ROUNDINGS * float(np.finfo(self.flown["state"].dtype.base).eps)
 
     @cached_property
     def continues(self) -> NDArray[np.bool_]:
-        """(K,) whether the state is the one that the period before left, or that of wg_reset; true where the period
-        before is not recorded, false where `number` does not tell.
+        """(K,) whether the state is the one that the period before left, also when what is added in many periods is put
+        together, or that of wg_reset; true where the period before is not recorded.
         """  # noqa: D205
-        flown, made = self.flown["state"][1:].astype(float), self.made["state"][:-1].astype(float)
-        near = np.abs(flown - made) <= self.tolerance * np.maximum(1.0, np.abs(made))
-        same = _rows(near) & _rows(self.flown["counts"][1:] == self.made["counts"][:-1])
-        return np.concatenate(([True], same)) | self.begins | (self.steps > 1)
+        little = np.abs(self.pushed) <= self._rounding
+        total = np.cumsum(np.where(little, self.pushed, 0.0), axis=0)
+        start = np.maximum.accumulate(np.where(self.follows, 0, np.arange(len(self))))
+        size = np.maximum(1.0, np.abs(self._before("state").astype(float)))
+        near = little & (np.abs(total - total[start]) <= self.tolerance * size)
+        same = _rows(near) & _rows(self.flown["counts"] == self._before("counts"))
+        return np.asarray(same | ~self.follows)
+
+    @cached_property
+    def state_apart(self) -> float:
+        """Largest difference of a number of the state from what the period before left, beyond what outputs explain."""
+        return float(np.nan_to_num(np.abs(self.pushed), nan=np.inf).max(initial=0.0))
 
     @property
     def proved(self) -> bool:
@@ -159,15 +210,15 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     is no export, was changed since, or cannot be compiled, and LogError for a log without records of it.
     """
     path, place = Path(log), Path(folder)
-    export, contents = _checked_export(place)
+    export, contents = checked_export(place)
     records, damaged = read_records(path, budget)
     heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
     ids = [bytes(one).hex() for one in heads["export"]]
-    own = list(dict.fromkeys(r for r, one in zip(records, ids, strict=True) if one == export))  # one log may repeat it
+    own, repeated = _without_repeats([r for r, one in zip(records, ids, strict=True) if one == export])
     others = {one: n for one, n in Counter(ids).items() if one != export}
     if not own:
         raise LogError(
-            f"{path}: its {len(records)} records are of the export {', '.join(others)}, and {place} is {export}; "
+            f"{path}: its {len(records)} records are of the export {in_short(others)}, and {place} is {export}; "
             "name the folder that was flown"
         )
     kinds = {r[: HEAD.itemsize - 4] for r in own}
@@ -175,7 +226,7 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
         raise LogError(f"{path}: its records are of {len(kinds)} builds of one export; expected one; cut the log apart")
     kind = record_type(*sizes_of(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0]))
     flown = np.frombuffer(b"".join(own), kind)
-    tolerances, made = _stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
+    tolerances, made = stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
     return FlownExport(
         path=path,
         folder=place,
@@ -187,8 +238,48 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
         tolerance=tolerances[0],
         tolerance_of_beta=tolerances[1],
         damaged=damaged,
+        repeated=repeated,
         others=others,
     )
+
+
+def in_short(others: dict[str, int]) -> str:
+    """Some of the ids of other exports, and how many more there are."""
+    more = f" and {len(others) - IDS:,} more" if len(others) > IDS else ""
+    return ", ".join(sorted(others)[:IDS]) + more
+
+
+def _without_repeats(records: list[bytes]) -> tuple[list[bytes], int]:
+    """Records without those that a second topic or a copy repeats, and how many these are.
+
+    Two runs may begin with the same bytes. What comes again is a repeat where the next new record goes on from the last
+    one before it, or there is none; else it is the beginning of another run.
+    """
+    out: list[bytes] = []
+    again: list[bytes] = []
+    seen: set[bytes] = set()
+    repeated = 0
+    for one in records:
+        if one in seen:
+            again.append(one)
+            continue
+        if again and _ahead(_number(one), _number(out[-1])) <= 0:
+            out += again
+        else:
+            repeated += len(again)
+        again = []
+        out.append(one)
+        seen.add(one)
+    return out, repeated + len(again)
+
+
+def _number(record: bytes) -> int:
+    return int(np.frombuffer(record[: HEAD.itemsize], HEAD)["number"][0])
+
+
+def _ahead(number: int, other: int) -> int:
+    """By how much a count of 32 bits is ahead of another."""
+    return (number - other + 2**31) % 2**32 - 2**31
 
 
 def _deviation(flown: np.void, made: np.void) -> Deviation:
@@ -201,73 +292,6 @@ def _deviation(flown: np.void, made: np.void) -> Deviation:
     return Deviation(
         int(flown["number"]), float(flown["time"]), names[worst], float(one[worst]), float(other[worst]), *status
     )
-
-
-def _checked_export(folder: Path) -> tuple[str, dict[str, bytes]]:
-    """The id of an exported folder, whose code is as it was written, and that code."""
-    if not folder.is_dir():
-        raise UsageError(f"--export {folder}: no such folder; name the one that `wrenchgap export` wrote")
-    missing = [name for name in HASHED if not (folder / name).is_file()]
-    if missing:
-        raise UsageError(
-            f"--export {folder}: has no {missing[0]}; expected a folder that `wrenchgap export` wrote (older ones keep "
-            "no records: export again)"
-        )
-    contents = {name: (folder / name).read_bytes() for name in HASHED}
-    said = [match[2].decode() for match in EXPORT_ID.finditer(contents["wrenchgap_record.h"])]
-    found = export_id(contents)
-    if said != [found]:
-        raise UsageError(
-            f"--export {folder}: {', '.join(HASHED)} are not as `wrenchgap export` wrote them "
-            f"({', '.join(said) or 'no id'} in wrenchgap_record.h, {found} of the code); export again"
-        )
-    return found, contents
-
-
-def _stepped(
-    folder: Path, contents: dict[str, bytes], records: list[bytes], precision: str, kind: np.dtype[Any]
-) -> tuple[tuple[float, float], NDArray[np.void]]:
-    """The tolerances, and what the code makes: the state after wg_reset, then every record.
-
-    What was checked is compiled, in a folder of its own, where no other file can stand in for a header.
-    """
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as place:
-        program, main = Path(place) / "flown", Path(__file__).with_name("flown.c")
-        for name, content in {**contents, main.name: main.read_bytes()}.items():
-            (Path(place) / name).write_bytes(content)
-        sources = [str(Path(place) / name) for name in (main.name, *contents) if name.endswith(".c")]
-        _run([*_compiler(), "-std=c99", "-O2", f"-DWG_{precision.upper()}", "-o", str(program), *sources, "-lm"],
-             f"--export {folder}: cannot be compiled")  # fmt: skip
-        answers = [_run([str(program)], f"--export {folder}: its code does not read the records", b"".join(part))
-                   for part in _parts(records)]  # fmt: skip
-    tolerances = np.frombuffer(answers[0][:16])
-    made = [np.frombuffer(answer[16:], kind) for answer in answers]
-    together = np.concatenate([made[0], *(one[1:] for one in made[1:])])
-    return (float(tolerances[0]), float(tolerances[1])), together
-
-
-def _parts(records: list[bytes]) -> Iterable[list[bytes]]:
-    return (records[k : k + AT_ONCE] for k in range(0, len(records), AT_ONCE))
-
-
-def _compiler() -> list[str]:
-    """The C compiler, with its options: $CC, or one of the usual names."""
-    asked = shlex.split(os.environ.get("CC", ""))
-    for words in (asked, ["cc"], ["gcc"], ["clang"]):
-        if words and (found := shutil.which(words[0])):
-            return [found, *words[1:]]
-    raise UsageError(
-        "--export: no C compiler found; sudo apt-get install gcc libc6-dev, or name one with CC=/path/to/cc"
-    )
-
-
-def _run(words: list[str], what: str, given: bytes = b"") -> bytes:
-    """What a program prints; raises UsageError, which begins with `what`, where it fails."""
-    done = subprocess.run(words, input=given, capture_output=True, check=False)
-    if done.returncode:
-        said = next((line for line in done.stderr.decode(errors="replace").splitlines() if "error" in line), "")
-        raise UsageError(f"{what}: {said or f'exit code {done.returncode}'}; export again")
-    return done.stdout
 
 
 def _bits(values: NDArray[Any]) -> NDArray[Any]:

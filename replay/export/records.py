@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.budget import Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import READERS
-from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
+from wrenchgap.flight.formats.reader import DoubtfulError, Reader, TableReader
 
 HASHED = (
     "wrenchgap_compensator.c",
@@ -82,9 +82,12 @@ def read_records(path: Path, budget: Budget | str | None = None) -> tuple[list[b
     for careful in (False, True):
         records: list[bytes] = []
         damaged = 0
+        reader = _reader(path, careful=careful)
+        files = [path] if reader is None else reader.data_files()
+        account = Budget.of(budget).account(path, sum(file.stat().st_size for file in files))
         try:
-            for data in _pieces(path, budget, careful=careful):
-                damaged += _scan(data, records)
+            for data in _pieces(path, reader, account):
+                damaged += _scan(data, records, account)
         except DoubtfulError:
             continue
         break
@@ -96,32 +99,38 @@ def read_records(path: Path, budget: Budget | str | None = None) -> tuple[list[b
     return records, damaged
 
 
-def _pieces(path: Path, budget: Budget | str | None, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
-    """The payloads of a log's messages; a file of another kind, or of tables, whole."""
+def _reader(path: Path, *, careful: bool) -> Reader | None:
+    """What reads the messages of a log; None for a file of another kind, or of tables."""
     head = b""
     if path.is_file():
         with path.open("rb") as file:
             head = file.read(64)
     kind = next((one for one in READERS if one.accepts(path, head)), None)
-    if kind is not None and not issubclass(kind, TableReader):
-        reader = kind(path, careful=careful)
-        reader.account = Budget.of(budget).account(path, sum(file.stat().st_size for file in reader.data_files()))
+    return None if kind is None or issubclass(kind, TableReader) else kind(path, careful=careful)
+
+
+def _pieces(path: Path, reader: Reader | None, account: Account) -> Iterator[bytes | mmap.mmap]:
+    """The payloads of a log's messages; without a reader the file, whole."""
+    if reader is not None:
+        reader.account = account
         for batch in reader.batches(lambda channel: True):
             yield from batch.payloads if isinstance(batch.payloads, list) else batch.payloads.payloads()
-    elif head:
+    elif path.is_file() and path.stat().st_size:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
             yield whole
     else:
         raise LogError(f"{path}: is empty, or no log; expected a file with records of an exported compensation")
 
 
-def _scan(data: bytes | mmap.mmap, records: list[bytes]) -> int:
+def _scan(data: bytes | mmap.mmap, records: list[bytes], account: Account) -> int:
     """Put the records in `data` into `records`; returns how many begin like one and are none."""
     damaged, place = 0, data.find(MAGIC)
     while place >= 0:
-        length = int.from_bytes(data[place + 4 : place + 8], "little")
-        record = data[place : place + length] if HEAD.itemsize < length <= LONGEST else b""
-        if _is_record(record, length):
+        account.check_time()
+        length = _said_length(data[place : place + HEAD.itemsize])
+        record = data[place : place + length]
+        if length and _is_whole(record, length):
+            account.take(length, "records")
             records.append(record)
             place = data.find(MAGIC, place + length)
         else:
@@ -130,11 +139,16 @@ def _scan(data: bytes | mmap.mmap, records: list[bytes]) -> int:
     return damaged
 
 
-def _is_record(record: bytes, length: int) -> bool:
-    """Whether the checksum is right, and the head says a record of this length."""
-    if len(record) != length or length < HEAD.itemsize:
-        return False
-    head = np.frombuffer(record[: HEAD.itemsize], HEAD)[0]
-    if int(head["real"]) not in PRECISION or record_type(*sizes_of(head)).itemsize != length:
-        return False
-    return zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
+def _said_length(head: bytes) -> int:
+    """Bytes of the record that begins so, 0 where none does: looked at before its content is copied."""
+    if len(head) < HEAD.itemsize:
+        return 0
+    said = np.frombuffer(head, HEAD)[0]
+    length = int(said["length"])
+    fits = length <= LONGEST and int(said["real"]) in PRECISION and record_type(*sizes_of(said)).itemsize == length
+    return length if fits else 0
+
+
+def _is_whole(record: bytes, length: int) -> bool:
+    """Whether it is all there, and its checksum right."""
+    return len(record) == length and zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")

@@ -37,7 +37,7 @@ VERSIONS = {
     "report": 1,
     "learn": 1,
     "replay": 1,
-    "replay-export": 1,
+    "replay-export": 2,
     "counterfactual": 1,
     "design": 1,
     "trend": 2,

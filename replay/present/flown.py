@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.replay.export.flown import FlownExport
+from wrenchgap.replay.export.flown import FlownExport, in_short
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
 
 SHOWN = 10
@@ -37,7 +37,8 @@ def parts(found: FlownExport) -> list[Part]:
     out.append(
         Line(
             f"largest difference {found.apart.max():.3g} N or Nm, tolerance {found.tolerance:.3g} ({found.precision} "
-            f"precision); {int(np.sum(found.begins))} starts after wg_reset"
+            f"precision); of the state {found.state_apart:.3g} beyond that; starts after wg_reset: "
+            f"{int(np.sum(found.begins))}"
         )
     )
     rows = [
@@ -58,6 +59,8 @@ def warnings(found: FlownExport) -> list[str]:
         said.append(
             f"{found.lost} periods between the first and the last record are not recorded: nothing is said of them"
         )
+    if found.repeated:
+        said.append(f"{found.repeated} records that repeat others byte for byte were left out")
     if not found.begins[0]:
         said.append(
             f"the log begins with period {found.flown['number'][0]}, not with the state of wg_reset: nothing is said "
@@ -66,9 +69,7 @@ def warnings(found: FlownExport) -> list[str]:
     if found.damaged:
         said.append(f"damaged or cut records: {found.damaged}")
     if found.others:
-        said.append(
-            f"{sum(found.others.values())} records of other exports were left out: {', '.join(sorted(found.others))}"
-        )
+        said.append(f"{sum(found.others.values())} records of other exports were left out: {in_short(found.others)}")
     return said
 
 
@@ -85,10 +86,12 @@ def to_json(found: FlownExport) -> dict[str, Any]:
         "state_changed": int(np.sum(~found.continues & found.ordered)),
         "out_of_order": int(np.sum(~found.ordered)),
         "largest_difference": float(found.apart.max()),
+        "largest_difference_of_state": found.state_apart,
         "tolerance": found.tolerance,
         "starts": int(np.sum(found.begins)),
         "lost": found.lost,
         "damaged": found.damaged,
+        "repeated": found.repeated,
         "other_exports": dict(found.others),
         "statuses": found.statuses,
         "deviations": [d._asdict() for d in found.deviations(SHOWN)],

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
-from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, ParameterTrend, Trend
+from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
@@ -240,21 +240,6 @@ def check_table(path: Path | None) -> None:
     """Raise UsageError where the name of the table is not that of a Parquet file."""
     if path is not None and path.suffix.lower() != ".parquet":
         raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
-
-
-def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:
-    """What one flight says by itself, as a batch keeps it (docs/batch.md)."""
-    values = entries(found, "effects", "theta", "std", "at_bound", "left")
-    about = {"name": one.flight.name, "file": one.flight.path.name, "sha256": one.flight.content_hash}
-    return {**values, **about, "start_ns": one.flight.start_ns, "noise": one.noise, "cutoff_hz": one.cutoff_hz}
-
-
-def from_fit_json(body: dict[str, Any]) -> tuple[FollowedFlight, FlightValues]:
-    """Back from `fit_json`."""
-    flight = Flight(body["name"], Path(body["file"]), body["sha256"], body["start_ns"])
-    theta, std, left, noise = (np.array(body[k], dtype=float) for k in ("theta", "std", "left", "noise"))
-    values = FlightValues(tuple(body["effects"]), theta, std, tuple(body["at_bound"]), left)
-    return FollowedFlight(flight, (), noise, float(body["cutoff_hz"])), values
 
 
 SIGMAS = 2.0

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
-from wrenchgap.flight.atomic import atomic, check_writable
+from wrenchgap.flight.atomic import Identity, check_replaceable, check_writable, write_below
 from wrenchgap.flight.errors import UsageError
 
 NAME = re.compile(r"(?!(?:con|prn|aux|nul|com\d|lpt\d)\.)[a-z0-9][a-z0-9._-]{0,99}\.toml", re.IGNORECASE | re.ASCII)
 """What a file may be called: a name on every system, no device on Windows, nothing hidden, no way out of the folder."""
 SHOWN = 40
 """Characters of a refused name that are repeated."""
-Identity = tuple[int, int, int, int]
 
 
 def file_name(name: str) -> str:
@@ -42,28 +40,19 @@ class SaveFolder:
 
     def write(self, name: str, text: str) -> Path:
         """Write a file of this name. Raises UsageError for a bad name, and for what the page must not replace."""
-        path = self.place(name)
-        with atomic(path) as partial:
-            partial.write_text(text, encoding="utf-8")
-        self._written[path] = _identity(path)
+        path = self.folder / file_name(name)
+        self._written[path] = write_below(self.folder, name, text.encode(), lambda found: self._check(path, found))
         return path
 
     def place(self, name: str) -> Path:
-        """Where a file of this name would be written."""
+        """Where a file of this name would be written; raises as `write`."""
         path = self.folder / file_name(name)
-        if not os.path.lexists(path):
-            return path
-        if path.is_symlink() or not path.is_file():
-            raise UsageError(f"{name}: is no ordinary file but a link, a folder or a device; choose another name")
-        if not self.force and self._written.get(path) != _identity(path):
-            raise UsageError(
-                f"{name}: exists already and was not written by this page; choose another name, or start the page with "
-                "--force"
-            )
+        check_replaceable(path, lambda found: self._check(path, found))
         return path
 
-
-def _identity(path: Path) -> Identity:
-    """Which file it is, and in which state: another one under its name, or a change from elsewhere, differs."""
-    found = path.lstat()
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+    def _check(self, path: Path, found: Identity) -> None:
+        if not self.force and self._written.get(path) != found:
+            raise UsageError(
+                f"{path.name}: exists already and was not written by this page; choose another name, or start the page "
+                "with --force"
+            )

@@ -53,6 +53,24 @@ def test_a_factor_on_one_axis_of_the_sensor_comes_before_the_turn(read, logs):
         meaning("gyro.w*2", 1.0, "/imu:gyro.w*2", ["imu"])
 
 
+@pytest.mark.parametrize(
+    "words", ["gyro*1e400", "gyro*1e300", "gyro*0", "gyro*1e9,gyro*1e9", "gyro.x*1e300,gyro.x*1e300", "stamp*1e30"]
+)
+def test_factors_that_no_sensor_has_are_refused(words):
+    """They were warnings of numpy, or "no IMU"."""
+    with pytest.raises(UsageError, match=r"its factors come to .*; expected 1e-12 to 1e"):
+        meaning(words, 1.0, f"/imu:{words}", ["imu"])
+    with pytest.raises(UsageError, match="its factors come to inf"):
+        meaning("", float("inf"), "/imu*1e400", ["imu"])
+
+
+def test_angles_that_are_none_are_refused():
+    for words in ("yaw=1e308", "gyro.roll=-361", "pitch=1e999"):
+        with pytest.raises(UsageError, match="is no angle; expected -360 to 360 degrees"):
+            meaning(words, 1.0, f"/imu:{words}", ["imu"])
+    assert meaning("yaw=-360,gyro*-1e-3", 1.0, "/imu", ["imu"]).words == ("yaw=-360", "gyro*-1e-3")
+
+
 @pytest.mark.parametrize("word", ["yaw=45", "roll=180,yaw=-90", "pitch=12.5"])
 def test_a_sensor_that_is_mounted_turned(word, read, logs):
     """v_B = R v_sensor; the words apply in the order given."""

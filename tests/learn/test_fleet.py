@@ -1,5 +1,7 @@
 """Evidence that merges: the ranking of a fleet is that of the joint spectrum, and flights are held out exactly."""
 
+import io
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -97,6 +99,51 @@ def test_evidence_survives_being_stored(parts):
 def test_what_is_no_evidence_is_said_in_one_line():
     with pytest.raises(FitError, match="stored evidence"):
         unpacked(b"PK no archive")
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("axes", lambda v: v + 100),
+        ("axes", lambda v: v[::-1].copy()),
+        ("trim_axes", lambda v: v + 100),
+        ("rows", lambda v: -v),
+        ("rows", lambda v: v.astype(float)),
+        ("roots", lambda v: v * np.nan),
+        ("roots", lambda v: v[:0]),
+        ("power", lambda v: v + np.inf),
+        ("count", lambda v: 0 * v),
+        ("columns", lambda v: ()),
+        ("columns", lambda v: (v[0], *v)),
+        ("seconds", lambda v: float("nan")),
+    ],
+)
+def test_evidence_of_no_flight_is_refused(parts, name, change):
+    """Axes 100 to 106, rows below zero and no columns were ranked all the same."""
+    with pytest.raises(FitError, match="stored evidence"):
+        unpacked(packed(replace(parts[0], **{name: change(getattr(parts[0], name))})))
+
+
+def test_damaged_evidence_is_refused_and_not_unfolded_without_end(parts):
+    good = packed(parts[0])
+    with zipfile.ZipFile(io.BytesIO(good)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+
+    def made(**changed):
+        with io.BytesIO() as stream:
+            with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+                for name, content in {**members, **changed}.items():
+                    archive.writestr(name, content)
+            return stream.getvalue()
+
+    unpacked(made())
+    with io.BytesIO() as stream:
+        np.save(stream, np.array("[" * 50_000))
+        deep = stream.getvalue()
+    for content in (good[:-30], good[:3000] + b"\xff" * 50 + good[3050:], made(**{"roots.npy": bytes(2**28 + 1)}),
+                    made(**{"head.npy": deep}), made(**{"axes.npy": b""})):  # fmt: skip
+        with pytest.raises(FitError, match="stored evidence"):
+            unpacked(content)
 
 
 def test_a_held_out_flight_is_predicted_by_the_fit_of_the_others(parts, merged):

@@ -233,3 +233,37 @@ def test_a_long_complaint_of_the_zip_is_shortened(path):
     with pytest.raises(FitError) as caught:
         load(path)
     assert len(str(caught.value)) < 400 + len(str(path))
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"observer_hz": "2"},
+        {"observer_hz": True},
+        {"observer_hz": -1.0},
+        {"observer_hz": float("nan")},
+        {"loop_lag": float("nan")},
+        {"loop_delay": -1.0},
+        {"loop_delay": "x"},
+        {"lags": [-1.0] * 3},
+        {"lags": [float("nan")] * 3},
+        {"lags": [0.1] * 7},
+        {"lags": ["a"] * 3},
+        {"gains": {"a": 1}},
+        {"logs": [{"name": 1, "sha256": "x"}]},
+        {"warnings": [{"kind": "worse", "axes": 1, "before": [], "after": []}]},
+        {"verdicts": [{"output": "torque_x", "decision": "do not", "reason": "lag", "gain": "1", "reduction": []}]},
+    ],
+)
+def test_a_provenance_that_says_none_is_refused(path, entries):
+    """A bandwidth that was text ended in an internal error, and lags that were no number were taken."""
+
+    def change(name, content):
+        if name != "gp.json":
+            return content
+        metadata = json.loads(content)
+        metadata["provenance"] |= entries
+        return json.dumps(metadata).encode()
+
+    rewritten(path, change)
+    refused(path, f"provenance.{next(iter(entries))}")

@@ -1,12 +1,15 @@
 """The reader of files: what is right is read as it is, what is wrong is told in one line with its place."""
 
+import os
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, partial, read, values_of
+from wrenchgap.plant import own_effects
+from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, partial, read, text_of, values_of
 
 
 class Wheel(Table):
@@ -88,3 +91,14 @@ def test_defaults_need_nothing_but_are_checked():
     read(partial(Wheel), {})
     with pytest.raises(ModelError, match="radius: got 0, expected a positive number"):
         read(partial(Wheel), {"radius": 0})
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_is_not_waited_for(tmp_path):
+    """`view --view PIPE` and `--effects PIPE` hung, `--effects /dev/zero` read until memory ended."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(ModelError, match="cannot be read as a list: it is no ordinary file"):
+            text_of(path, "as a list")
+        with pytest.raises(ModelError, match="cannot be read as --effects: it is no ordinary file"):
+            own_effects.load(path)

@@ -1,6 +1,7 @@
 """A flown export, proved from its records: what was changed on the way is found, what was not is proved."""
 
 import json
+import os
 import shutil
 import struct
 import subprocess
@@ -40,6 +41,7 @@ int main(void)
         in.wrench_desired[5] = (wg_real)(k == 111 ? NAN : 0.0);
         in.omega_B[0] = (wg_real)(0.05 * sin(3 * t));
         in.time = (wg_real)t;
+        /* walk */
         wg_step_recorded(&memory, &in, &out, k, record);
         if (k != 200 && k != 201)
             fwrite(record, 1, sizeof record, stdout);
@@ -49,16 +51,22 @@ int main(void)
 """
 
 
-def flown(folder, precision="double", gp=None, model=None, **options):
-    """An exported folder, and the records of a flight with it: another program, and another optimisation."""
+PLAIN = ("-O0", "-fsanitize=address,undefined")
+
+
+def flown(folder, precision="double", gp=None, model=None, wanted="0.1", walk="", build=PLAIN, **options):
+    """An exported folder, and the records of a flight with it: another program, and another optimisation.
+
+    `wanted` is the torque about x, `walk` what is done to the memory before every period.
+    """
     settings = Settings(dt=DT, max_evaluations=12)
     wg.export_compensator(
         gp, model or with_effects(com_offset=OFFSET), folder, settings, precision=precision, **options
     )
     program, source = folder.parent / "flight", folder.parent / "flight.c"
-    source.write_text(FLIGHT)
+    source.write_text(FLIGHT.replace(": 0.1)", f": {wanted})").replace("/* walk */", walk))
     sources = [source, folder / "wrenchgap_compensator.c", folder / "wrenchgap_record.c"]
-    words = [COMPILER, *STRICT, "-O0", "-fsanitize=address,undefined", "-I", folder, "-o", program, *sources, "-lm"]
+    words = [COMPILER, *STRICT, *build, "-I", folder, "-o", program, *sources, "-lm"]
     subprocess.run([str(w) for w in words], check=True)
     return subprocess.run([str(program)], capture_output=True, check=True).stdout
 
@@ -175,6 +183,97 @@ def test_two_topics_that_repeat_a_record_and_a_count_that_runs_over_are_proved(f
     found = wg.prove_flown(tmp_path / "twice.bin", flight / "comp")
     assert found.proved
     assert (len(found), found.lost) == (100, 0)
+
+
+def test_a_run_whose_parts_change_places_is_found_and_a_refused_period_is_no_start(flight, tmp_path):
+    """Behind a demand out of reach the state is that of wg_reset, and everything could follow it."""
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    first, second, third = (
+        slice(a * length, b * length) for a, b in ((0, HEAVY + 1), (HEAVY + 1, BAD + 1), (BAD + 1, 200))
+    )
+    (tmp_path / "swapped.bin").write_bytes(data[first] + data[third] + data[second])
+    found = wg.prove_flown(tmp_path / "swapped.bin", flight / "comp")
+    assert found.at_reset.sum() == 3
+    assert found.begins.sum() == 1
+    assert found.flown["number"][~found.ordered].tolist() == [HEAVY + 1]
+    assert not found.proved
+    (tmp_path / "whole.bin").write_bytes(data)
+    assert wg.prove_flown(tmp_path / "whole.bin", flight / "comp").begins.sum() == 1
+
+
+@pytest.mark.parametrize("same", [0, 3])
+def test_two_runs_in_one_log_are_proved_also_where_they_begin_alike(flight, tmp_path, same):
+    """Three equal periods of the second run were taken for repeats of the first's."""
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    heard = data[: 50 * length]
+    other = data[: same * length] + flown(tmp_path / "comp", wanted=f"k + 1 <= {same} ? 0.1 : 0.2")[same * length :]
+    (tmp_path / "two.bin").write_bytes(heard + other)
+    found = wg.prove_flown(tmp_path / "two.bin", flight / "comp")
+    assert found.proved, found
+    assert (len(found), found.begins.sum(), found.repeated) == (50 + PERIODS - len(LOST), 2, 0)
+    lagging = b"".join(heard[k * length : (k + 1) * length] for j in range(50) for k in (j, max(j - 2, 0)))
+    (tmp_path / "topics.bin").write_bytes(lagging)
+    found = wg.prove_flown(tmp_path / "topics.bin", flight / "comp")
+    assert found.proved, found
+    assert (len(found), found.begins.sum(), found.repeated) == (50, 1, 50)
+
+
+@pytest.mark.parametrize(("push", "proved"), [("0", True), ("1.2e-3f", False), ("2e-6f", False)])
+def test_an_estimate_that_is_walked_from_outside_is_found(tmp_path, push, proved):
+    """By less than the tolerance of wrenches in each period, it went to its bound in a flight that was "proved"."""
+    walk = f"memory.estimate[2] += {push}; memory.integral[2] += 0.2f * {push};"
+    options = {"precision": "float", "observer": 2.0, "observer_max": 0.3}
+    (tmp_path / "flight.bin").write_bytes(flown(tmp_path / "comp", walk=walk, **options))
+    found = wg.prove_flown(tmp_path / "flight.bin", tmp_path / "comp")
+    assert found.proved == proved, found
+    assert found.agrees.all()
+    assert proved == (found.identical.sum() == len(found))
+
+
+def test_small_pushes_are_added_up(flight, tmp_path):
+    """Each within the last places of two builds, together beyond the tolerance."""
+    (tmp_path / "flight.bin").write_bytes((flight / "flight.bin").read_bytes())
+    found = wg.prove_flown(tmp_path / "flight.bin", flight / "comp")
+    pushed = np.where(found.follows[:, None], 5.0 * found.tolerance / len(found), 0.0) * np.ones(found.pushed.shape)
+    for sign, whole in ((1.0, False), (np.where(np.arange(len(found)) % 2, 1.0, -1.0)[:, None], True)):
+        again = replace(found)
+        vars(again)["pushed"] = sign * pushed
+        vars(again)["_rounding"] = 1.0
+        assert again.proved == whole
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_another_build_that_rounds_otherwise_is_proved(tmp_path, precision):
+    options = {"precision": precision, "observer": 2.0, "observer_max": 0.3}
+    machine = ["-march=native"] if os.uname().machine == "x86_64" else []
+    build = ("-O3", "-ffp-contract=fast", *machine)
+    model = with_effects(com_offset=OFFSET, servo_lag=[0.06])
+    (tmp_path / "flight.bin").write_bytes(flown(tmp_path / "comp", model=model, build=build, **options))
+    found = wg.prove_flown(tmp_path / "flight.bin", tmp_path / "comp")
+    assert found.proved, found
+
+
+def test_ids_of_other_exports_are_not_listed_without_end(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    others = b"".join(
+        resealed(data[:length], 0, lambda record, k=k: struct.pack_into("<Q", record, 8, k)) for k in range(500)
+    )
+    (tmp_path / "others.bin").write_bytes(others)
+    with pytest.raises(LogError, match="and 497 more") as error:
+        wg.prove_flown(tmp_path / "others.bin", flight / "comp")
+    assert len(str(error.value)) < 500
+    (tmp_path / "mixed.bin").write_bytes(others + data)
+    assert "497 more" in str(wg.prove_flown(tmp_path / "mixed.bin", flight / "comp"))
+
+
+def test_a_file_of_heads_without_records_is_read_within_its_budget(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    (tmp_path / "heads.bin").write_bytes(data[:28] * 20_000)
+    with pytest.raises(LogError, match="--budget"):
+        wg.prove_flown(tmp_path / "heads.bin", flight / "comp", budget="1GB,0.1s")
 
 
 @pytest.mark.parametrize("name", ["wrenchgap_record.h", "wrenchgap_record.c"])

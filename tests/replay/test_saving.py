@@ -2,6 +2,8 @@
 
 import os
 from contextlib import suppress
+from threading import Event, Thread
+from time import monotonic
 
 import pytest
 from hypothesis import given
@@ -74,6 +76,33 @@ def test_force_replaces_files_and_nothing_else(tmp_path):
         with pytest.raises(UsageError, match="no ordinary file"):
             folder.write(name, "new")
     assert outside.read_text() == "mine"
+
+
+def test_a_link_that_comes_and_goes_is_never_followed(tmp_path):
+    """One was put there between the look and the write: after some thousand saves a file of the user was a model."""
+    mine, shared = tmp_path / "mine", tmp_path / "shared"
+    shared.mkdir()
+    mine.write_text("mine")
+    stop = Event()
+
+    def flip():
+        while not stop.is_set():
+            with suppress(OSError):
+                (shared / "m.toml").symlink_to(mine)
+            with suppress(OSError):
+                (shared / "m.toml").unlink()
+
+    other = Thread(target=flip)
+    other.start()
+    try:
+        folder, end = SaveFolder(shared), monotonic() + 2.0
+        while monotonic() < end:
+            with suppress(UsageError):
+                folder.write("m.toml", "model")
+            assert mine.read_text() == "mine"
+    finally:
+        stop.set()
+        other.join()
 
 
 def test_a_folder_that_is_none_is_said_at_the_start(tmp_path):

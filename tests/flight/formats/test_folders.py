@@ -1,5 +1,7 @@
 """A split recording is one flight, a folder of flights several; times decide."""
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,16 @@ def test_damaged_files_are_told_apart_by_their_names(logs, tmp_path):
 def test_an_empty_folder(tmp_path):
     with pytest.raises(LogError, match=r"holds no \.db3 or \.mcap file"):
         flight.load(tmp_path)
+
+
+def test_a_summary_that_lies_tells_no_times(logs, tmp_path):
+    """Counts by channel that go on behind the end of the file were an internal error; the messages are all there."""
+    folder = parts(logs, tmp_path / "split", (0.0, 2.0), ("a_0.mcap", "a_1.mcap"))
+    path = folder / "a_1.mcap"
+    data = bytearray(path.read_bytes())
+    (at,) = struct.unpack_from("<Q", data, len(data) - 28)  # the footer: where the summary begins
+    while data[at] != 0x0B:  # Statistics
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    struct.pack_into("<I", data, at + 9 + 42, 2**32 - 1)  # behind six counts and two times: bytes of those by channel
+    path.write_bytes(data)
+    assert len(flight.load(folder).imu.time) == 400

@@ -1,0 +1,176 @@
+"""Rows that a batch has kept, damaged or put there by somebody else: one line each, and no file of a user is lost."""
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay.batch import driver, sources
+from wrenchgap.replay.batch.plan import Plan, model_text
+from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.tasks import Task, work
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """Two flights, and the rows of `batch compare` and `batch explain` on them."""
+    folder = tmp_path_factory.mktemp("fleet")
+    (folder / "alpha").mkdir()
+    for k in range(2):
+        flight = wg.simulate(wg.load_model("crazyflie"), "multi_axis", duration=4, excitation=1, seed=k)
+        wg.save_log(flight, folder / "alpha" / f"flight{k}.mcap")
+    for command in ("compare", "explain"):
+        plan = Plan(command, {"": model_text("crazyflie")}, names=("com_offset",))
+        Store(str(folder / command)).claim(plan.identity)
+        for task in tasks(folder, plan):
+            work(task, plan, str(folder / command))
+    return folder
+
+
+def tasks(folder, plan):
+    for source in sources.found([str(folder / "alpha")]):
+        content = sources.identity(source)
+        yield Task(source, content, plan.key(content, source.vehicle))
+
+
+@pytest.fixture
+def rows(done, tmp_path):
+    """The rows of `batch compare`, to be damaged."""
+    shutil.copytree(done / "compare", tmp_path / "out")
+    return sorted((tmp_path / "out").rglob("*.parquet"))
+
+
+def changed(path, **cells):
+    table = pq.ParquetFile(path).read()
+    pq.write_table(pa.Table.from_pylist([{**table.to_pylist()[0], **cells}], schema=table.schema), path)
+
+
+def fitted(**entries):
+    def change(path):
+        changed(path, fit=json.dumps({**json.loads(pq.ParquetFile(path).read().to_pylist()[0]["fit"]), **entries}))
+
+    return change
+
+
+def made_anew(path, make):
+    path.unlink()
+    make(path)
+
+
+DAMAGE = {
+    "empty": lambda f: f.write_bytes(b""),
+    "cut": lambda f: f.write_bytes(f.read_bytes()[:-100]),
+    "another table": lambda f: pq.write_table(pa.table({"a": [1]}), f),
+    "no row": lambda f: pq.write_table(pq.ParquetFile(f).read().slice(0, 0), f),
+    "two rows": lambda f: pq.write_table(pa.concat_tables([pq.ParquetFile(f).read()] * 2), f),
+    "no status": lambda f: changed(f, status=None),
+    "another key": lambda f: changed(f, key="other"),
+    "outside its folder": lambda f: f.rename(f.parents[2] / f.name),
+    "a pipe": lambda f: made_anew(f, os.mkfifo),
+    "a device": lambda f: made_anew(f, lambda path: path.symlink_to("/dev/zero")),
+    "no JSON": lambda f: changed(f, fit="{"),
+    "JSON without end": lambda f: changed(f, fit="[" * 100_000),
+    "a list": lambda f: changed(f, fit="[1]"),
+    "a value too few": fitted(theta=[1.0]),
+    "text": fitted(theta=["a", "b", "c"]),
+    "not finite": fitted(theta=[float("nan")] * 3),
+    "beyond all numbers": fitted(theta=[10**400, 1, 1]),
+    "huge": fitted(theta=[1e300] * 3),
+    "negative deviation": fitted(std=[-1.0] * 3),
+    "unknown effect": fitted(effects=["no_such"]),
+    "time as text": fitted(start_ns="x"),
+    "a time beyond all": fitted(start_ns=10**40),
+    "no cutoff": fitted(cutoff_hz=None),
+    "noise of one axis": fitted(noise=[1.0]),
+    "limits that are none": fitted(at_bound=5),
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("name", DAMAGE)
+def test_a_row_that_is_none_is_refused_in_one_line(rows, refused, name):
+    """They were internal errors, an abort, or a hang."""
+    DAMAGE[name](rows[0])
+    line = refused("trend", rows[0].parents[4], "-m", "crazyflie")
+    assert "out" in line
+
+
+def test_folders_and_runs_that_are_none_are_refused_in_one_line(rows, refused):
+    out = rows[0].parents[4]
+    (out / "rows" / "pass=zzz").mkdir()
+    assert Store(str(out)).latest() == 1
+    for content in ("[]", "[" * 100_000, "\0"):
+        (out / "run.json").write_text(content)
+        assert "run.json" in refused("trend", out, "-m", "crazyflie")
+    made_anew(out / "run.json", os.mkfifo)
+    with pytest.raises(UsageError, match=r"run\.json is no ordinary file"):
+        Store(str(out)).identity()
+
+
+def test_again_does_those_logs_once_more_whose_row_cannot_be_read(rows, done):
+    rows[0].write_bytes(b"")
+    out = Store(str(rows[0].parents[4]))
+    assert [one.path for one in out.unreadable(list(out.done().values()))] == [str(rows[0])]
+    with pytest.raises(UsageError, match="--again"):
+        out.rows()
+    plan = Plan("compare", {"": model_text("crazyflie")}, names=("com_offset",))
+    with (
+        pytest.importorskip("distributed").LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+        ) as cluster,
+        driver.client(cluster.scheduler_address) as client,
+    ):
+        found = sources.found([str(done / "alpha")])
+        outcome = driver.run(client, found, plan, out, lambda *said: None, again=True)
+    assert (len(outcome.rows), outcome.before) == (1, 1)
+    assert len(out.rows()) == 2
+
+
+def test_a_link_in_the_place_of_a_hidden_file_or_a_folder_leads_nowhere(rows, tmp_path):
+    """A batch that went on in a folder of somebody else's wrote rows over any file that he named."""
+    store, own = Store(str(rows[0].parents[4])), tmp_path / "own"
+    own.mkdir()
+    (own / "mine").write_text("mine")
+    row = {**store.rows()[0], "status": "ok"}
+    row.pop("vehicle"), row.pop("date")
+    for hidden in (f".{rows[0].name}.{os.getpid()}.part", f".{rows[0].stem}.{os.getpid()}.part.parquet"):
+        (rows[0].parent / hidden).symlink_to(own / "mine")
+    store.add(row, "alpha")
+    assert (own / "mine").read_text() == "mine"
+    shutil.rmtree(rows[0].parents[1])
+    rows[0].parents[1].symlink_to(own)
+    with pytest.raises(UsageError, match="is a link or a file; expected a folder"):
+        store.add(row, "alpha")
+    assert [p.name for p in own.iterdir()] == ["mine"]
+
+
+def test_evidence_that_is_none_is_refused_in_one_line(done, tmp_path):
+    """An empty one ended in "interrupted", exit code 130, where nobody interrupted."""
+    from wrenchgap.replay.batch.ranking import rankings
+
+    shutil.copytree(done / "explain", tmp_path / "out")
+    path = next((tmp_path / "out").rglob("*.parquet"))
+    store = Store(str(tmp_path / "out"))
+    rankings(store, list(store.done()), 1)
+    for content in (None, b"", b"x" * 100):
+        changed(path, evidence=content)
+        with pytest.raises(UsageError, match=rf"{path.name}: the evidence that is kept there cannot be read"):
+            rankings(store, list(store.done()), 1)
+    assert [one.key for one in store.unreadable(list(store.done().values()))] == [path.stem]
+
+
+def test_the_end_of_a_file_is_no_interruption(capsys, monkeypatch):
+    from wrenchgap.replay.cli import main
+
+    monkeypatch.setenv("WRENCHGAP_DEBUG", "1")
+    error = main.typer.Abort()
+    error.__cause__ = EOFError()
+    assert main.report(error) == 1
+    assert "interrupted" not in capsys.readouterr().err
+    assert np.isfinite(main.report(main.typer.Abort()))
