@@ -152,7 +152,7 @@ def test_a_link_in_the_place_of_a_hidden_file_or_a_folder_leads_nowhere(rows, tm
 
 def test_evidence_that_is_none_is_refused_in_one_line(done, tmp_path):
     """An empty one ended in "interrupted", exit code 130, where nobody interrupted."""
-    from wrenchgap.replay.batch.ranking import rankings
+    from wrenchgap.replay.batch.fleet import rankings
 
     shutil.copytree(done / "explain", tmp_path / "out")
     path = next((tmp_path / "out").rglob("*.parquet"))
