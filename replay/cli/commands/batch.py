@@ -70,7 +70,9 @@ class Where:
     vehicle: Annotated[
         str | None, typer.Option("--vehicle", metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
     ] = None
-    again: Annotated[bool, typer.Option("--again", help="Try logs once more that have failed.")] = False
+    again: Annotated[
+        bool, typer.Option("--again", help="Try logs once more that have failed, or whose row cannot be read.")
+    ] = False
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and (self.workers is not None or self.memory != "auto"):
