@@ -34,7 +34,7 @@ def done(tmp_path_factory):
 
 
 def tasks(folder, plan):
-    for source in sources.found([str(folder / "alpha")]):
+    for source in sources.logs_named([str(folder / "alpha")]):
         content = sources.identity(source)
         yield Task(source, content, plan.key(content, source.vehicle))
 
@@ -103,8 +103,6 @@ def test_a_row_that_is_none_is_refused_in_one_line(rows, refused, name):
 
 def test_folders_and_runs_that_are_none_are_refused_in_one_line(rows, refused):
     out = rows[0].parents[4]
-    (out / "rows" / "pass=zzz").mkdir()
-    assert Store(str(out)).latest() == 1
     for content in ("[]", "[" * 100_000, "\0"):
         (out / "run.json").write_text(content)
         assert "run.json" in refused("trend", out, "-m", "crazyflie")
@@ -126,7 +124,7 @@ def test_again_does_those_logs_once_more_whose_row_cannot_be_read(rows, done):
         ) as cluster,
         driver.client(cluster.scheduler_address) as client,
     ):
-        found = sources.found([str(done / "alpha")])
+        found = sources.logs_named([str(done / "alpha")])
         outcome = driver.run(client, found, plan, out, lambda *said: None, again=True)
     assert (len(outcome.rows), outcome.before) == (1, 1)
     assert len(out.rows()) == 2
