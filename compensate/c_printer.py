@@ -181,7 +181,7 @@ class Printer:
             if kind.is_constant:
                 continue
             if kind.name in STRUCTS:
-                parts.append(f"{STRUCTS[kind.name]} *{argument}")
+                parts.append(f"{'' if argument in one.written else 'const '}{STRUCTS[kind.name]} *{argument}")
             elif len(kind.sizes) > 1:
                 parts.append(f"{kind.name} {argument}{bounds(kind.sizes)}")
             elif kind.sizes:

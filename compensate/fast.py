@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.compensate import kernels
 from wrenchgap.compensate.generated.views import opened
-from wrenchgap.compensate.kernels import BETA, COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
+from wrenchgap.compensate.kernels import COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.packing import packed
 from wrenchgap.compensate.physics import PhysicsMismatch
@@ -224,6 +225,8 @@ class Stepper:
             self._state[0] = state_row(state)
         self.trouble = ""
         self._step(self._wrench, self._state, self._row, False)
+        if _refused(self._row)[0]:
+            self.trouble = IMPLAUSIBLE
         row: Array = self._row[0]
         return row
 
@@ -239,8 +242,7 @@ class Stepper:
             done += self._step(wrenches[done:], states[done:], out[done:], True)
             if self.trouble:
                 trouble[done - 1] = self.trouble
-        refused = (out[:, BETA] == 1.0) & np.isnan(out[:, COST]) & (out[:, EVALUATIONS] == 0.0)
-        for k in np.flatnonzero(refused).tolist():
+        for k in np.flatnonzero(_refused(out)).tolist():
             trouble.setdefault(k, IMPLAUSIBLE)
         for k in np.flatnonzero(~np.isfinite(out[:, SIGMA])).tolist():
             trouble.setdefault(k, WITHHELD)
@@ -252,9 +254,6 @@ class Stepper:
         if made < len(wrenches):
             self._hand_over(wrenches[made], states[made], out[made], expects)
             made += 1
-        last = out[made - 1]
-        if made == 1 and last[BETA] == 1.0 and math.isnan(last[COST]) and last[EVALUATIONS] == 0.0:
-            self.trouble = self.trouble or IMPLAUSIBLE
         return made
 
     def expected(self, wrench: Array) -> Array:
@@ -278,7 +277,12 @@ class Stepper:
         memory.optimum[:] = found.correction
         self._room.wrench[:] = wrench
         out[COST : LIMITED + 1] = found.cost, evaluations + found.iterations, found.accepted, limited
-        kernels.end(self._compensation, memory, self._room, wanted, out, expects)
+        kernels.end(self._compensation, memory, self._room, out, expects)
+
+
+def _refused(rows: Array) -> NDArray[np.bool_]:
+    """Which results (K, 24 + 2 L) are those of a state that is none (`kernels.refuse`): no model was asked."""
+    return np.asarray(np.isnan(rows[:, COST]) & (rows[:, EVALUATIONS] == 0.0))
 
 
 class _Linear:

@@ -71,18 +71,8 @@ DONE, HANDED_BACK, REFUSED = 0, 1, 2
 """How a step ended."""
 ILL = 1e-3
 """Ratio of pivots of A^T A below which A = I + dmu/dW counts as ill-conditioned: singular values apart by 30."""
-COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = (
-    0,
-    6,
-    12,
-    18,
-    19,
-    20,
-    21,
-    22,
-    23,
-    24,
-)
+COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST = 0, 6, 12, 18, 19, 20
+EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = 21, 22, 23, 24
 """Places in a row of results; the mismatch expected before (L,) and after (L,) comes last. LIMITED: the vehicle
 cannot make what was asked for, or what was found."""
 
@@ -880,7 +870,7 @@ def _advance(
         for i in range(EXPECTED, out.shape[1]):
             out[k, i] = 0.0
         if expects and said == DONE:
-            mismatch(c, w, wrenches[k], out[k, EXPECTED : EXPECTED + count])
+            mismatch(c, w, w.wrench, out[k, EXPECTED : EXPECTED + count])
             mismatch(c, w, out[k, :6], out[k, EXPECTED + count :])
     return len(wrenches)
 
@@ -890,8 +880,8 @@ def advance(numbers: Array, counts: Ints, wrenches: Array, states: Array, out: A
     """Steps through wrenches (K, 6) with states (K, 15) until the end, or one that is handed back; how many are done.
 
     `numbers` and `counts` are a `packing.packed` compensation. `out` (K, 24 + 2 L) has the results, with the mismatch
-    expected of desired and sent command where `expects`. What is remembered is as it was before a step that is handed
-    back.
+    expected of the desired wrench, as far as the vehicle can make it, and of the sent command where `expects`. What is
+    remembered is as it was before a step that is handed back.
     """
     everything, flat, before = opened(numbers, counts)
     return _advance(everything, flat, before, wrenches, states, out, expects)
@@ -908,12 +898,12 @@ def begin(c: Compensation, m: Memory, w: Room, wrench: Array, state: Array) -> b
 
 
 @kernel
-def end(c: Compensation, m: Memory, w: Room, wrench: Array, out: Array, expects: bool) -> None:
+def end(c: Compensation, m: Memory, w: Room, out: Array, expects: bool) -> None:
     """`finish` of that step."""
     count = len(w.r)
     finish(c, m, w, out)
     if expects:
-        mismatch(c, w, wrench, out[EXPECTED : EXPECTED + count])
+        mismatch(c, w, w.wrench, out[EXPECTED : EXPECTED + count])
         mismatch(c, w, out[:6], out[EXPECTED + count :])
 
 

@@ -507,7 +507,7 @@ static int wg_propose(wg_room *w, wg_real damping)
 }
 
 /* Whether a proposal is the point that it starts from, to rounding. */
-static int wg_standing_still(wg_room *w)
+static int wg_standing_still(const wg_room *w)
 {
     wg_real moved;
     wg_real size;
@@ -829,7 +829,7 @@ static void wg_forget(wg_memory *m)
 
 /* Whether the corrections that are remembered are within their bounds, none on an axis that has no output. A step
  * leaves them so; where they are not, somebody else wrote to the memory, or it was never reset. */
-static int wg_kept(wg_memory *m)
+static int wg_kept(const wg_memory *m)
 {
     wg_real known;
     wg_real most;
@@ -883,7 +883,7 @@ static void wg_finish(wg_memory *m, wg_room *w, wg_real *out)
 }
 
 /* The result of a period whose state is none that a flight can have: the desired wrench, no correction. */
-static void wg_refuse(wg_memory *m, wg_room *w, wg_real *out)
+static void wg_refuse(wg_memory *m, const wg_room *w, wg_real *out)
 {
     for (int i = 0; i < 6; i++) {
         out[WG_COMMAND + i] = w->wrench[i];
@@ -1018,7 +1018,7 @@ static void wg_take_back(wg_reach_room *w, wg_memory *s, const wg_real *wanted, 
 }
 
 /* Whether the estimate is within its bounds, as observe leaves it. */
-static int wg_estimate_kept(wg_memory *s)
+static int wg_estimate_kept(const wg_memory *s)
 {
     for (int i = 0; i < 3; i++) {
         if (!(wg_fabs(s->estimate[i]) <= wg_observer_torque_max[i])) {

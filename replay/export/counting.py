@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 
-from wrenchgap.compensate.fast import Plan
+from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
+from wrenchgap.compensate.kernels import PULLS, ROUNDS
+from wrenchgap.compensate.tables import Room, layout
 from wrenchgap.replay.export.c_lines import Code, Counts
 
 KINDS = ("add", "multiply", "divide", "sqrt", "exp", "trig", "other")
 """Operations, in the order of the tables; `exp` counts logarithms too, `trig` sine, cosine and atan2, `other`
 comparisons, absolute values and signs."""
+
+
+FRAMES = 250
+"""Numbers of the calls themselves: locals, arguments and what is saved of registers, of ten functions at most."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +26,7 @@ class Cost:
 
     tables    constants, in read-only memory
     memory    a `wg_memory`
-    stack     upper bound: every number of every function on the deepest path at once, without the compiler's reuse
+    stack     upper bound: the room of a period, and every number of the longest piece of physics at once
     evaluations_usual, evaluations_worst   of the model in a step
     """
 
@@ -59,11 +66,22 @@ def _process(plan: Plan) -> tuple[Counts, Counts]:
     outputs, points, inputs = plan.expansion.points.shape
     distances = Counter(add=2 * inputs * points, multiply=inputs * points, divide=2 * inputs)
     mean = distances + Counter(multiply=3 * points, exp=points, add=points)
+    mean += Counter(add=3 * inputs, multiply=inputs, divide=inputs)
     mean += Counter(add=2 * outputs * points, multiply=outputs * points, divide=4 * outputs)
     pairs = points * (points + 1) // 2 if plan.expansion.triangular else points * points
     sigma = distances + Counter(multiply=2 * points, exp=points, sqrt=1, divide=1)
     sigma += Counter(add=pairs + points, multiply=pairs + points)
     return _scaled(mean, outputs), _scaled(sigma, outputs)
+
+
+def _reach(plan: Plan) -> tuple[Counts, Counts]:
+    """Operations of looking whether a wrench is within reach, and of the search for the nearest that is."""
+    table = plan.reach.table
+    limits, arms = len(table.rows), len(table.middle)
+    looking = Counter(add=6 * limits + 5 * arms, multiply=6 * limits + 3 * arms, divide=6 + arms, trig=arms, sqrt=arms)
+    looking += Counter(other=2 * limits + 3 * arms)
+    turn = looking + Counter(add=14 * limits + 36, multiply=6 * limits + 36, divide=2 * arms, trig=4 * arms, sqrt=arms)
+    return looking, _scaled(turn, ROUNDS) + _scaled(looking + Counter(add=12, multiply=6), PULLS)
 
 
 def _newton(size: int) -> Counts:
@@ -82,13 +100,16 @@ def cost(plan: Plan, pieces: Pieces, usual: float, number: int, table_numbers: i
     for piece in (pieces.fixed, pieces.sent):
         around += piece.counts if piece else Counter()
     each = physics + _newton(size)
-    worst = _scaled(each, alone) + _scaled(each + mean, whole + 1) + around
+    looking, finding = _reach(plan)
+    around += _scaled(looking, 3)
+    worst = _scaled(each, alone) + _scaled(each + mean, whole + 1) + around + _scaled(finding, 2)
     share = whole / (alone + whole)
     often = _scaled(each, usual * (1 - share)) + _scaled(each + mean, usual * share + 1) + around
     memory = 6 * 6 + 2 + (plan.physics.arms + plan.physics.memory if plan.physics else 0) + 1
-    points = 0 if plan.expansion is None else plan.expansion.points.shape[1]
+    sizes = sizes_of(plan, compensation_of(plan)) | {"WG_FIXED": pieces.fixed.numbers if pieces.fixed else 0}
+    room = sum(math.prod(sizes[n] if isinstance(n, str) else n for n in entry.shape) for entry in layout(Room))
     functions = [p.numbers for p in (pieces.fixed, pieces.moving, pieces.sent) if p]
-    stack = max([2 * points, *functions]) + 40 * size * size + 200
+    stack = room + sizes["WG_ROW"] + max([0, *functions]) + FRAMES
     return Cost(
         at_worst={kind: worst[kind] for kind in KINDS},
         usual={kind: often[kind] for kind in KINDS},

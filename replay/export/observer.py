@@ -98,8 +98,7 @@ def remembered(made: Combined) -> int:
 
 def with_observer(price: Cost, made: Combined, number: int) -> Cost:
     """The cost of a step with the observer: operations, its constants and its memory; `number` are a number's bytes."""
-    more = Counter(multiply=9 + 6 + 12, add=6 + 3 + 21 + 9, divide=3, other=9 + 3 * remembered(made))
-    more += Counter(multiply=9, add=6, other=3)
+    more = Counter(multiply=9 + 6 + 6 + 9 + 9, add=9 + 3 + 12 + 21 + 3, divide=6, other=12 + 3 * remembered(made))
     return replace(
         price,
         usual={kind: count + more[kind] for kind, count in price.usual.items()},

@@ -181,6 +181,26 @@ def test_what_cannot_be_exported_is_refused_by_name(tmp_path, flown):
         wg.export_compensator(None, MODEL, tmp_path / "d")
 
 
+@needs_compiler
+@pytest.mark.parametrize("how", [{}, {"observer": 2.0, "observer_max": 0.5}])
+def test_no_compiler_needs_more_stack_or_state_than_is_stated(how, flown, tmp_path):
+    """Without optimisation: every function's frame at once, of the physics the longest; gcc says how large they are."""
+    made = wg.export_compensator(process(flown[0], "physics"), with_effects(**EFFECTS), tmp_path / "c", **how)
+    words = [COMPILER, "-std=c99", "-O0", "-fstack-usage", "-c", "-o", "c.o", "wrenchgap_compensator.c"]
+    if subprocess.run(words, cwd=tmp_path / "c", capture_output=True, check=False).returncode:
+        pytest.skip("this compiler does not tell its stack")
+    lines = next((tmp_path / "c").glob("*.su")).read_text().splitlines()
+    frames = {where.rsplit(":", 1)[1]: int(size) for where, size, _ in (line.split("\t") for line in lines)}
+    physics = [frames.pop(name) for name in [n for n in frames if "physics" in n]]
+    assert len(physics) == 3
+    assert sum(frames.values()) + max(physics) <= made.cost.stack < 2 * (sum(frames.values()) + max(physics))
+    main = 'int main(void) { return !printf("%zu", sizeof(wg_memory)); }'
+    (tmp_path / "c" / "size.c").write_text(f'#include "wrenchgap_compensator.h"\n#include <stdio.h>\n{main}')
+    subprocess.run([COMPILER, "size.c", "-o", "size"], cwd=tmp_path / "c", check=True)
+    size = subprocess.run(["./size"], cwd=tmp_path / "c", capture_output=True, text=True, check=True).stdout
+    assert made.cost.memory - 24 <= int(size) <= made.cost.memory
+
+
 def test_command_prints_what_a_step_costs_and_overwrites_only_when_told(run, refused, result_of, flown, tmp_path):
     save(process(flown[0]), tmp_path / "torque.gp")
     found = result_of("export", "torque.gp", "-m", "voliro_x", "-o", "made")
