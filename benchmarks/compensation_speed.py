@@ -5,8 +5,9 @@
     python -m benchmarks.compensation_speed --json rows.json    # rows as they come
 
 A tilt-arm hexarotor with twelve rotors, a process with 100 points and 3 outputs, 4 effects; 200 Hz along a smooth
-flight about all axes. Processor time of the thread that steps, not the clock on the wall, because the machine may be busy; but a busy core
-that two share is slower in processor time too. So the ratio of two rows of one run is what counts; the load is stated.
+flight about all axes. Processor time of the thread that steps, not the clock on the wall, because the machine may be
+busy; but a busy core that two share is slower in processor time too. So the ratio of two rows of one run is what
+counts; the load is stated.
 """
 
 from time import thread_time_ns
