@@ -59,7 +59,6 @@ class Reach:
     """
 
     table: ReachTable
-    _room: ReachRoom
 
     @property
     def authority(self) -> Array:
@@ -71,19 +70,24 @@ class Reach:
         """Largest correction (6,) by effects or an observer [N, Nm]."""
         return SHARE * self.authority
 
+    def _room(self) -> ReachRoom:
+        """New for every call: a reach is shared, and its functions release Python's lock."""
+        limits = (np.zeros(len(self.table.rows)) for _ in range(3))
+        return ReachRoom(*limits, *(np.zeros(len(AXES)) for _ in range(4)))
+
     def inside(self, wrench: Array) -> bool:
         """Whether the vehicle makes this wrench (6,) with no limit met; False for what is not finite."""
-        return bool(kernels.is_inside(self.table, self._room, np.array(wrench, dtype=float)))
+        return bool(kernels.is_inside(self.table, self._room(), np.array(wrench, dtype=float)))
 
     def take_back(self, observed: Observed, wanted: Array, command: Array, correction: Array) -> None:
         """What an observer does behind a period in which its vehicle could not make what it was to (`kernels`)."""
         given = (np.array(values, dtype=float) for values in (wanted, command, correction))
-        kernels.limit(self.table, self._room, observed, *given)
+        kernels.limit(self.table, self._room(), observed, *given)
 
     def nearest(self, wrench: Array) -> tuple[Array, bool]:
         """The reachable wrench (6,) nearest to one of numbers that are no nan, and whether it is another."""
         found = np.array(wrench, dtype=float)
-        return found, bool(kernels.nearest_wrench(self.table, self._room, found))
+        return found, bool(kernels.nearest_wrench(self.table, self._room(), found))
 
 
 @lru_cache(maxsize=8)
@@ -138,7 +142,7 @@ def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehic
     hover = np.zeros(len(AXES))
     hover[2] = vehicle.body.mass * GRAVITY
     solve = np.asarray(np.linalg.inv(np.eye(6) + scaled.T @ scaled), dtype=float)
-    made = _of_table(ReachTable(scaled, low, high, middle, half, weak, authority, hover / authority, solve))
+    made = Reach(ReachTable(scaled, low, high, middle, half, weak, authority, hover / authority, solve))
     if not made.inside(hover):
         raise ModelError(
             f"{vehicle.name}: cannot hover within its own limits: it weighs {hover[2]:.3g} N, and {LIMITS} give "
@@ -150,9 +154,4 @@ def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehic
 def no_reach() -> Reach:
     """Of a vehicle that is not known: every wrench is inside."""
     none, ones = np.zeros(0), np.ones(len(AXES))
-    return _of_table(ReachTable(np.zeros((0, 6)), none, none, none, none, none, ones, 0.0 * ones, np.eye(6)))
-
-
-def _of_table(table: ReachTable) -> Reach:
-    limits = (np.zeros(len(table.rows)) for _ in range(3))
-    return Reach(table, ReachRoom(*limits, *(np.zeros(len(AXES)) for _ in range(4))))
+    return Reach(ReachTable(np.zeros((0, 6)), none, none, none, none, none, ones, 0.0 * ones, np.eye(6)))

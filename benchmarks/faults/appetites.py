@@ -393,7 +393,7 @@ def seeds(folder: Path) -> Iterator[tuple[str, bytes]]:
     """Small ones of every kind that is one file, by name."""
     for name in MAKERS:
         place = folder / name
-        place.mkdir()
+        place.mkdir(parents=True)
         path = made(name, place, seed=True)
         if path.is_file():
             yield name, path.read_bytes()

@@ -7,6 +7,8 @@ import pytest
 
 from benchmarks.faults import page
 from benchmarks.faults.cases import Case
+from benchmarks.faults.fuzz import seeds
+from benchmarks.faults.fuzz.seeds import LOGS
 from benchmarks.faults.opening import Opened, Outcome, judged
 from benchmarks.faults.valid import FORMS
 from benchmarks.faults.workers import Row, rows
@@ -73,3 +75,11 @@ def test_a_section_takes_the_place_of_an_older_one_and_leaves_the_rest():
     behind = f"{text}\n## Behind\n\nmore\n"
     assert page.with_section(behind, result) == behind
     assert "| ulog | 1 | 1 | 0 |" in text
+
+
+def test_seeds_of_the_fuzzer_are_sound_logs_and_small_ones_with_large_appetites(tmp_path):
+    seeds.write(tmp_path)
+    names = [place.name for place in (tmp_path / "log").iterdir()]
+    assert {form for form in LOGS if form not in names} == set()
+    assert sum(name.startswith("appetite-") for name in names) > 15
+    assert all(any(place.iterdir()) for place in tmp_path.iterdir())

@@ -20,10 +20,12 @@ from tests.replay.exported_c import (
     with_effects,
 )
 from wrenchgap.compensate import Combined, Compensator, PhysicsMismatch, Settings
+from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.stability import Observer, sensitivity_peak
 from wrenchgap.plant.state import State
@@ -194,6 +196,18 @@ def test_single_precision_repeats_the_recorded_steps(tmp_path):
     for flags in ((), ("-DWG_DOUBLE",)):
         done = selftest(built(tmp_path / "c", "-O2", *flags))
         assert done.returncode == 0, done.stdout
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["crazyflie", "asymmetric_quadrotor"])
+def test_quadrotors_whose_yaw_is_out_of_reach_repeat_the_recorded_steps(name, tmp_path):
+    """What is expected of a command that was limited is that of the whole command: its forces were moved too."""
+    model = wg.load_model(name)
+    model = model.with_effects([make_effect(model.vehicle, "com_offset", [0.0005, 0.0, 0.0])])
+    torque = 0.5 * float(reach_of(model.vehicle).authority[3:].min())
+    wg.export_compensator(None, model, tmp_path / "c", observer=2.0, observer_max=torque)
+    done = selftest(built(tmp_path / "c", "-O2"))
+    assert done.returncode == 0, done.stdout
 
 
 def test_observer_costs_and_is_told(tmp_path):

@@ -25,7 +25,7 @@ def write(folder: Path) -> None:
         with tempfile.TemporaryDirectory() as place:
             made = {form: _made(form, Path(place)) for form in (*LOGS, "model", "trajectory", "gp")}
             parts = {"log": {form: made[form].read_bytes() for form in LOGS}}
-            parts["log"] |= dict(appetites.seeds(Path(place)))
+            parts["log"] |= {f"appetite-{name}": seed for name, seed in appetites.seeds(Path(place) / "appetites")}
             parts["model"] = {"model": made["model"].read_bytes()}
             parts["trajectory"] = {"trajectory": made["trajectory"].read_bytes()}
             parts["process"] = {"whole": b"\xff" + made["gp"].read_bytes()} | _process_parts(made["gp"])
