@@ -115,6 +115,7 @@ def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, ef
         eventually(lambda at=at: page.cursor.time > at, "the page is stuck")
     assert effects.work.running, "the page answered only when the search had ended"
     eventually(lambda: not effects.work.running, "the search does not end", 90.0)
+    assert "each by itself" in effects.found.content, "the search failed, or what came of it is not told"
     visitor.tab.wait_for_selector("text=each by itself")
 
 
