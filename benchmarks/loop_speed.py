@@ -21,13 +21,15 @@ from benchmarks import pages
 from benchmarks.hidden_effects.airframe import GRAVITY, MASS, ROTORS, Airframe
 from benchmarks.pages import timed
 from wrenchgap.plant import model_file
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.controller import evaluate, integrated
 from wrenchgap.plant.effects import catalogue
-from wrenchgap.plant.flight_computer import FlightComputer
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
 from wrenchgap.plant.simulate import simulate
-from wrenchgap.plant.state import State
+from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import named
+from wrenchgap.plant.wrench_model import about_origin
 
 MODEL = model_file.load("tilt_hexarotor")
 RATE = 1000.0
@@ -58,14 +60,17 @@ def by_solve_ivp(model, trajectory, seconds):
     reference, body = trajectory.at(time), RigidBody(plant.body)
     r = reference.sample(0)
     y = pack(State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D))
-    computer, found = FlightComputer(gains, MODEL.vehicle), []
+    allocation, found = Allocation(MODEL.vehicle), []
+    integral, tilt = np.zeros(3), np.zeros(len(MODEL.vehicle.arms))
     for k, begin in enumerate(time.tolist()):
         found.append(y[:3])
-        sent = computer.step(k, unpack(begin, y), reference.sample(k), dt)
+        known = unpack(np.array([begin]), y[None])
+        wrench, error = evaluate(gains, MODEL.vehicle.body, known, reference.sample(k), integral[None])
+        integral = integrated(gains, integral, error[0], dt)
+        tilt, speed, _ = allocation.step(about_origin(MODEL.vehicle.body, wrench)[0], tilt, k == 0, dt)
 
-        def slopes(t, now, sent=sent):
-            wrench = plant.wrench(sent, unpack(t, tuple(now)))
-            return body.derivative(wrench[0])(tuple(now))
+        def slopes(t, now, sent=Commands(wrench, tilt[None], speed[None])):
+            return body.derivative(now, plant.wrench(sent, unpack(np.array([t]), now[None]))[0])
 
         y = solve_ivp(slopes, (begin, begin + dt), y, rtol=1e-6, atol=1e-9).y[:, -1]
         y[3:7] /= np.linalg.norm(y[3:7])

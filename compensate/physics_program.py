@@ -1,7 +1,7 @@
 """The physics of a compensation as programs: the mismatch of a command, and where a command brings the actuators.
 
 Nothing is written twice: `plant.wrench_model` and the effects' own `apply` run once on arrays that write down what is
-done with them (`plant.tracing`). Only the allocation, which decides by values, has its single sample here.
+done with them (`plant.tracing`).
 
 Inputs, in this order (`Inputs`): the command (6,) [N, Nm]; the state (15,): position in E [m], quaternion B to E (w, x,
 y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V]; whether nothing was sent yet (1 or 0); the tilt
@@ -20,18 +20,14 @@ import numpy as np
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.state_row import STATE
 from wrenchgap.flight.flight import AXES
-from wrenchgap.plant.allocation import ROUNDING, TURN, Allocation
+from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.tape import Program, Tape, program
 from wrenchgap.plant.traced_effects import leaves, rebuilt, wrapped
 from wrenchgap.plant.tracing import Node, Traced, Untraceable
-from wrenchgap.plant.vehicle import Arms
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
-
-NO_STOP = 1e4
-"""Angle [rad] of a stop that no arm reaches: 1,600 turns; a model without stops has 1e9 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,28 +120,10 @@ class _Tracer:
         if self.allocation is None:
             return Commands(wrench)
         vehicle = self.model.vehicle
-        arms, rotors = vehicle.geometry()
-        self.arms = len(arms)
-        before = self._inputs("tilt", [f"arm_{k}" for k in range(len(arms))])
-        unknowns = (Traced.of(about_origin(vehicle.body, wrench)) @ self.allocation.inverse.T)[0]
-        tilt, speed = Traced.of(np.zeros(len(arms))), Traced.of(np.zeros(len(rotors)))
-        weak: dict[int, Any] = {}
-        column = 0
-        for arm, group in self.allocation.groups:
-            thrust = unknowns[column]
-            if arms.tilts[arm]:
-                lateral, vertical = unknowns[column], unknowns[column + 1]
-                thrust = np.hypot(*(Traced.of([n]) for n in (lateral, vertical)))[0]
-                tilt[arm] = np.arctan2(*(Traced.of([n]) for n in (lateral, vertical)))[0]
-                weak[arm] = np.less(Traced.of([thrust]), self.allocation.hold_thrust)
-            column += 1 + bool(arms.tilts[arm])
-            speed[group] = thrust / float(rotors.c_f[group].sum())
-        for arm, condition in weak.items():
-            tilt[arm] = np.where(condition, before[arm : arm + 1], tilt[arm : arm + 1])[0]
-        turns = np.floor((before - tilt) / TURN + 0.5)
-        angles = np.clip(_into_range(Traced.of(tilt + TURN * turns), arms), arms.tilt_min, arms.tilt_max)
-        turning = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
-        return Commands(wrench, angles[None], turning[None])
+        self.arms = len(vehicle.geometry()[0])
+        before = self._inputs("tilt", [f"arm_{k}" for k in range(self.arms)])
+        tilt, speed, _ = self.allocation.step(Traced.of(about_origin(vehicle.body, wrench))[0], before)
+        return Commands(wrench, tilt[None], speed[None])
 
     def _memory(self, commands: Commands, state: State, fresh: Node) -> Any:
         """What effects remember of the commands sent: inputs, or before the first, the equilibrium at this command."""
@@ -185,15 +163,3 @@ def _between(last: Commands, before: Commands, back: float) -> Commands:
         return None if newer is None else back * older + (1.0 - back) * newer
 
     return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))
-
-
-def _into_range(tilt: Traced, arms: Arms) -> Traced:
-    """Angles of the same direction within their range where there are such, as `plant.allocation` chooses them."""
-    out = tilt.copy()
-    for arm in np.flatnonzero(arms.tilts & (np.minimum(arms.tilt_max, -arms.tilt_min) < NO_STOP)):
-        least, most, near = float(arms.tilt_min[arm]), float(arms.tilt_max[arm]), out[arm : arm + 1]
-        over, under = (-np.floor(ROUNDING - np.maximum(b, 0.0) / TURN) for b in (near - most, least - near))
-        other = near + TURN * (under - over)
-        beyond = np.maximum(least - other, other - most)
-        out[arm] = np.where(np.less(beyond, ROUNDING)[0], other, near)[0]
-    return out

@@ -34,7 +34,7 @@ def normalise(quat_wxyz: Array) -> Array:
     """Unit quaternion(s), shape (..., 4); the sign is kept."""
     if _many(quat_wxyz):
         return np.asarray(quat_wxyz / row_kernels.lengths(quat_wxyz)[:, None])
-    return np.asarray(quat_wxyz / np.linalg.norm(quat_wxyz, axis=-1, keepdims=True))
+    return np.asanyarray(quat_wxyz / np.linalg.norm(quat_wxyz, axis=-1, keepdims=True))
 
 
 def continuous(quat_wxyz: Array) -> Array:
@@ -82,7 +82,7 @@ def log(quat_wxyz: Array) -> Array:
     norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(norm, q[..., :1])
     safe = np.where(norm > 1e-12, norm, 1.0)
-    return np.asarray(np.where(norm > 1e-12, angle / safe, 2.0) * q[..., 1:])
+    return np.asanyarray(np.where(norm > 1e-12, angle / safe, 2.0) * q[..., 1:])
 
 
 def rotation_between(before_wxyz: Array, after_wxyz: Array) -> Array:

@@ -9,8 +9,10 @@ The rotors of one arm turn at equal speed. An arm that cannot tilt contributes o
 vehicles are the special case without lateral columns. Source: Kamel et al., "The Voliro
 omniorientational hexacopter", 2018.
 
-Angles are unwrapped from sample to sample and held while an arm's thrust is below `hold_thrust`; turned by whole turns
-into their range where that has the same direction; then limited in rate and range; rotor speeds are limited in range.
+Each angle is held while its arm's thrust is below `hold_thrust`, else taken next to the angle that was sent before, and
+turned by whole turns into its range where that has the same direction; then limited in rate and range. Without the
+turns an arm whose range is wider than half a turn would stand at a stop although the same direction lies within.
+Rotor speeds are limited in range.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.stamps import pieces
+from wrenchgap.plant.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 
@@ -30,9 +32,17 @@ HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
 """Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle
 is held. The smaller counts: 0.2 N is more than an arm of a 30 g vehicle ever pushes."""
 
+Flags = NDArray[np.bool_]
 TURN = 2.0 * np.pi
+NO_STOP = 1e4
+"""Angle [rad] of a stop that no arm reaches: 1,600 turns; a model without stops has 1e9 degrees."""
 ROUNDING = 1e-9
 """By which an angle [rad, turns] may be beyond an end of its range and still count as at it."""
+
+
+LIMITS = ("rotor_speed", "tilt_rate", "tilt_range", "held")
+FEW = 64
+"""Samples below which steps in numpy take less time than writing one down."""
 
 
 @dataclass(frozen=True)
@@ -81,61 +91,78 @@ class Allocation:
         """The part of wrenches (N, 6) that this geometry can make at all, before saturation."""
         return np.asarray(wrench_B @ (self.matrix @ self.inverse).T)
 
+    def step(
+        self, wrench_B: Array, before: Array, fresh: Flags | bool = False, dt: float | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Tilt angles (A,) [rad] and rotor speeds (R,) [rad/s] for a wrench (6,) about O, and what limited them (4,).
+
+        `before` (A,) are the angles that were sent `dt` [s] ago, zero where none were (`fresh`). Without `dt` no rate
+        limit is applied. What limited the commands is 1.0, else 0.0, in the order of `LIMITS`.
+        """
+        arms, rotors = self.vehicle.geometry()
+        asked = self.inverse @ wrench_B
+        tilt, square = np.zeros_like(before), np.zeros_like(before, shape=len(rotors))
+        weak, column = np.zeros_like(before), 0
+        for arm, group in self.groups:
+            thrust = asked[column : column + 1]
+            if arms.tilts[arm]:
+                lateral, vertical, own = thrust, asked[column + 1 : column + 2], slice(arm, arm + 1)
+                thrust = np.hypot(lateral, vertical)
+                weak[own] = 1.0 * (thrust < self.hold_thrust)
+                tilt[own] = np.where(weak[own] > 0.0, before[own], np.arctan2(lateral, vertical))
+            column += 1 + bool(arms.tilts[arm])
+            square[group] = thrust / float(rotors.c_f[group].sum())
+        wanted = np.sqrt(np.maximum(square, 0.0))
+        speed = np.clip(wanted, rotors.speed_min, rotors.speed_max)
+        over = (np.abs(speed - wanted) > 0.0) | (square < 0.0)
+        free = np.flatnonzero(arms.tilts)
+        turned, slow = self._turned(tilt[free], before[free], fresh, dt)
+        tilt[free] = np.clip(turned, arms.tilt_min[free], arms.tilt_max[free])
+        beyond = np.abs(tilt[free] - turned) > 0.0
+        limited = [np.minimum(np.sum(1.0 * where, keepdims=True), 1.0) for where in (over, slow, beyond, weak)]
+        return tilt, speed, np.concatenate(limited)
+
+    def _turned(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
+        """Angles (T,) of arms that tilt, turned and limited in rate as the module says; where they were limited."""
+        arms, _ = self.vehicle.geometry()
+        least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]
+        tilt = beside(tilt, before)
+        stopped = np.flatnonzero(np.minimum(most, -least) < NO_STOP)
+        tilt[stopped] = into_range(tilt[stopped], least[stopped], most[stopped])
+        if dt is None:
+            return tilt, np.zeros_like(tilt)
+        step = np.where(fresh, np.inf, arms.tilt_rate_max[arms.tilts] * dt)
+        change = tilt - before
+        slow = np.abs(change) > step
+        return np.where(slow, before + np.clip(change, -step, step), tilt), np.asanyarray(1.0 * slow)
+
     def allocate(
         self, wrench_B: Array, *, previous_tilt: Array | None = None, dt: float | None = None
     ) -> tuple[Commands, Saturation]:
-        """Commands that make the wrenches (N, 6) about O, and how often they had to be limited.
+        """Commands that make the wrenches (N, 6) about O, and how often they had to be limited: `step`, one by one.
 
         Samples are `dt` [s] apart; `previous_tilt` (A,) [rad] is the angle one `dt` before the first. Without `dt`
         no rate limit is applied. The returned `wrench_B` is the request, before saturation.
         """
-        arms, rotors = self.vehicle.geometry()
-        count = len(wrench_B)
-        tilt: Array = np.zeros((count, len(arms)))
-        weak = np.zeros((count, len(arms)), dtype=bool)
-        limited, saturated = np.empty((count, len(rotors))), 0
-        for piece in pieces(count):
-            thrust_over_cf = self._thrusts(wrench_B[piece], tilt[piece], weak[piece])
-            speed = np.sqrt(np.maximum(thrust_over_cf, 0.0))
-            limited[piece] = np.clip(speed, rotors.speed_min, rotors.speed_max)
-            over = (limited[piece] != speed) | (thrust_over_cf < 0)
-            saturated += int(over.any(axis=1).sum())
-        if not arms.tilts.any():
-            return Commands(wrench_B, tilt, limited), Saturation(rotor_speed=saturated)
-        tilt = _hold(tilt, weak, previous_tilt)
-        before = tilt[:0] if previous_tilt is None else previous_tilt[None]
-        path = np.vstack((before, tilt)) if len(before) else tilt
-        if not np.all(np.abs(np.diff(path, axis=0)) < np.pi):  # else unwrapped as they are
-            tilt = np.unwrap(path, axis=0)[len(before) :]
-        if not np.all((tilt >= arms.tilt_min) & (tilt <= arms.tilt_max)):
-            tilt = _turned_into_range(tilt, arms.tilt_min, arms.tilt_max, previous_tilt)
-        tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
-        in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
-        return Commands(wrench_B, in_range, limited), Saturation(
-            rotor_speed=saturated,
-            tilt_rate=rate_limited,
-            tilt_range=int((in_range != tilt).any(axis=1).sum()),
-            held=int(weak.any(axis=1).sum()),
-        )
 
-    def _thrusts(self, wrench_B: Array, tilt: Array, weak: NDArray[np.bool_]) -> Array:
-        """Thrust over c_f (N, R) for wrenches (N, 6); writes the angles meant, and where thrust is too weak for one."""
+        def step(signals: Signals, wrench: Array) -> Signals:
+            tilt, speed, limited = self.step(wrench, signals["tilt"], signals["fresh"] > 0.0, dt)
+            return {"tilt": tilt, "speed": speed, "limited": limited, "fresh": np.zeros(1)}
+
         arms, rotors = self.vehicle.geometry()
-        unknowns = wrench_B @ self.inverse.T
-        thrust_over_cf = np.zeros((len(wrench_B), len(rotors)))
-        column = 0
-        for arm, group in self.groups:
-            if arms.tilts[arm]:
-                lat, ver = unknowns[:, column], unknowns[:, column + 1]
-                column += 2
-                thrust = np.hypot(lat, ver)
-                tilt[:, arm] = np.arctan2(lat, ver)
-                weak[:, arm] = thrust < self.hold_thrust
-            else:
-                thrust = unknowns[:, column]
-                column += 1
-            thrust_over_cf[:, group] = (thrust / rotors.c_f[group].sum())[:, None]
-        return thrust_over_cf
+        first = {
+            "tilt": np.zeros(len(arms)) if previous_tilt is None else previous_tilt,
+            "speed": np.zeros(len(rotors)),
+            "limited": np.zeros(len(LIMITS)),
+            "fresh": np.array([float(previous_tilt is None)]),
+            "stop": np.zeros(1),
+        }
+        log, count = ("tilt", "speed", "limited"), len(wrench_B)
+        loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count, "stop", plain=count < FEW)
+        loop.run()
+        tilt, speed, limited = (loop.logged("allocation", name, count) for name in log)
+        saturation = dict(zip(LIMITS, limited.sum(axis=0).astype(int).tolist(), strict=True))
+        return Commands(wrench_B, tilt, speed), Saturation(**saturation)
 
 
 @lru_cache(maxsize=8)
@@ -144,52 +171,14 @@ def allocation_of(vehicle: Vehicle) -> Allocation:
     return Allocation(vehicle)
 
 
-def _hold(tilt: Array, weak: NDArray[np.bool_], previous: Array | None) -> Array:
-    """Repeat the last angle wherever thrust is too weak to define one."""
-    if not weak.any():
-        return tilt
-    start = np.zeros(tilt.shape[1]) if previous is None else previous
-    padded = np.vstack((start, tilt))
-    index = np.where(np.vstack((np.zeros(weak.shape[1], dtype=bool), weak)), 0, np.arange(len(padded))[:, None])
-    return np.asarray(np.take_along_axis(padded, np.maximum.accumulate(index, axis=0), axis=0)[1:])
+def beside(tilt: Array, before: Array) -> Array:
+    """Angles (...) [rad] by whole turns next to those before."""
+    return np.asanyarray(tilt + TURN * np.floor((before - tilt) / TURN + 0.5))
 
 
-def _turned_into_range(tilt: Array, least: Array, most: Array, previous: Array | None) -> Array:
-    """Angles (N, A) that point the same way, each next to the one before and by whole turns within its range.
-
-    Where no such angle is in range, the one next to the angle before is returned, beyond the range. Without this an
-    arm whose range is wider than half a turn would stand at a stop although the same direction lies within.
-    """
-    out, last = np.empty_like(tilt), np.zeros(tilt.shape[1]) if previous is None else previous
-    for k, wanted in enumerate(tilt):
-        near = wanted + TURN * np.floor((last - wanted) / TURN + 0.5)
-        other = near + TURN * (_whole_turns(least - near) - _whole_turns(near - most))
-        inside = (other >= least - ROUNDING) & (other <= most + ROUNDING)
-        out[k] = np.where(inside, other, near)
-        last = np.clip(out[k], least, most)
-    return out
-
-
-def _whole_turns(beyond: Array) -> Array:
-    """How many whole turns bring an angle back over an end of its range that it is `beyond` by [rad]; 0 within."""
-    return np.ceil(np.maximum(beyond, 0.0) / TURN - ROUNDING)
-
-
-def _limit_rate(tilt: Array, rate_max: Array, previous: Array | None, dt: float | None) -> tuple[Array, int]:
-    """Angles that follow `tilt` no faster than `rate_max`, and the number of samples that were limited."""
-    if dt is None:
-        return tilt, 0
-    step = rate_max * dt
-    start = tilt[0] if previous is None else previous
-    if np.all(np.abs(np.diff(tilt, axis=0, prepend=start[None])) <= step):
-        return tilt, 0
-    out = np.empty_like(tilt)
-    limited = 0
-    last = start
-    for k, wanted in enumerate(tilt):
-        change = wanted - last
-        bounded = np.clip(change, -step, step)
-        limited += bool(np.any(bounded != change))
-        last = last + bounded
-        out[k] = last
-    return out, limited
+def into_range(tilt: Array, least: Array, most: Array) -> Array:
+    """Angles (...) [rad] by whole turns within their range where one of the same direction is, else as they are."""
+    back = np.ceil(np.maximum(tilt - most, 0.0) / TURN - ROUNDING)
+    forth = np.ceil(np.maximum(least - tilt, 0.0) / TURN - ROUNDING)
+    other = tilt + TURN * (forth - back)
+    return np.where((other >= least - ROUNDING) & (other <= most + ROUNDING), other, tilt)

@@ -104,10 +104,13 @@ def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> C
     return replace(plain, omega_attitude=(x, y, z), omega_position=slow)
 
 
-def attitude_error(R_EB: Array, R_ED: Array) -> Array:
-    """e_R (..., 3) of rotation matrices (..., 3, 3): the sine of the error angle times its axis, in B."""
-    R_DB = np.swapaxes(R_ED, -1, -2) @ R_EB
-    return so3.vee(R_DB)
+def attitude_error(quat_EB: Array, quat_ED: Array) -> Array:
+    """e_R (..., 3) of attitudes (..., 4): the sine of the error angle times its axis, in B.
+
+    With the quaternion (w, u) of R_ED^T R_EB, (R - R^T)^vee / 2 = 2 w u.
+    """
+    q = so3.multiply(so3.conjugate(quat_ED), quat_EB)
+    return np.asanyarray(2.0 * q[..., :1] * q[..., 1:])
 
 
 def pushes_along_z_only(vehicle: Vehicle) -> bool:
@@ -128,7 +131,7 @@ def desired_force(gains: ControllerGains, mass: float, state: State, reference: 
         - 2.0 * zeta * omega * (state.velocity_E - reference.velocity_E)
         - omega**2 * (state.position_E - reference.position_E)
     )
-    return np.asarray(mass * (acceleration + np.array([0.0, 0.0, GRAVITY])))
+    return np.asanyarray(mass * (acceleration + np.array([0.0, 0.0, GRAVITY])))
 
 
 def evaluate(
@@ -144,21 +147,18 @@ def evaluate(
     `integral` (N, 3) is q [rad s] at each sample. With `along_z` the vehicle can push along body z only: the
     desired attitude then points that axis along F_des, keeping the reference's yaw, and the force is its projection.
     """
-    R_EB = so3.matrix(state.quat_EB)
-    R_BE = np.swapaxes(R_EB, -1, -2)
     force_E = desired_force(gains, body.mass, state, reference)
-    force_B = _rotate(R_BE, force_E)
+    force_B = so3.rotate_inverse(state.quat_EB, force_E)
     quat_ED = reference.quat_ED
     if along_z:
         quat_ED = attitude_of_thrust(force_E, yaw_of(quat_ED))
         force_B = force_B * np.array([0.0, 0.0, 1.0])
-    R_ED = so3.matrix(quat_ED)
-    R_BD = R_BE @ R_ED
-    error = attitude_error(R_EB, R_ED)
-    omega, omega_ref = state.omega_B, _rotate(R_BD, reference.omega_D)
+    error = attitude_error(state.quat_EB, quat_ED)
+    quat_BD = so3.multiply(so3.conjugate(state.quat_EB), quat_ED)
+    omega, omega_ref = state.omega_B, so3.rotate(quat_BD, reference.omega_D)
     zeta, frequency = np.asarray(gains.zeta_attitude), np.asarray(gains.omega_attitude)
     omega_dot = (
-        _rotate(R_BD, reference.omega_dot_D)
+        so3.rotate(quat_BD, reference.omega_dot_D)
         - gains.transport * cross(omega, omega_ref)
         - 2.0 * zeta * frequency * (omega - omega_ref)
         - frequency**2 * (error + gains.integral * integral)
@@ -168,36 +168,15 @@ def evaluate(
     return np.concatenate((force_B, torque_B), axis=-1), error
 
 
-def _rotate(R: Array, vector: Array) -> Array:
-    return np.asarray((R @ vector[..., None])[..., 0])
-
-
-class Controller:
-    """The law in a loop: `step` once per control period. Holds the integral q and nothing else."""
-
-    def __init__(self, gains: ControllerGains, vehicle: Vehicle):
-        """`vehicle` is what the controller believes it flies."""
-        self.gains = gains
-        self.body = vehicle.body
-        self.along_z = pushes_along_z_only(vehicle)
-        self.integral = np.zeros(3)
-
-    def step(self, state: State, reference: Reference, dt: float) -> Array:
-        """Desired wrench (6,) in B from the state and reference now (N = 1); q advances by `dt` [s]."""
-        wrench, error = evaluate(self.gains, self.body, state, reference, self.integral[None, :], along_z=self.along_z)
-        limit = self.gains.integral_limit
-        self.integral = np.minimum(np.maximum(self.integral + dt * error[0], -limit), limit)
-        return np.asarray(wrench[0])
-
-    def reset(self, integral: Array | None = None) -> None:
-        """Start over from q = `integral` (3,) [rad s], zero by default."""
-        self.integral = np.zeros(3) if integral is None else np.asarray(integral, dtype=float)
+def integrated(gains: ControllerGains, integral: Array, error: Array, dt: float) -> Array:
+    """The integral q (..., 3) [rad s] a period of `dt` [s] after it was `integral`, with the error e_R (..., 3)."""
+    return np.clip(integral + dt * error, -gains.integral_limit, gains.integral_limit)
 
 
 def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Array | None = None) -> Array:
-    """The integral q (N, 3) that `Controller` held when it evaluated each of N consecutive samples `dt` apart.
+    """The integral q (N, 3) that the law had at each of N consecutive samples `dt` apart: `integrated`, one by one.
 
-    `error` (N, 3) is e_R, `start` (3,) the value at the first sample. Clamped exactly as in `Controller.step`.
+    `error` (N, 3) is e_R, `start` (3,) the value at the first sample.
     """
     limits = np.array(np.broadcast_to(np.asarray(gains.integral_limit, dtype=float), 3))
     before = np.zeros(3) if start is None else np.array(start, dtype=float)

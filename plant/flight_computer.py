@@ -13,8 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import Controller, ControllerGains
+from wrenchgap.plant.allocation import LIMITS, Allocation
+from wrenchgap.plant.closed_loop import Clock
+from wrenchgap.plant.controller import ControllerGains, evaluate, integrated, pushes_along_z_only
+from wrenchgap.plant.loop import ALWAYS, Loop, Signals, Stage
+from wrenchgap.plant.rigid_body import NUMBERS, unpack
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import Vehicle
@@ -69,56 +72,103 @@ class RecordedPilot:
 
 
 class FlightComputer:
-    """Steps once per control period; keeps what it wanted (`desired`), and the compensator's `steps`.
+    """Law, compensator and allocation as stages of a loop, due once per control period; `steps` are the compensator's.
 
-    `limited` counts commands that ran into a limit of the actuators, by its name.
+    It knows the pose reading "pose" (13,) and the gyroscope "gyro" (3,), or where it is not `measured` the true state.
     """
 
     def __init__(
         self,
         gains: ControllerGains,
         believed: Vehicle,
-        compensator: Compensating | None = None,
+        reference: Reference,
+        clock: Clock,
         *,
+        compensator: Compensating | None = None,
         integral: Array | None = None,
         recorded: RecordedPilot | None = None,
+        measured: bool = False,
     ) -> None:
-        """`integral` (3,) [rad s] is the law's at the start; that of `recorded` where it is given."""
-        self.controller = Controller(gains, believed)
-        if recorded is not None:
-            self.controller.along_z = recorded.along_z
-        self.controller.reset(integral if recorded is None else recorded.integral)
-        self.believed, self.compensator, self.recorded = believed, compensator, recorded
+        """`reference` (K) has a sample for each period; `integral` (3,) [rad s] gives way to `recorded`'s."""
+        self.gains, self.believed, self.compensator, self.measured = gains, believed, compensator, measured
+        self.clock, self.steps = clock, list[Correction]()
         self.allocation = Allocation(believed) if believed.has_rotors else None
-        self.tilt = None if recorded is None else recorded.previous_tilt
-        self.desired: list[Array] = []
-        self.steps: list[Correction] = []
-        self.limited = {"rotor_speed": 0, "tilt_rate": 0, "tilt_range": 0}
+        self.along_z = pushes_along_z_only(believed) if recorded is None else recorded.along_z
+        self.signals = self._start(integral if recorded is None else recorded.integral, recorded)
+        self.stages = self._stages(reference, recorded)
 
-    def step(self, k: int, state: State, reference: Reference, dt: float) -> Commands:
-        """Commands to hold for `dt` [s], period `k`, from what is known of the state (N = 1)."""
-        desired = self.controller.step(state, reference, dt)
-        if self.recorded is not None:
-            desired = desired + self.recorded.offset[k]
-        self.desired.append(desired)
-        if self.compensator is not None:
-            self.steps.append(self.compensator.step(desired, state))
-            commanded = self.steps[-1].wrench_cmd
-        else:
-            commanded = desired if self.recorded is None else desired + self.recorded.correction[k]
+    def limited(self, loop: Loop) -> dict[str, int]:
+        """How many commands ran into a limit of the actuators, by its name, in a loop that has run."""
+        counts = loop.now("limited").astype(int).tolist()
+        return {name: count for name, count in zip(LIMITS, counts, strict=True) if name != "held"}
+
+    def _start(self, integral: Array | None, recorded: RecordedPilot | None) -> dict[str, Array]:
+        signals = {"known": np.zeros(NUMBERS), "desired": np.zeros(6), "commanded": np.zeros(6)}
+        signals |= {"integral": np.zeros(3) if integral is None else integral, "limited": np.zeros(len(LIMITS))}
         if self.allocation is None:
-            return Commands(commanded[None])
-        about_O = about_origin(self.believed.body, commanded[None])
-        allocated, saturation = self.allocation.allocate(about_O, previous_tilt=self.tilt, dt=dt)
-        assert allocated.tilt is not None
-        self.tilt = allocated.tilt[0]
-        for name in self.limited:
-            self.limited[name] += getattr(saturation, name)
-        sent = Commands(commanded[None], allocated.tilt, allocated.rotor_speed)
-        one, r = slice(k, k + 1), self.recorded
-        if r is None or r.tilt is None or r.rotor_speed is None:
-            return sent
-        return beyond_allocation(self.believed, sent, r.tilt[one], r.rotor_speed[one])
+            return signals
+        arms, rotors = self.believed.geometry()
+        before = None if recorded is None else recorded.previous_tilt
+        sent = {
+            "allocated": np.zeros(len(arms)) if before is None else before,
+            "fresh": np.array([float(before is None)]),
+        }
+        return signals | sent | {"tilt": np.zeros(len(arms)), "speed": np.zeros(len(rotors))}
+
+    def _stages(self, reference: Reference, recorded: RecordedPilot | None) -> list[Stage]:
+        r, c, count = reference, self.clock, len(reference.time)
+        none = np.zeros((count, 6))
+        beyond = (none, none) if recorded is None else (recorded.offset, recorded.correction)
+        asked = (r.position_E, r.quat_ED, r.velocity_E, r.omega_D, r.acceleration_E, r.omega_dot_D, *beyond)
+        stages = [Stage("law", self._law, np.hstack(asked), c.per_command, ("desired",))]
+        if self.compensator is not None:
+            time = c.time[:: c.per_command]
+            volts = np.full(count, np.nan) if c.voltage is None else c.voltage[:: c.per_command]
+            given = np.column_stack((time, volts))
+            stages.append(Stage("compensator", self._compensate, given, c.per_command, calls=ALWAYS))
+        if self.allocation is None:
+            return [*stages, Stage("command", lambda now, row: {}, np.zeros((count, 0)), c.per_command, ("commanded",))]
+        more = np.zeros((count, len(self.signals["tilt"]) + len(self.signals["speed"])))
+        if recorded is not None and recorded.tilt is not None and recorded.rotor_speed is not None:
+            more = np.hstack((recorded.tilt, recorded.rotor_speed))
+        return [*stages, Stage("command", self._allocate, more, c.per_command, ("commanded", "tilt", "speed"))]
+
+    def _law(self, now: Signals, row: Array) -> Signals:
+        known = np.concatenate((now["pose"][:10], now["gyro"])) if self.measured else now["state"]
+        p, q, v, w, a, dw, offset, correction = (part[None] for part in np.split(row, np.cumsum([3, 4, 3, 3, 3, 3, 6])))
+        asked = Reference(np.zeros(1), p, v, a, q, w, dw)
+        state, integral = unpack(np.zeros(1), known[None]), now["integral"]
+        wrench, error = evaluate(self.gains, self.believed.body, state, asked, integral[None], along_z=self.along_z)
+        desired = (wrench + offset)[0]
+        return {
+            "known": known,
+            "desired": desired,
+            "commanded": desired + correction[0],
+            "integral": integrated(self.gains, integral, error[0], self.clock.period),
+        }
+
+    def _compensate(self, now: Signals, row: Array) -> Signals:
+        assert self.compensator is not None
+        state = unpack(row[:1], now["known"][None], None if self.clock.voltage is None else row[1:])
+        self.steps.append(self.compensator.step(now["desired"], state))
+        return {"commanded": self.steps[-1].wrench_cmd}
+
+    def _allocate(self, now: Signals, row: Array) -> Signals:
+        assert self.allocation is not None
+        about_O = about_origin(self.believed.body, now["commanded"][None])[0]
+        fresh = now["fresh"] > 0.0
+        tilt, speed, limited = self.allocation.step(about_O, now["allocated"], fresh, self.clock.period)
+        sent = Commands(now["commanded"][None], tilt[None], speed[None])
+        sent = beyond_allocation(self.believed, sent, row[None, : len(tilt)], row[None, len(tilt) :])
+        assert sent.tilt is not None
+        assert sent.rotor_speed is not None
+        return {
+            "allocated": tilt,
+            "fresh": np.zeros(1),
+            "tilt": sent.tilt[0],
+            "speed": sent.rotor_speed[0],
+            "limited": now["limited"] + limited,
+        }
 
 
 def beyond_allocation(vehicle: Vehicle, allocated: Commands, tilt: Array, rotor_speed: Array) -> Commands:

@@ -1,65 +1,227 @@
-"""What closes a loop in a simulation, and what comes of it: for plain numpy and for compiled code alike."""
+"""Loops of stages over signals: how everything that flies here is stepped.
+
+A loop holds named signals: a state, readings, commands, what effects remember. A stage makes some of them anew from
+all of them and from a row of numbers that is given for the occasion; stages that are due at a step act one after the
+other. They are written in numpy. What one does is written down once (`plant.tracing`) and from then on evaluated by
+compiled code (`plant.loop_kernels`); a stage that cannot be written down, such as an effect of a user's own, or that
+shall not be, such as a compensator, is called as it stands.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.closed_loop import Clock, Flown
-from wrenchgap.plant.controller import ControllerGains, pushes_along_z_only
-from wrenchgap.plant.flight_computer import Compensating, Correction, RecordedPilot
-from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.state import State
-from wrenchgap.plant.trajectory import Reference
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant import loop_kernels as kernels
+from wrenchgap.plant.tape import Tape, program
+from wrenchgap.plant.tracing import Node, Traced, Untraceable
+
+Signals = Mapping[str, Array]
+"""Signals by name, each (C,)."""
+
+ALWAYS = 2**62
+"""Steps in which a stage is called that never runs compiled."""
+REPORT = 200
+"""Steps between two reports of progress."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One part of a loop.
+
+    act      new values of some signals, from all of them and from the row (C,) that is given
+    given    (K, C): a row for each time that the stage is due
+    every    steps from one time to the next
+    log      signals whose values the loop keeps each time, as they are behind the stage
+    calls    steps in which `act` is called as it stands: 0, ALWAYS, or those before which it cannot be written down
+    written  is written down in place of `act`, where that remembers things that are no signals
+    foreign  holds a user's own code, and is called where that cannot be written down
+    """
+
+    name: str
+    act: Callable[[Signals, Array], Signals]
+    given: Array
+    every: int = 1
+    log: tuple[str, ...] = ()
+    calls: int = 0
+    written: Callable[[Signals, Array], Signals] | None = None
+    foreign: bool = False
+
+
+@dataclass(eq=False)
 class Loop:
-    """What closes the loop: see `plant.simulate.simulate`; `errors` (N, 6) are the IMU's, `per_` in steps.
+    """Stages that act in their order upon signals, which have their first values.
 
-    disturbance  (S, 6) about O in B, None where there is none
-    recorded     what a recorded computer sent beyond law and allocation; its integral is then the law's
-    forgiven     (K,) periods in which control counts as lost only where the state is not finite
-    memory       of the plant's command effects before the first step
+    stop    the first number of this signal ends the loop where it is not zero
+    plain   no stage is compiled
+
+    `called` says of foreign stages that cannot be compiled why.
     """
 
-    clock: Clock
-    gains: ControllerGains
-    believed: Vehicle
-    reference: Reference
-    noise: SensorNoise
-    per_imu: int
-    per_pose: int
-    errors: Array
-    measured: bool
-    integral: Array | None
-    compensator: Compensating | None
-    gravity: float
-    disturbance: Array | None = None
-    recorded: RecordedPilot | None = None
-    forgiven: NDArray[np.bool_] | None = None
-    memory: dict[str, Any] | None = None
+    signals: dict[str, Array]
+    stages: Sequence[Stage]
+    steps: int
+    stop: str
+    plain: bool = False
+    called: dict[str, str] = field(default_factory=dict)
 
-    @property
-    def along_z(self) -> bool:
-        """Whether the law is that of a vehicle that pushes along its z axis only."""
-        return pushes_along_z_only(self.believed) if self.recorded is None else self.recorded.along_z
+    def __post_init__(self) -> None:
+        ends = np.cumsum([len(value) for value in self.signals.values()])
+        self._at = {
+            name: slice(end - len(self.signals[name]), end) for name, end in zip(self.signals, ends, strict=True)
+        }
+        self._numbers = np.concatenate([np.asarray(value, dtype=float) for value in self.signals.values()])
+        self._plan = self._compiled()
+
+    def run(self, progress: Callable[[float], None] | None = None) -> tuple[int, bool]:
+        """How many steps were made, and whether the loop was stopped in the one that followed."""
+        n = s = 0
+        while n < self.steps:
+            if progress is not None and s == 0:
+                progress(n / self.steps)
+            n, s = kernels.advance(self._plan, self._numbers, n, s, min(n - n % REPORT + REPORT, self.steps))
+            if s >= 0 and n < self.steps and self._due(n, s):
+                s = self._call(n, s)
+            if s < 0:
+                return n, True
+        if progress is not None:
+            progress(1.0)
+        return n, False
+
+    def logged(self, stage: str, name: str, count: int) -> Array:
+        """What a stage kept of a signal (count, C) in its first times."""
+        s = [one.name for one in self.stages].index(stage)
+        first = 0
+        for other in self.stages[s].log:
+            size = len(self.signals[other])
+            if other == name:
+                return self._log(s)[:count, first : first + size]
+            first += size
+        raise KeyError(name)
+
+    def now(self, name: str) -> Array:
+        """The present value (C,) of a signal."""
+        return self._numbers[self._at[name]].copy()
+
+    def _due(self, n: int, s: int) -> bool:
+        return n < self._plan.calls[s] and n % self.stages[s].every == 0
+
+    def _call(self, n: int, s: int) -> int:
+        """Stage s in Python; the next, -1 where it stops the loop."""
+        stage, k = self.stages[s], n // self.stages[s].every
+        with np.errstate(over="ignore", invalid="ignore"):  # a state beyond all bounds is seen by who stops the loop
+            made = stage.act({name: self.now(name) for name in self.signals}, stage.given[k])
+        for name, value in made.items():
+            self._numbers[self._at[name]] = value
+        kernels.keep(self._plan, self._numbers, s, k)
+        return -1 if self._numbers[self._plan.stop] != 0.0 else s + 1
+
+    def _log(self, s: int) -> Array:
+        first, last = self._plan.begin[s : s + 2, kernels.LOGGED]
+        return self._plan.logged[first:last].reshape(self._times(s), -1)
+
+    def _times(self, s: int) -> int:
+        """How often a stage is due."""
+        return -(-self.steps // self.stages[s].every)
+
+    def _compiled(self) -> kernels.Plan:
+        """All stages in one table; what cannot be written down is called."""
+        parts, calls = [], []
+        for s in range(len(self.stages)):
+            part, asked = self._part(s)
+            parts.append(part)
+            calls.append(asked)
+        starts = np.concatenate(([0], np.cumsum([len(part.code) for part in parts])))
+        for part, start in zip(parts, starts.tolist(), strict=False):
+            part.code[:, 1:] += start
+            part.reads[:, 0] += start
+            part.writes[:, 0] += start
+            part.rows[:] += start
+        names = ("code", "reads", "rows", "writes", "logs", "given", "logged")  # columns of `kernels.Plan.begin`
+        sizes = np.array([[len(getattr(part, name)) for name in names] for part in parts])
+        whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*names, "value")}
+        return kernels.Plan(
+            **whole,
+            begin=np.vstack((np.zeros((1, len(names)), dtype=int), np.cumsum(sizes, axis=0))),
+            every=np.array([stage.every for stage in self.stages]),
+            calls=np.array(calls),
+            stop=self._at[self.stop].start,
+        )
+
+    def _part(self, s: int) -> tuple[_Part, int]:
+        """What a stage adds to the table, and in how many steps it is called."""
+        stage = self.stages[s]
+        logs = np.array([k for name in stage.log for k in self._places(name)], dtype=np.int64)
+        asked = ALWAYS if self.plain else stage.calls
+        part = _Part(logs=logs, logged=np.zeros(self._times(s) * len(logs)))
+        if asked == ALWAYS:
+            return part, asked
+        try:
+            return self._written(stage, part), asked
+        except Untraceable as error:
+            if not stage.foreign:
+                raise
+            self.called[stage.name] = str(error)
+            return part, ALWAYS
+
+    def _places(self, name: str) -> range:
+        return range(self._at[name].start, self._at[name].stop)
+
+    def _written(self, stage: Stage, part: _Part) -> _Part:
+        """The part of a stage with its tape. Raises Untraceable."""
+        tape = Tape()
+
+        def inputs(name: str, size: int) -> Traced:
+            return Traced.of([Node(tape, tape.input(f"{name} {k}")) for k in range(size)])
+
+        known = {name: inputs(name, len(value)) for name, value in self.signals.items()}
+        row = inputs("given", stage.given.shape[1])
+        try:
+            made = (stage.written or stage.act)(known, row)
+        except (TypeError, AttributeError, ValueError) as error:
+            raise Untraceable(f"{stage.name}: {' '.join(str(error).split())}") from None
+        results = {
+            place: node.line if isinstance(node, Node) else tape.constant(float(node))
+            for name, values in made.items()
+            for place, node in zip(self._places(name), np.asarray(values, dtype=object), strict=True)
+        }
+        asked = tape.needed(list(results.values()))
+        lines = [(node.line, k) for name in known for node, k in zip(known[name], self._places(name), strict=True)]
+        reads = [(line, k) for line, k in lines if line in asked]
+        rows = [node.line for node in row] if any(node.line in asked for node in row) else []
+        found = program(tape, [*(line for line, _ in reads), *rows], [], list(results.values()))
+        return replace(
+            part,
+            code=found.code,
+            value=found.start,
+            reads=_pairs(found.inputs[: len(reads)], [k for _, k in reads]),
+            rows=found.inputs[len(reads) :],
+            writes=_pairs(found.results, list(results)),
+            given=np.ravel(stage.given).astype(float) if rows else np.zeros(0),
+        )
 
 
-@dataclass(frozen=True)
-class Result:
-    """A flight; pose readings, desired wrenches (K, 6), how many commands were limited in what.
+def _integers(*shape: int) -> kernels.Ints:
+    return np.zeros(shape, dtype=np.int64)
 
-    `steps` are the compensator's.
-    """
 
-    flown: Flown
-    poses: State
-    desired: Array
-    limited: dict[str, int]
-    steps: tuple[Correction, ...] = ()
+def _pairs(lines: kernels.Ints, places: Sequence[int]) -> kernels.Ints:
+    return np.column_stack((lines, np.array(places, dtype=np.int64)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What one stage is in a `kernels.Plan`; nothing where it is called."""
+
+    logs: kernels.Ints
+    logged: Array
+    code: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int32))
+    value: Array = field(default_factory=lambda: np.zeros(0))
+    reads: kernels.Ints = field(default_factory=lambda: _integers(0, 2))
+    rows: kernels.Ints = field(default_factory=lambda: _integers(0))
+    writes: kernels.Ints = field(default_factory=lambda: _integers(0, 2))
+    given: Array = field(default_factory=lambda: np.zeros(0))

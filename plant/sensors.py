@@ -81,15 +81,19 @@ def read_imu(motion: Motion, position_B: Array, errors: Array) -> tuple[Array, A
     return omega + errors[:, :3], specific + errors[:, 3:]
 
 
-def read_pose(state: State, noise: SensorNoise, rng: np.random.Generator) -> State:
-    """The state (N samples) as a pose sensor with velocity output reports it."""
-    shape = state.position_E.shape
-    twist = so3.exp(noise.attitude_std * rng.standard_normal(shape))
+def pose_errors(noise: SensorNoise, count: int, rng: np.random.Generator) -> Array:
+    """White noise of `count` readings of a pose sensor (N, 12): small rotation in B, position, velocity, rate."""
+    stds = np.repeat([noise.attitude_std, noise.position_std, noise.velocity_std, noise.rate_std], 3)
+    return np.asarray(stds * rng.standard_normal((count, 12)))
+
+
+def read_pose(state: State, errors: Array) -> State:
+    """The states (N) as a pose sensor with velocity output reports them, with `errors` (N, 12) of `pose_errors`."""
     return State(
         state.time,
-        state.position_E + noise.position_std * rng.standard_normal(shape),
-        so3.multiply(state.quat_EB, twist),
-        state.velocity_E + noise.velocity_std * rng.standard_normal(shape),
-        state.omega_B + noise.rate_std * rng.standard_normal(shape),
+        state.position_E + errors[:, 3:6],
+        so3.multiply(state.quat_EB, so3.exp(errors[:, :3])),
+        state.velocity_E + errors[:, 6:9],
+        state.omega_B + errors[:, 9:],
         state.voltage,
     )

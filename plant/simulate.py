@@ -11,20 +11,23 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.plant.closed_loop import Clock, fly, watch
+from wrenchgap.plant.closed_loop import Clock, Flown, disturbed, fly, watch
 from wrenchgap.plant.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.loop import Loop, Result
+from wrenchgap.plant.loop import Loop, Signals, Stage
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_pose
-from wrenchgap.plant.state import Commands, Motion, State, joined
+from wrenchgap.plant.rigid_body import NUMBERS, unpack
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_pose
+from wrenchgap.plant.state import Motion, State
+from wrenchgap.plant.traced_effects import written
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -38,44 +41,51 @@ PHYSICS_RATE = 400
 """Least rate of the simulation that `physics_rate` gives [Hz]."""
 
 
-@dataclass(frozen=True)
-class _Sensing:
-    """When and how wrongly sensors read: every so many steps, with the IMU's `errors` (N, 6)."""
-
-    noise: SensorNoise
-    per_imu: int
-    per_pose: int
-    period: float
-    errors: Array
-    rng: np.random.Generator
-
-
-class _Avionics:
-    """Pose sensor, gyroscope and flight computer, stepped as the flight goes by; `poses` are the readings so far."""
+class _Sensors:
+    """Pose sensor and gyroscope as stages of a loop, with the errors that they will have."""
 
     def __init__(
-        self, truth: WrenchModel, computer: FlightComputer, reference: Reference, sensing: _Sensing, feedback: Feedback
+        self, truth: WrenchModel, noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.random.Generator
     ) -> None:
-        self.truth, self.computer, self.reference, self.sensing = truth, computer, reference, sensing
-        self.feedback = feedback
-        self.poses: list[State] = []
+        self.noise, self.voltage = noise, clock.voltage is not None
+        steps = len(clock.time)
+        self.per_imu = _divide(physics_rate, noise.imu_rate_hz, "sensors.imu_rate_hz")
+        self.per_pose = _divide(physics_rate, noise.pose_rate_hz, "sensors.pose_rate_hz")
+        self.imu_errors = imu_errors(noise, -(-steps // self.per_imu), rng)
+        self._rng, self._before = rng, rng.bit_generator.state
+        volts = np.full(steps, np.nan) if clock.voltage is None else clock.voltage
+        imu = np.column_stack((clock.time, volts))[:: self.per_imu]
+        self.signals = {"pose": np.zeros(NUMBERS), "gyro": np.zeros(3)}
+        self.stages = [
+            Stage("pose", self._pose, pose_errors(noise, -(-steps // self.per_pose), rng), self.per_pose, ("pose",)),
+            Stage(
+                "gyroscope",
+                partial(self._gyroscope, truth),
+                np.hstack((imu, self.imu_errors[:, :3])),
+                self.per_imu,
+                written=lambda now, row: self._gyroscope(written(truth), now, row),
+                foreign=True,
+            ),
+        ]
 
-    def observe(self, n: int, state: State) -> None:
-        """Read what is due at step `n`."""
-        s = self.sensing
-        if n % s.per_pose == 0:
-            self.poses.append(read_pose(state, s.noise, s.rng))
-        if n % s.per_imu == 0:
-            k = n // s.per_imu
-            still = Motion(state.omega_B, np.zeros((1, 3)), np.zeros((1, 3)))
-            self.gyro = self.truth.read_imu(still, state).omega_B + s.errors[k : k + 1, :3]
+    def poses(self, flown: Flown, loop: Loop) -> State:
+        """What the pose sensor read; the generator is left as after so many readings."""
+        steps = len(flown.wrench) + (flown.lost is not None)  # they were read once more before control was lost
+        count, clock = -(-steps // self.per_pose), flown.clock
+        self._rng.bit_generator.state = self._before
+        pose_errors(self.noise, count, self._rng)
+        read = slice(None, steps, self.per_pose)
+        voltage = None if clock.voltage is None else clock.voltage[read]
+        return unpack(clock.time[read], loop.logged("pose", "pose", count), voltage)
 
-    def command(self, k: int, now: State) -> Commands:
-        """Commands of period `k`, from the last readings or from the true state."""
-        if self.feedback == "measured":
-            pose = self.poses[-1]
-            now = State(now.time, pose.position_E, pose.quat_EB, pose.velocity_E, self.gyro, now.voltage)
-        return self.computer.step(k, now, self.reference.sample(k), self.sensing.period)
+    def _pose(self, now: Signals, row: Array) -> Signals:
+        read = read_pose(unpack(np.zeros(1), now["state"][None]), row[None])
+        return {"pose": np.hstack((read.position_E, read.quat_EB, read.velocity_E, read.omega_B))[0]}
+
+    def _gyroscope(self, truth: WrenchModel, now: Signals, row: Array) -> Signals:
+        state = unpack(row[:1], now["state"][None], row[1:2] if self.voltage else None)
+        still = Motion(state.omega_B, np.zeros((1, 3)), np.zeros((1, 3)))
+        return {"gyro": truth.read_imu(still, state).omega_B[0] + row[2:]}
 
 
 def simulate(
@@ -109,79 +119,52 @@ def simulate(
     sensors      noise and rates; the truth's by default
     physics_rate [Hz], a whole multiple of the controller's, IMU's and pose sensor's rates
     voltage      of the battery [V] as a function of time [s], logged at 10 Hz at most
-    compiled     False flies in plain numpy, which is also what flies where an effect of the truth cannot be compiled
+    compiled     False calls everything in numpy, as is done anyhow with effects of the truth that cannot be compiled
 
     The simulation stops where control is lost and says so in `Flight.notes`, as where it could not be compiled.
     Raises UsageError for rates that do not divide, or vehicles that do not match.
     """
     believed = truth.nominal if believed is None else believed
-    noise = truth.sensors if sensors is None else sensors
     length = trajectory.duration if duration is None else duration
     _check(truth.vehicle, believed.vehicle, length)
     clock = _clock(length, physics_rate, believed.controller.rate_hz, voltage)
-    sensing = _sensing(noise, clock, physics_rate, rng)
     reference = trajectory.at(clock.time[:: clock.per_command])
-    r = reference.sample(0)
-    start = State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial
-    asked = _Asked(truth, believed, reference, clock, sensing, feedback, compensator, integral, gravity, disturbance)
-    from wrenchgap.plant.tracing import Untraceable
-
-    if compiled:
-        try:
-            return _logged(name, asked, _compiled(asked, start, progress))
-        except Untraceable as error:
-            slow = f"flown in plain numpy, which takes a hundred times as long as compiled: {error}"
-            return _logged(name, asked, _plain(asked, start, progress), slow)
-    return _logged(name, asked, _plain(asked, start, progress))
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """What flies, as in `simulate`."""
-
-    truth: Model
-    believed: Model
-    reference: Reference
-    clock: Clock
-    sensing: _Sensing
-    feedback: Feedback
-    compensator: Compensating | None
-    integral: Array | None
-    gravity: float
-    disturbance: Callable[[float], Array] | None
-
-
-def _plain(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result:
-    """The flight in plain numpy: the specification."""
-    a, shake = asked, asked.disturbance
-    computer = FlightComputer(a.believed.controller, a.believed.vehicle, a.compensator, integral=a.integral)
-    avionics = _Avionics(a.truth.wrench_model, computer, a.reference, a.sensing, a.feedback)
-    flown = fly(
-        a.truth.wrench_model,
-        start,
-        a.clock,
-        avionics.command,
-        disturbance=None if shake is None else lambda n, now: shake(float(now.time[0])),
-        observe=avionics.observe,
-        lost=watch(a.reference),
-        gravity=a.gravity,
-        progress=progress,
-    )
-    return Result(flown, joined(avionics.poses), np.array(computer.desired), computer.limited)
-
-
-def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result:
-    """The same in compiled code. Raises Untraceable where an effect cannot be compiled."""
-    a, s = asked, asked.sensing
-    own = a.believed
-    shake = None if a.disturbance is None else np.array([a.disturbance(t) for t in a.clock.time.tolist()])
-    loop = Loop(
-        a.clock, own.controller, own.vehicle, a.reference, s.noise, s.per_imu, s.per_pose, s.errors,
-        a.feedback == "measured", a.integral, a.compensator, a.gravity, shake,
+    computer = FlightComputer(
+        believed.controller, believed.vehicle, reference, clock,
+        compensator=compensator, integral=integral, measured=feedback == "measured",
     )  # fmt: skip
-    from wrenchgap.plant import compiled_loop
+    avionics = _Sensors(truth.wrench_model, sensors or truth.sensors, clock, physics_rate, rng)
+    pushes = [] if disturbance is None else [disturbed(np.array([disturbance(t) for t in clock.time.tolist()]))]
+    stages = [*avionics.stages, watch(reference, clock), *computer.stages, *pushes]
+    start = _on(reference.sample(0)) if initial is None else initial
+    flown, loop = fly(
+        truth.wrench_model, start, clock, stages, avionics.signals | computer.signals,
+        gravity=gravity, plain=not compiled, progress=progress,
+    )  # fmt: skip
+    periods = len(flown.command_time)
+    logged = as_flight(
+        name, flown, truth, loop.logged("law", "desired", periods), reference,
+        start_ns=START_NS, pose=avionics.poses(flown, loop), imu_every=avionics.per_imu, imu_errors=avionics.imu_errors,
+        battery_every=max(round(0.1 / clock.period), 1), notes=_notes(flown, computer.limited(loop), periods),
+    )  # fmt: skip
+    return replace(logged, content_hash=_digest(logged))
 
-    return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, progress)
+
+def _on(reference: Reference) -> State:
+    """The state that a reference asks for."""
+    r = reference
+    return State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
+
+
+def _notes(flown: Flown, limited: dict[str, int], periods: int) -> tuple[str, ...]:
+    lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
+    limits = [
+        f"{what.replace('_', ' ')} was limited in {number} of {periods} commands"
+        for what, number in limited.items()
+        if number
+    ]
+    slow = [f"flown in plain numpy, which takes a hundred times as long as compiled: {flown.plainly}"]
+    return (*lost, *limits, *(slow if flown.plainly else []))
 
 
 def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:
@@ -190,37 +173,6 @@ def _clock(length: float, physics_rate: float, control_rate: float, voltage: Cal
     time = np.arange(max(round(length * physics_rate), 1)) / physics_rate
     volts = None if voltage is None else np.array([voltage(t) for t in time.tolist()])
     return Clock(time, 1.0 / physics_rate, per_control, volts)
-
-
-def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.random.Generator) -> _Sensing:
-    per_imu = _divide(physics_rate, noise.imu_rate_hz, "sensors.imu_rate_hz")
-    per_pose = _divide(physics_rate, noise.pose_rate_hz, "sensors.pose_rate_hz")
-    errors = imu_errors(noise, -(-len(clock.time) // per_imu), rng)
-    return _Sensing(noise, per_imu, per_pose, clock.period, errors, rng)
-
-
-def _logged(name: str, asked: _Asked, result: Result, *slow: str) -> Flight:
-    sensing, flown = asked.sensing, result.flown
-    lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
-    limits = [
-        f"{what.replace('_', ' ')} was limited in {number} of {len(result.desired)} commands"
-        for what, number in result.limited.items()
-        if number
-    ]
-    logged = as_flight(
-        name,
-        flown,
-        asked.truth,
-        result.desired,
-        asked.reference,
-        start_ns=START_NS,
-        pose=result.poses,
-        imu_every=sensing.per_imu,
-        imu_errors=sensing.errors,
-        battery_every=max(round(0.1 / sensing.period), 1),
-        notes=(*lost, *limits, *slow),
-    )
-    return replace(logged, content_hash=_digest(logged))
 
 
 def physics_rate(model: Model) -> float:

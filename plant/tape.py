@@ -115,6 +115,17 @@ class Tape:
             self._found[key] = self._add(key)
         return self._found[key]
 
+    def needed(self, results: Sequence[int]) -> set[int]:
+        """All lines that some results need, themselves among them."""
+        found, pending = set[int](), list(results)
+        while pending:
+            line = pending.pop()
+            if line not in found:
+                found.add(line)
+                op, *arguments = self.lines[line]
+                pending.extend(arguments[: ARITY.get(Op(op), 1)])
+        return found
+
     def _add(self, line: Line) -> int:
         self.lines.append(line)
         self.sections.append(self.section)
@@ -172,13 +183,7 @@ class Program:
 
 def program(tape: Tape, inputs: Sequence[int], free: Sequence[int], results: Sequence[int]) -> Program:
     """The program of a tape for lines `results`, with lines `inputs`, of which `free` are differentiated to."""
-    needed, pending = set(inputs), list(results)
-    while pending:
-        line = pending.pop()
-        if line not in needed:
-            needed.add(line)
-            op, *arguments = tape.lines[line]
-            pending.extend(arguments[: ARITY.get(Op(op), 1)])
+    needed = tape.needed([*inputs, *results])
     moving: set[int] = set()
     for line in sorted(needed):
         op, *arguments = tape.lines[line]

@@ -10,7 +10,21 @@ import numpy as np
 from wrenchgap.plant.effects.effect import AnyEffect
 from wrenchgap.plant.tape import Tape
 from wrenchgap.plant.tracing import Node, Traced, Untraceable
-from wrenchgap.plant.wrench_model import ModelEffect
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+
+CATALOGUE = "wrenchgap.plant.effects."
+"""Where effects stand whose `apply` is known to depend on nothing but its arguments."""
+
+
+def written(model: WrenchModel) -> WrenchModel:
+    """The model, whose effects write down what they do.
+
+    Raises Untraceable for effects of a user's own, which may depend on more than their arguments.
+    """
+    for item in model.effects:
+        if not type(item.effect).__module__.startswith(CATALOGUE):
+            raise Untraceable(f"effect {item.name} is not of the catalogue")
+    return WrenchModel(model.vehicle, tuple(wrapped(item) for item in model.effects))
 
 
 def wrapped(item: ModelEffect) -> ModelEffect:

@@ -25,7 +25,7 @@ class TrackingErrors:
 
 def tracking_errors(time: Array, position_E: Array, quat_EB: Array, reference: Reference) -> TrackingErrors:
     """Errors of N samples against N samples of a reference; e_R of `plant.controller`."""
-    e = attitude_error(so3.matrix(quat_EB), so3.matrix(reference.quat_ED))
+    e = attitude_error(quat_EB, reference.quat_ED)
     return TrackingErrors(time, e, np.linalg.norm(position_E - reference.position_E, axis=-1))
 
 

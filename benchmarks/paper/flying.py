@@ -78,7 +78,7 @@ def attitude_errors(flown: Flight) -> tuple[Array, Array]:
     pose, reference = flown.odometry, flown.reference
     before = pose.time <= reference.time[-1]
     quat_ED = so3.interpolate(pose.time[before], reference.time, reference.quat_ED)
-    error = attitude_error(so3.matrix(pose.quat_EB[before]), so3.matrix(quat_ED))
+    error = attitude_error(pose.quat_EB[before], quat_ED)
     return pose.time[before], error
 
 

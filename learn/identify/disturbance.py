@@ -31,12 +31,14 @@ from numpy.typing import NDArray
 from wrenchgap.flight import so3
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import low_pass
-from wrenchgap.learn.data.recording import CUTOFF_HZ, RecordedMotion, Recording
+from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.closed_loop import fly, over_periods
+from wrenchgap.plant.closed_loop import fly, over_periods, replayed
 from wrenchgap.plant.controller import evaluate, integrate_error, pushes_along_z_only
 from wrenchgap.plant.flight_computer import RecordedPilot, beyond_allocation
+from wrenchgap.plant.loop import Signals, Stage
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.rigid_body import unpack
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrench
@@ -116,15 +118,15 @@ def infer(
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
     base: Array = _measured(plant.body, r, over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt)))
-    flown = fly(
-        plant,
-        r.start,
-        r.clock,
-        lambda k, now: nominal.take(slice(r.first + k, r.first + k + 1)),
-        disturbance=lambda k, now: base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now),
-        memory=memory,
-        progress=progress,
-    )
+    command, signals = replayed(nominal.take(window))
+    towards = np.hstack((base, state.position_E, state.quat_EB, state.velocity_E, state.omega_B))[window]
+
+    def disturb(now: Signals, row: Array) -> Signals:
+        target = unpack(np.zeros(1), row[None, 6:])
+        return {"disturbance": row[:6] + _pull(plant.body, target, unpack(np.zeros(1), now["state"][None]))[0]}
+
+    stages = [command, Stage("disturbance", disturb, towards)]
+    flown, _ = fly(plant, r.start, r.clock, stages, signals, memory=memory, progress=progress)
     along_z = pushes_along_z_only(model.vehicle) or not np.any(r.desired[:, :2])
     integral, law = _law(model, r, flown.state, along_z)
     pilot = RecordedPilot(
@@ -171,14 +173,14 @@ def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array |
     return Commands(r.commands.wrench_B, ours.tilt, ours.rotor_speed), tilt, speed
 
 
-def _pull(body: Body, recorded: RecordedMotion, k: int, now: State) -> Array:
-    """Wrench (6,) towards the recorded motion: the last equations of the module."""
-    w, target = 2.0 * np.pi * PULL_HZ, recorded.state
-    ahead = w**2 * (target.position_E[k] - now.position_E[0]) + 2.0 * w * (target.velocity_E[k] - now.velocity_E[0])
-    turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB[0]), target.quat_EB[k]))
-    turning = w**2 * turn + 2.0 * w * (target.omega_B[k] - now.omega_B[0])
-    wrench: Array = np.concatenate((body.mass * so3.rotate_inverse(now.quat_EB[0], ahead), body.inertia @ turning))
-    return np.asarray(about_origin(body, wrench[None])[0])
+def _pull(body: Body, target: State, now: State) -> Array:
+    """Wrenches (N, 6) towards the recorded motion `target`: the last equations of the module."""
+    w = 2.0 * np.pi * PULL_HZ
+    ahead = w**2 * (target.position_E - now.position_E) + 2.0 * w * (target.velocity_E - now.velocity_E)
+    turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB), target.quat_EB))
+    turning = w**2 * turn + 2.0 * w * (target.omega_B - now.omega_B)
+    force = body.mass * so3.rotate_inverse(now.quat_EB, ahead)
+    return about_origin(body, np.concatenate((force, turning @ body.inertia.T), axis=-1))
 
 
 def _law(model: Model, r: Recording, states: State, along_z: bool) -> tuple[Array, Array]:

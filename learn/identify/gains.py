@@ -102,13 +102,12 @@ def _regression(samples: Samples, flight: Flight, model: Model) -> tuple[Array, 
     time, omega = samples.time[inside], samples.omega_B[inside]
     J = model.vehicle.body.inertia
     y = np.asarray(np.linalg.solve(J, (asked[inside, 3:] - cross(omega, omega @ J)).T).T)
-    R_EB = so3.matrix(samples.quat_EB[inside])
-    R_ED = so3.matrix(so3.interpolate(time, reference.time, reference.quat_ED))
-    R_BD = np.swapaxes(R_EB, -1, -2) @ R_ED
-    e = attitude_error(R_EB, R_ED)
+    quat_EB, quat_ED = samples.quat_EB[inside], so3.interpolate(time, reference.time, reference.quat_ED)
+    quat_BD = so3.multiply(so3.conjugate(quat_EB), quat_ED)
+    e = attitude_error(quat_EB, quat_ED)
     turning, growing = _rates(reference, time)
-    e_omega = omega - (R_BD @ turning[:, :, None])[:, :, 0]
-    ahead = (R_BD @ growing[:, :, None])[:, :, 0]
+    e_omega = omega - so3.rotate(quat_BD, turning)
+    ahead = so3.rotate(quat_BD, growing)
     X = np.stack((-e_omega, -e, -integrate_error(model.controller, e, samples.dt), ahead, np.ones_like(e)), axis=2)
     return low_pass(X, samples.dt, CUTOFF_HZ), low_pass(y, samples.dt, CUTOFF_HZ)
 

@@ -154,4 +154,4 @@ def attitude_of_thrust(force_E: Array, yaw: Array) -> Array:
 
 def yaw_of(quat_ED: Array) -> Array:
     """The yaw psi (N,) [rad] of the decomposition in `attitude_of_thrust`."""
-    return np.asarray(2.0 * np.arctan2(quat_ED[:, 3], quat_ED[:, 0]))
+    return np.asanyarray(2.0 * np.arctan2(quat_ED[:, 3], quat_ED[:, 0]))

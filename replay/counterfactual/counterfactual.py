@@ -153,7 +153,7 @@ class Counterfactual(Result):
         every = (self.change.compensator, *(one for _, one in self.change.beside))
         slow = [one.not_compiled for one in every if isinstance(one, Compensator | Combined)]
         found += [reason for reason in dict.fromkeys(slow) if reason is not None]
-        found += [FlownPlainly(why) for why in dict.fromkeys(run.plainly for run in runs.values()) if why]
+        found += [FlownPlainly(why) for why in dict.fromkeys(run.flown.plainly for run in runs.values()) if why]
         harmed = self._harmed()
         return tuple(found) if harmed is None else (*found, harmed)
 

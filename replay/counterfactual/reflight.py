@@ -11,36 +11,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
 from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.closed_loop import Flown, fly, losses, watch
+from wrenchgap.plant.closed_loop import Flown, disturbed, fly, loss_of_control, watch
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating, Correction, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.loop import Loop, Result
-from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.tracing import Untraceable
 from wrenchgap.plant.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
-from wrenchgap.plant.vehicle import GRAVITY
 
 
 @dataclass(frozen=True)
 class Reflight:
-    """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew, and
-    where that could not be compiled, why.
-    """  # noqa: D205
+    """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew."""
 
     recording: Recording
     flown: Flown
     desired: Array
     steps: tuple[Correction, ...]
     model: Model
-    plainly: str = ""
 
     @property
     def commanded(self) -> Array:
@@ -96,65 +87,32 @@ def refly(
     gains        of the control law; the model's by default
     believed     vehicle that controller and allocation assume; the model's by default
     compensator  in the loop instead of the recorded correction
-    compiled     False flies in plain numpy, which is also what flies where an effect of the plant cannot be compiled
+    compiled     False calls everything in numpy, as is done anyhow with effects of the plant that cannot be compiled
 
     Raises FitError where an effect of the plant needs what the log lacks.
     """
     r, known = inference.recording, inference.model
     model = known if plant is None else plant
     check_effects(model.effects, model, [r.record])
-    law, vehicle = known.controller if gains is None else gains, known.vehicle if believed is None else believed
-    plainly = ""
-    if compiled:
-        try:
-            found = _compiled(inference, model, law, vehicle, compensator, progress)
-            return Reflight(r, found.flown, found.desired, found.steps, model)
-        except Untraceable as error:
-            plainly = str(error)
-    computer = FlightComputer(law, vehicle, compensator, recorded=inference.pilot)
     reference = r.reference.take(r.window)
-    flown = fly(
+    computer = FlightComputer(
+        known.controller if gains is None else gains,
+        known.vehicle if believed is None else believed,
+        reference,
+        r.clock,
+        compensator=compensator,
+        recorded=inference.pilot,
+    )
+    forgiven = loss_of_control(r.motion.state.take(r.window), reference)[0] > 0.0
+    flown, loop = fly(
         model.wrench_model,
         r.start,
         r.clock,
-        lambda k, now: computer.step(k, now, reference.sample(k), r.dt),
-        disturbance=lambda k, now: inference.disturbance[k],
+        [watch(reference, r.clock, forgiven), *computer.stages, disturbed(inference.disturbance)],
+        computer.signals,
         memory=inference.memory,
-        lost=watch(reference, recorded=r.motion.state.take(r.window)),
+        plain=not compiled,
         progress=progress,
     )
-    return Reflight(r, flown, np.array(computer.desired).reshape(-1, 6), tuple(computer.steps), model, plainly)
-
-
-def _compiled(
-    inference: Inference,
-    model: Model,
-    gains: ControllerGains,
-    believed: Vehicle,
-    compensator: Compensating | None,
-    progress: Callable[[float], None] | None,
-) -> Result:
-    """The same in compiled code, a loop without sensors. Raises Untraceable where an effect cannot be compiled."""
-    from wrenchgap.plant import compiled_loop
-
-    r = inference.recording
-    reference, steps = r.reference.take(r.window), len(r.clock.time)
-    loop = Loop(
-        clock=r.clock,
-        gains=gains,
-        believed=believed,
-        reference=reference,
-        noise=SensorNoise().silent,
-        per_imu=steps,
-        per_pose=steps,
-        errors=np.zeros((1, 6)),
-        measured=False,
-        integral=None,
-        compensator=compensator,
-        gravity=GRAVITY,
-        disturbance=inference.disturbance[:steps],
-        recorded=inference.pilot,
-        forgiven=losses(r.motion.state.take(r.window), reference),
-        memory=inference.memory,
-    )
-    return compiled_loop.fly(model.wrench_model, r.start, loop, None, progress)
+    desired = loop.logged("law", "desired", len(flown.commands.wrench_B))
+    return Reflight(r, flown, desired, tuple(computer.steps), model)

@@ -160,7 +160,7 @@ def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
         return ()
     known = np.asarray(np.isfinite(scene.quat_ED).all(axis=1))
     angle = np.full((len(scene.time), 3), np.nan)
-    e = attitude_error(so3.matrix(scene.quat_EB[known]), so3.matrix(scene.quat_ED[known]))
+    e = attitude_error(scene.quat_EB[known], scene.quat_ED[known])
     angle[known] = np.degrees(np.arcsin(np.clip(e, -1.0, 1.0)))
     position = 1e3 * (scene.position_E - scene.reference_position_E)
     return (

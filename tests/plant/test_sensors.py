@@ -9,7 +9,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.resample import resample
 from wrenchgap.plant import model_file
-from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_imu, read_pose
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import named
@@ -41,7 +41,8 @@ def test_pose_noise_has_its_size_and_keeps_rotations_rotations():
     n, noise = 20000, SensorNoise()
     quat = np.tile(so3.exp(np.array([0.5, 1.0, -0.2])), (n, 1))
     zeros = np.zeros((n, 3))
-    read = read_pose(State(np.arange(n, dtype=float), zeros, quat, zeros, zeros), noise, np.random.default_rng(1))
+    errors = pose_errors(noise, n, np.random.default_rng(1))
+    read = read_pose(State(np.arange(n, dtype=float), zeros, quat, zeros, zeros), errors)
     np.testing.assert_allclose(read.position_E.std(axis=0), noise.position_std, rtol=0.05)
     np.testing.assert_allclose(read.velocity_E.std(axis=0), noise.velocity_std, rtol=0.05)
     np.testing.assert_allclose(read.omega_B.std(axis=0), noise.rate_std, rtol=0.05)

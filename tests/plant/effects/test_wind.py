@@ -6,9 +6,10 @@ import pytest
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.so3 import rotate, rotate_inverse
 from wrenchgap.plant import model_file
-from wrenchgap.plant.closed_loop import Clock, fly
+from wrenchgap.plant.closed_loop import Clock, fly, replayed
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.state import rows
 from wrenchgap.plant.wrench_model import WrenchModel
 
 AIR = np.array([2.0, -1.5, 0.0])
@@ -84,7 +85,8 @@ def drifting(bench, values, velocity, seconds=4.0, dt=0.01):
     """A level vehicle whose thrust balances its weight, left to the air."""
     clock = Clock(np.arange(0.0, seconds, dt), dt)
     u = bench.commands()
-    return fly(model(bench, values), bench.state(velocity=velocity), clock, lambda k, now: u).state
+    command, signals = replayed(rows(u, np.zeros(len(clock.time), dtype=int)))
+    return fly(model(bench, values), bench.state(velocity=velocity), clock, [command], signals)[0].state
 
 
 def test_closed_loop_is_carried_along_as_the_closed_form_says(bench):
