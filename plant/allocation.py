@@ -144,12 +144,7 @@ class Allocation:
         Samples are `dt` [s] apart; `previous_tilt` (A,) [rad] is the angle one `dt` before the first. Without `dt`
         no rate limit is applied. The returned `wrench_B` is the request, before saturation.
         """
-
-        def step(signals: Signals, wrench: Array) -> Signals:
-            tilt, speed, limited = self.step(wrench, signals["tilt"], signals["fresh"] > 0.0, dt)
-            return {"tilt": tilt, "speed": speed, "limited": limited, "fresh": np.zeros(1)}
-
-        arms, rotors = self.vehicle.geometry()
+        count, (arms, rotors) = len(wrench_B), self.vehicle.geometry()
         first = {
             "tilt": np.zeros(len(arms)) if previous_tilt is None else previous_tilt,
             "speed": np.zeros(len(rotors)),
@@ -157,10 +152,20 @@ class Allocation:
             "fresh": np.array([float(previous_tilt is None)]),
             "stop": np.zeros(1),
         }
-        log, count = ("tilt", "speed", "limited"), len(wrench_B)
-        loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count, "stop", plain=count < FEW)
-        loop.run()
-        tilt, speed, limited = (loop.logged("allocation", name, count) for name in log)
+
+        def step(signals: Signals, wrench: Array) -> dict[str, Array]:
+            tilt, speed, limited = self.step(wrench, signals["tilt"], signals["fresh"] > 0.0, dt)
+            return {"tilt": tilt, "speed": speed, "limited": limited, "fresh": np.zeros(1)}
+
+        log = ("tilt", "speed", "limited")
+        if count < FEW:
+            made = [first := first | step(first, wrench) for wrench in wrench_B]
+            series = [np.array([one[name] for one in made]).reshape(count, len(first[name])) for name in log]
+        else:
+            loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count, "stop")
+            loop.run()
+            series = [loop.logged("allocation", name, count) for name in log]
+        tilt, speed, limited = series
         saturation = dict(zip(LIMITS, limited.sum(axis=0).astype(int).tolist(), strict=True))
         return Commands(wrench_B, tilt, speed), Saturation(**saturation)
 

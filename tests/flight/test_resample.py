@@ -154,7 +154,7 @@ def test_without_imu_what_hovers_feels_the_force_that_keeps_it_in_the_air():
     (samples,) = uniform(replace(a_flight(), imu=None, odometry=still))
     body = Body(2.0, np.diag([0.01, 0.01, 0.02]), np.zeros(3))
     push = np.concatenate((body.mass * samples.specific_force_B[len(samples) // 2], np.zeros(3)))
-    rates = RigidBody(body, GRAVITY).derivative(push)((*np.zeros(3), 1.0, *np.zeros(9)))
+    rates = RigidBody(body, GRAVITY).derivative(np.array([*np.zeros(3), 1.0, *np.zeros(9)]), push)
     np.testing.assert_allclose(rates, 0.0, atol=1e-9)
 
 
