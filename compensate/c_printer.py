@@ -5,7 +5,6 @@ The functions say little that C does not say in the same words: assignments, `fo
 (`wg_...`) and macros (`WG_...`), and vanish from the arguments; tuples that change become structs, handed over by
 pointer. Anything else raises `Unprintable`, with the line.
 """
-# Long because every kind of statement and expression has its few lines here.
 
 from __future__ import annotations
 
@@ -16,6 +15,7 @@ from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
 from wrenchgap.compensate import tables
+from wrenchgap.compensate.c_expressions import ATOM, INT, OPERATORS, REAL, Expressions, Type, Unprintable, Written
 from wrenchgap.compensate.compiling import PRINTED
 
 CONSTANT = {"Compensation": "", "Gate": "", "ReachTable": "reach_", "Process": "process_", "Observer": "observer_"}
@@ -23,54 +23,16 @@ CONSTANT = {"Compensation": "", "Gate": "", "ReachTable": "reach_", "Process": "
 STRUCTS = {"Memory": "wg_memory", "Observed": "wg_memory", "ReachRoom": "wg_reach_room", "Room": "wg_room"}
 MAYBE_NONE = ("WG_POINTS", "WG_WHITENER", "WG_TILTING", "WG_ACTUATORS", "WG_FIXED")
 """Sizes that may be zero, where C has no array."""
-CALLS = {
-    "math.sqrt": "wg_sqrt",
-    "math.exp": "wg_exp",
-    "math.sin": "wg_sin",
-    "math.cos": "wg_cos",
-    "math.atan2": "wg_atan2",
-    "math.floor": "wg_floor",
-    "abs": "wg_fabs",
-    "math.isfinite": "isfinite",
-    "math.isinf": "isinf",
-    "math.isnan": "isnan",
-}
-TRUTHS = ("isfinite", "isinf", "isnan")
-OPERATORS: dict[type, tuple[str, int]] = {
-    ast.Mult: ("*", 5), ast.Div: ("/", 5), ast.Mod: ("%", 5), ast.Add: ("+", 4), ast.Sub: ("-", 4),
-    ast.Lt: ("<", 3), ast.LtE: ("<=", 3), ast.Gt: (">", 3), ast.GtE: (">=", 3), ast.Eq: ("==", 3), ast.NotEq: ("!=", 3),
-    ast.And: ("&&", 2), ast.Or: ("||", 1),
-}  # fmt: skip
-"""How each is written, and how tightly it binds."""
-ATOM, UNARY, CHOICE = 9, 6, 0
 
 
-class Unprintable(Exception):
-    """Something that the printer does not know, and where."""
-
-    def __init__(self, node: ast.AST, what: str) -> None:
-        super().__init__(f"line {getattr(node, 'lineno', '?')}: {what}")
+def is_tuple(kind: Type) -> bool:
+    """Whether it is one of `tables`."""
+    return kind.name in CONSTANT or kind.name in STRUCTS or kind.name == "Tape"
 
 
-@dataclass(frozen=True)
-class Type:
-    """Of an expression: `wg_real`, `int`, or the name of a tuple; with the sizes of an array."""
-
-    name: str
-    sizes: tuple[str, ...] = ()
-
-    @property
-    def is_tuple(self) -> bool:
-        """Whether it is one of `tables`."""
-        return self.name in CONSTANT or self.name in STRUCTS or self.name == "Tape"
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether it vanishes from the arguments."""
-        return self.name in CONSTANT or self.name == "Tape"
-
-
-REAL, INT = Type("wg_real"), Type("int")
+def is_constant(kind: Type) -> bool:
+    """Whether it vanishes from the arguments."""
+    return kind.name in CONSTANT or kind.name == "Tape"
 
 
 def type_of(hint: Any) -> Type:
@@ -178,7 +140,7 @@ class Printer:
         """The head of a function."""
         one, parts = self.functions[name], []
         for argument, kind in one.arguments.items():
-            if kind.is_constant:
+            if is_constant(kind):
                 continue
             if kind.name in STRUCTS:
                 parts.append(f"{'' if argument in one.written else 'const '}{STRUCTS[kind.name]} *{argument}")
@@ -237,10 +199,11 @@ def _comment(text: str) -> list[str]:
     return [*lines, line]
 
 
-class _Body:
+class _Body(Expressions):
     """Prints the statements of one function."""
 
     def __init__(self, printer: Printer, one: Function) -> None:
+        super().__init__()
         self.printer, self.one = printer, one
         self.known: dict[str, Type] = dict(one.arguments)
         self.constants: set[str] = set()
@@ -284,7 +247,7 @@ class _Body:
         if not isinstance(target, ast.Name):
             return [f"{pad}{self.plain(target)} = {self.plain(node.value)};"]
         text, kind, _ = self.expression(node.value)
-        if kind.is_tuple:  # another name of a tuple of constants
+        if is_tuple(kind):  # another name of a tuple of constants
             self.known[target.id] = kind
             return []
         if target.id not in self.known:
@@ -308,32 +271,7 @@ class _Body:
         advance = f"{name}--" if down else f"{name}++"
         return f"for (int {name} = {first}; {name} {'>' if down else '<'} {last}; {advance})"
 
-    def plain(self, node: ast.expr) -> str:
-        """The text of an expression."""
-        return self.expression(node)[0]
-
-    def _within(self, node: ast.expr, binding: int) -> str:
-        """The text of a part, in brackets where it binds less tightly."""
-        text, _, own = self.expression(node)
-        return f"({text})" if own < binding else text
-
-    def expression(self, node: ast.expr) -> tuple[str, Type, int]:
-        """Text, type, and how tightly it binds."""
-        kind = type(node).__name__
-        known = getattr(self, f"_{kind.lower()}", None)
-        if known is None:
-            raise Unprintable(node, kind)
-        found: tuple[str, Type, int] = known(node)
-        return found
-
-    def _constant(self, node: ast.Constant) -> tuple[str, Type, int]:
-        if isinstance(node.value, bool):
-            return str(int(node.value)), INT, ATOM
-        if isinstance(node.value, int):
-            return str(node.value), INT, ATOM
-        return f"WG({node.value!r})", REAL, ATOM
-
-    def _name(self, node: ast.Name) -> tuple[str, Type, int]:
+    def _name(self, node: ast.Name) -> Written:
         if node.id in self.known:
             return ("turn" if node.id == "_" else node.id), self.known[node.id], ATOM
         value = getattr(self.printer.module, node.id, None)
@@ -343,18 +281,18 @@ class _Body:
             return f"WG_{node.id}", INT if isinstance(value, int) else REAL, ATOM
         raise Unprintable(node, node.id)
 
-    def _attribute(self, node: ast.Attribute) -> tuple[str, Type, int]:
+    def _attribute(self, node: ast.Attribute) -> Written:
         if ast.unparse(node) in ("math.nan", "math.inf"):
-            return {"math.nan": "WG_NAN", "math.inf": "WG_INFINITY"}[ast.unparse(node)], REAL, ATOM
+            return super()._attribute(node)
         base, owner, _ = self.expression(node.value)
-        if not owner.is_tuple:
+        if not is_tuple(owner):
             raise Unprintable(node, ast.unparse(node))
         kind = fields_of(owner.name)[node.attr]
-        if owner.is_constant:
-            return ("" if kind.is_tuple else name_of_constant(owner.name, node.attr, kind)), kind, ATOM
+        if is_constant(owner):
+            return ("" if is_tuple(kind) else name_of_constant(owner.name, node.attr, kind)), kind, ATOM
         return f"{base}{'->' if isinstance(node.value, ast.Name) else '.'}{node.attr}", kind, ATOM
 
-    def _subscript(self, node: ast.Subscript) -> tuple[str, Type, int]:
+    def _subscript(self, node: ast.Subscript) -> Written:
         base, kind, _ = self.expression(node.value)
         if isinstance(node.value, ast.Attribute) and kind.sizes == ("1",):
             return base, Type(kind.name), ATOM
@@ -367,48 +305,15 @@ class _Body:
         left = Type(kind.name, kind.sizes[len(places) :])
         return (f"{text} + {start}", left, 4) if start else (text, left, ATOM)
 
-    def _binop(self, node: ast.BinOp) -> tuple[str, Type, int]:
-        sign, binding = OPERATORS[type(node.op)]
-        types = {self.expression(part)[1] for part in (node.left, node.right)}
-        text = f"{self._within(node.left, binding)} {sign} {self._within(node.right, binding + 1)}"
-        return text, INT if types == {INT} else REAL, binding
-
-    def _unaryop(self, node: ast.UnaryOp) -> tuple[str, Type, int]:
-        _, kind, _ = self.expression(node.operand)
-        sign = {ast.Not: "!", ast.USub: "-"}[type(node.op)]
-        return f"{sign}{self._within(node.operand, UNARY)}", INT if sign == "!" else kind, UNARY
-
-    def _compare(self, node: ast.Compare) -> tuple[str, Type, int]:
-        if len(node.ops) > 1:
-            raise Unprintable(node, "a chain of comparisons")
-        sign, binding = OPERATORS[type(node.ops[0])]
-        parts = (self._within(node.left, binding + 1), self._within(node.comparators[0], binding + 1))
-        return f"{parts[0]} {sign} {parts[1]}", INT, binding
-
-    def _boolop(self, node: ast.BoolOp) -> tuple[str, Type, int]:
-        sign, binding = OPERATORS[type(node.op)]
-        inner = binding if isinstance(node.op, ast.And) else 3  # what && binds is put in brackets behind ||
-        return f" {sign} ".join(self._within(value, inner) for value in node.values), INT, binding
-
-    def _ifexp(self, node: ast.IfExp) -> tuple[str, Type, int]:
-        yes, kind, _ = self.expression(node.body)
-        no, other, _ = self.expression(node.orelse)
-        if kind != other:
-            raise Unprintable(node, "a choice between two types")
-        return f"{self._within(node.test, 1)} ? {yes} : {no}", kind, CHOICE
-
-    def _call(self, node: ast.Call) -> tuple[str, Type, int]:
+    def _call(self, node: ast.Call) -> Written:
         name = ast.unparse(node.func)
         if name == "len":
             return self.expression(node.args[0])[1].sizes[0], INT, ATOM
-        if name in CALLS:
-            kind = INT if CALLS[name] in TRUTHS else REAL
-            return f"{CALLS[name]}({', '.join(map(self.plain, node.args))})", kind, ATOM
         if name not in self.printer.functions:
-            raise Unprintable(node, f"a call of {name}")
+            return super()._call(node)
         called, given = self.printer.functions[name], []
         for argument, kind in zip(node.args, called.arguments.values(), strict=True):
-            if not kind.is_constant:
+            if not is_constant(kind):
                 inner = kind.name in STRUCTS and not isinstance(argument, ast.Name)
                 given.append(f"{'&' if inner else ''}{self.plain(argument)}")
         kind = REAL if called.result == "wg_real" else INT

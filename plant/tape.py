@@ -8,66 +8,14 @@ written once; what is constant is worked out while writing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-
-
-class Op(IntEnum):
-    """What a line of a tape does with its arguments a, b and c. Conditions are 1.0 where they hold, else 0.0."""
-
-    INPUT = 0
-    CONSTANT = 1
-    ADD = 2
-    SUB = 3
-    MUL = 4
-    DIV = 5
-    NEG = 6
-    SQRT = 7
-    EXP = 8
-    SIN = 9
-    COS = 10
-    ATAN2 = 11
-    ABS = 12
-    SIGN = 13
-    MAX = 14
-    MIN = 15
-    LESS = 16
-    LESS_EQUAL = 17
-    SELECT = 18  # b where a holds, else c
-    FLOOR = 19
-    LOG = 20
-
-
-_BY_VALUE: dict[Op, Callable[[float, float, float], float]] = {
-    Op.ADD: lambda a, b, c: a + b,
-    Op.SUB: lambda a, b, c: a - b,
-    Op.MUL: lambda a, b, c: a * b,
-    Op.DIV: lambda a, b, c: a / b,
-    Op.NEG: lambda a, b, c: -a,
-    Op.SQRT: lambda a, b, c: math.sqrt(a),
-    Op.EXP: lambda a, b, c: math.exp(a),
-    Op.SIN: lambda a, b, c: math.sin(a),
-    Op.COS: lambda a, b, c: math.cos(a),
-    Op.ATAN2: lambda a, b, c: math.atan2(a, b),
-    Op.ABS: lambda a, b, c: abs(a),
-    Op.SIGN: lambda a, b, c: float((a > 0) - (a < 0)),
-    Op.MAX: lambda a, b, c: max(a, b),
-    Op.MIN: lambda a, b, c: min(a, b),
-    Op.LESS: lambda a, b, c: float(a < b),
-    Op.LESS_EQUAL: lambda a, b, c: float(a <= b),
-    Op.SELECT: lambda a, b, c: b if a else c,
-    Op.FLOOR: lambda a, b, c: float(math.floor(a)),
-    Op.LOG: lambda a, b, c: math.log(a),
-}
-_PAIRS = (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.ATAN2, Op.MAX, Op.MIN, Op.LESS, Op.LESS_EQUAL)
-ARITY = {Op.INPUT: 0, Op.CONSTANT: 0, Op.SELECT: 3, **dict.fromkeys(_PAIRS, 2)}
-"""Arguments of an operation; one where it is not listed."""
+from wrenchgap.plant.operations import ARITY, Op, value_of
 
 Line = tuple[int, int, int, int]
 
@@ -135,7 +83,7 @@ class Tape:
     def _folded(op: Op, values: Sequence[float]) -> float:
         padded = (*values, 0.0, 0.0)
         try:
-            return float(_BY_VALUE[op](*padded[:3]))
+            return value_of(op, *padded[:3])
         except (ZeroDivisionError, ValueError, OverflowError):
             return math.nan
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.plant.tape import Op, Tape
+from wrenchgap.plant.operations import Op
+from wrenchgap.plant.tape import Tape
 
 
 class Untraceable(Exception):

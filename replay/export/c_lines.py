@@ -1,61 +1,24 @@
 """A program (`plant.tape`) as C: one statement a line, its tangents beside it, nothing that is zero or unused.
 
-Statements and their order are those of the compiled loop in `compensate.compiled`, so that both round alike.
+Statements and their order are those of the compiled tape (`plant.tape_kernels`), so that both round alike.
 """
 
 from __future__ import annotations
 
+import ast
 import math
 from collections import Counter
 from dataclasses import dataclass
 
 from wrenchgap._escaping import c_comment
-from wrenchgap.plant.tape import ARITY, Op, Program
+from wrenchgap.compensate.c_expressions import PRODUCT, Expressions
+from wrenchgap.plant.operations import ARITY, CHOOSING, FLAT, Op, chosen_of, expressions, slopes_of, value_of
+from wrenchgap.plant.tape import Program
 
 FREE_OF_CHARGE = (Op.INPUT, Op.CONSTANT)
-FLAT = (Op.FLOOR, Op.SIGN, Op.LESS, Op.LESS_EQUAL)
-"""Operations whose result has no slope."""
-
-_VALUE = {
-    Op.ADD: "{a} + {b}",
-    Op.SUB: "{a} - {b}",
-    Op.MUL: "{a} * {b}",
-    Op.DIV: "{a} / {b}",
-    Op.NEG: "-{a}",
-    Op.SQRT: "wg_sqrt({a})",
-    Op.EXP: "wg_exp({a})",
-    Op.SIN: "wg_sin({a})",
-    Op.COS: "wg_cos({a})",
-    Op.ATAN2: "wg_atan2({a}, {b})",
-    Op.ABS: "wg_fabs({a})",
-    Op.SIGN: "{a} > 0 ? WG(1.0) : ({a} < 0 ? WG(-1.0) : WG(0.0))",
-    Op.MAX: "{a} >= {b} ? {a} : {b}",
-    Op.MIN: "{a} <= {b} ? {a} : {b}",
-    Op.LESS: "{a} < {b} ? WG(1.0) : WG(0.0)",
-    Op.LESS_EQUAL: "{a} <= {b} ? WG(1.0) : WG(0.0)",
-    Op.SELECT: "{a} != 0 ? {b} : {c}",
-    Op.FLOOR: "wg_floor({a})",
-    Op.LOG: "wg_log({a})",
-}
-_KIND = {Op.DIV: "divide", Op.SQRT: "sqrt", Op.EXP: "exp", Op.LOG: "exp", Op.SIN: "trig", Op.COS: "trig"} | {
-    Op.ATAN2: "trig",
-    Op.MUL: "multiply",
-    Op.ADD: "add",
-    Op.SUB: "add",
-}
-"""What an operation counts as; the others are comparisons and moves."""
-
-_SLOPE = {
-    Op.NEG: "-{t}",
-    Op.SQRT: "{v} > 0 ? WG(0.5) / {v} * {t} : WG(0.0)",
-    Op.EXP: "{v} * {t}",
-    Op.SIN: "wg_cos({a}) * {t}",
-    Op.COS: "-wg_sin({a}) * {t}",
-    Op.ABS: "{a} >= 0 ? {t} : -{t}",
-    Op.LOG: "{t} / {a}",
-}
-"""Tangents of operations with one argument: of its tangent t, its value a, and the result v."""
-_SLOPE_COST = {Op.NEG: "other", Op.SQRT: "divide", Op.SIN: "trig", Op.COS: "trig", Op.LOG: "divide"}
+KINDS = {ast.Add: "add", ast.Sub: "add", ast.Mult: "multiply", ast.Div: "divide"}
+CALLED = {"sqrt": "sqrt", "exp": "exp", "log": "exp", "sin": "trig", "cos": "trig", "atan2": "trig"}
+"""What operators and functions count as; comparisons and moves count as others."""
 
 
 class Own(str):
@@ -172,37 +135,50 @@ class Printer:
                 section = self.program.sections[line]
                 text.append(f"    /* {c_comment(section)} */")
             names = dict(zip("abc", (self.value(a, fixed) for a in self.arguments[line]), strict=False))
-            text.append(f"    const wg_real {self.prefix}{line} = {_VALUE[op].format(**names)};")
-            counts[_KIND.get(op, "other")] += 1
+            written = expressions(value_of)[op]
+            text.append(f"    const wg_real {self.prefix}{line} = {Expressions(names).plain(written)};")
+            counts.update(_counted(written))
             for i in sorted(self.slopes.get(line, frozenset())) if not fixed else ():
-                statement = self._slope(line, i, names)
+                statement, cost = self._slope(line, i, names | {"value": f"{self.prefix}{line}"})
                 text.append(f"    const wg_real t{line}_{i} = {statement};")
-                counts[_SLOPE_COST.get(op, "multiply")] += 1
-                counts["multiply" if op is Op.DIV else "add"] += 1
+                counts.update(cost)
         return text, counts
 
-    def _slope(self, line: int, i: int, names: dict[str, str]) -> str:
-        op, given = self.ops[line], self.arguments[line]
+    def _slope(self, line: int, i: int, names: dict[str, str]) -> tuple[str, Counts]:
+        """The tangent of a line with respect to the i-th free input, and what it costs."""
+        op, given, write = self.ops[line], self.arguments[line], Expressions(names)
         has = [i in self.slopes.get(a, frozenset()) for a in given]
-        t = [self._tangent(a, i) if yes else "WG(0.0)" for a, yes in zip(given, has, strict=True)]
-        a, b = names.get("a", ""), names.get("b", "")
-        v = f"{self.prefix}{line}"
-        if op in _SLOPE:
-            return _SLOPE[op].format(t=t[0], a=a, v=v)
-        if op is Op.SELECT:
-            return f"{a} != 0 ? {t[1]} : {t[2]}"
-        if op in (Op.MAX, Op.MIN):
-            return f"{a} {'>=' if op is Op.MAX else '<='} {b} ? {t[0]} : {t[1]}"
-        if op in (Op.ADD, Op.SUB):
-            sign = "+" if op is Op.ADD else "-"
-            return f"{t[0]} {sign} {t[1]}" if all(has) else t[0] if has[0] else f"{'' if op is Op.ADD else '-'}{t[1]}"
-        if op is Op.MUL:
-            parts = [f"{t[0]} * {b}"] * has[0] + [f"{a} * {t[1]}"] * has[1]
-            return " + ".join(parts)
-        if op is Op.DIV:
-            parts = [f"WG(1.0) / {b} * {t[0]}"] * has[0] + [f"-{v} / {b} * {t[1]}"] * has[1]
-            return " + ".join(parts)
-        assert op is Op.ATAN2
-        square = f"({a} * {a} + {b} * {b})"
-        parts = [f"{b} / {square} * {t[0]}"] * has[0] + [f"-{a} / {square} * {t[1]}"] * has[1]
-        return f"{square} > 0 ? {' + '.join(parts)} : WG(0.0)"
+        tangents = [self._tangent(a, i) if yes else "WG(0.0)" for a, yes in zip(given, has, strict=True)]
+        if op in CHOOSING:
+            chosen = expressions(chosen_of)[op]
+            assert isinstance(chosen, ast.IfExp)
+            yes, no = (tangents[ast.literal_eval(part)] for part in (chosen.body, chosen.orelse))
+            return f"{write.plain(chosen.test)} ? {yes} : {no}", Counter(other=1)
+        slopes = expressions(slopes_of)[op]
+        assert isinstance(slopes, ast.Tuple)
+        parts = [(s, t) for s, t, there in zip(slopes.elts, tangents, has, strict=False) if there]
+        terms = [_times(write, slope, tangent) for slope, tangent in parts]
+        cost = sum((_counted(slope) for slope, _ in parts), Counter(multiply=len(parts), add=len(parts) - 1))
+        return " + ".join(terms), cost
+
+
+def _times(write: Expressions, slope: ast.expr, tangent: str) -> str:
+    """A slope times a tangent, where it is not one."""
+    factor = {"1.0": "", "-1.0": "-"}.get(ast.unparse(slope))
+    if factor is not None:
+        return f"{factor}{tangent}"
+    text, _, binding = write.expression(slope)
+    return f"{text if binding >= PRODUCT else f'({text})'} * {tangent}"
+
+
+def _counted(written: ast.expr) -> Counts:
+    """Operations of an expression, all of its branches."""
+    found: Counts = Counter()
+    for node in ast.walk(written):
+        if isinstance(node, ast.BinOp):
+            found[KINDS[type(node.op)]] += 1
+        elif isinstance(node, ast.Call):
+            found[CALLED.get(ast.unparse(node.func).rpartition(".")[2], "other")] += 1
+        elif isinstance(node, ast.IfExp | ast.UnaryOp):
+            found["other"] += 1
+    return found

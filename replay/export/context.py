@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchgap.compensate import Combined, generated
-from wrenchgap.compensate.c_printer import INT, bounds, fields_of, name_of_constant
+from wrenchgap.compensate.c_expressions import INT
+from wrenchgap.compensate.c_printer import bounds, fields_of, name_of_constant
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.state_row import STATE
 from wrenchgap.flight.errors import UsageError

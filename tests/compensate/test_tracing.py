@@ -15,8 +15,9 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.operations import Op
 from wrenchgap.plant.state import State
-from wrenchgap.plant.tape import Op, Tape, program
+from wrenchgap.plant.tape import Tape, program
 from wrenchgap.plant.tape_kernels import differentiate, evaluate
 from wrenchgap.plant.tracing import Node, Traced, Untraceable
 
