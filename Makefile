@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 # One worker of pytest more than there are cores, four at most: tests of the page wait for the browser most of the time.
 WORKERS := $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2); echo $$((n < 4 ? n + 1 : 4)))
 
-.PHONY: help setup demo test readme slow check format bench generated golden fuzz faults paper docs lock wheel screenshots clean
+.PHONY: help setup demo test readme slow check format bench generated golden fuzz faults paper docs site lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -77,6 +77,9 @@ paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/p
 docs: setup ## renew docs/effects/README.md, check every link, run every Python example
 	$(VENV) scripts/effects_index.py
 	$(VENV) scripts/check_docs.py
+
+site: setup ## the documentation as site/index.html, which opens from a folder; a dead link or a page in no navigation fails
+	NO_MKDOCS_2_WARNING=1 $(VENV) -m mkdocs build
 
 screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium)
 	$(VENV) scripts/screenshots.py
