@@ -33,7 +33,7 @@ test: setup ## the everyday test suite
 	@$(VENV) scripts/warm_kernels.py # compiled once, and not by every worker of pytest
 	$(VENV) -m pytest -m "not slow and not long" --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(TEST)
 
-readme: setup ## the README's commands, run as written
+readme: setup ## the commands of the README and of the first analysis, run as written
 	$(VENV) -m pytest -m slow tests/test_readme.py
 
 slow: setup ## tests of minutes: README, notebook, documentation, every kind of hidden effect (CI runs them too)

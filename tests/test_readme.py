@@ -1,4 +1,4 @@
-"""The README's commands, run as written, in order, in an empty folder: four minutes, so CI runs it (`make slow`)."""
+"""Commands of the README and of the first analysis, run as written, in an empty folder: four minutes (`make slow`)."""
 
 import os
 import re
@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-LINES = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
+PAGES = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/start/first-analysis.md"))
+LINES = "\n".join(re.findall(r"```sh\n(.*?)```", PAGES, re.DOTALL)).splitlines()
 COMMANDS = [shlex.split(line, comments=True) for line in LINES if line.strip()]
 
 

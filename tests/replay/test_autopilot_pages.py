@@ -1,4 +1,4 @@
-"""The commands of docs/px4.md and of docs/formats.md on ArduPilot, run as written on logs that are made here.
+"""The commands of docs/start/px4.md and docs/start/ardupilot.md, run as written on logs that are made here.
 
 The logs have motor commands at 10 Hz, as both autopilots log them by default, and a centre of mass that no file knows.
 """
@@ -19,8 +19,8 @@ STEPS = ["inspect", "model", "inspect", "compare", "calibrate", "explain", "repo
 
 def commands(page, log):
     """The page's commands on `log`, as lists of words, in the order of the page."""
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    return [shlex.split(line, comments=True) for line in re.findall(r"^    wrenchgap (.*)$", text, re.M) if log in line]
+    text = (ROOT / "docs" / "start" / page).read_text(encoding="utf-8")
+    return [shlex.split(line, comments=True) for line in re.findall(r"^wrenchgap (.*)$", text, re.M) if log in line]
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_
 def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
     """The same in short: frame, order of motors and curve are of the log's parameters."""
     write_dataflash(flights[0], tmp_path / "flight.bin")
-    asked = commands("formats.md", "flight.bin")
+    asked = commands("ardupilot.md", "flight.bin")
     assert [words[0] for words in asked] == ["inspect", "model", "compare", "calibrate", "explain"]
     for words in asked:
         ran(run, words, tmp_path)
