@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, create_model
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import shortened, text_of
-from wrenchgap.viewer.inbox import LARGEST_NUMBER
+from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, shortened, text_of
+from wrenchgap.plant.reader import read as read_table
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
@@ -68,92 +70,57 @@ def parse(text: str, where: str = "saved view") -> ViewState:
         raise UsageError(
             f"{where}: schema is {shortened(repr(found))}, expected {SCHEMA!r}; expected what `Save view` wrote"
         )
-    known = {f.name for f in fields(ViewState)}
-    unknown = sorted(set(content) - known - {"schema"})
-    if unknown:
-        raise UsageError(f"{where}: unknown entry {shortened(repr(unknown[0]))}; known are {', '.join(sorted(known))}")
-    entry = _Entries(content, where)
-    return ViewState(
-        flight=entry.text("flight"),
-        time=entry.number("time"),
-        marks=entry.marks(),
-        loop=entry.truth("loop", False),
-        zoom=entry.text("zoom"),
-        speed=entry.text("speed"),
-        shown=entry.shown(),
-        channels=entry.texts("channels"),
-        ghost=entry.text("ghost") or NOTHING,
-        ghost_shift=entry.number("ghost_shift") or 0.0,
-        camera=entry.camera(),
-    )
+    del content["schema"]
+    try:
+        found = read_table(_Document, content, error=UsageError)
+    except UsageError as error:
+        raise UsageError(f"{where}: {error}") from None
+    given = {name: value for name, value in found if value is not None}
+    return ViewState(**given | {"shown": Shown(**dict(found.shown))})
 
 
-class _Entries:
-    """Reads the entries of a document, each as what it must be."""
-
-    def __init__(self, content: Mapping[str, Any], where: str) -> None:
-        self._content, self._where = content, where
-
-    def text(self, name: str) -> str | None:
-        value = self._content.get(name)
-        return None if value is None else str(self._checked(name, value, isinstance(value, str), "text"))
-
-    def texts(self, name: str) -> tuple[str, ...]:
-        value = self._content.get(name) or []
-        good = isinstance(value, list) and len(value) <= MOST_CHANNELS and all(isinstance(item, str) for item in value)
-        return tuple(self._checked(name, value, good, f"a list of at most {MOST_CHANNELS} texts"))
-
-    def truth(self, name: str, default: bool) -> bool:
-        value = self._content.get(name, default)
-        return bool(self._checked(name, value, isinstance(value, bool), "true or false"))
-
-    def number(self, name: str) -> float | None:
-        value = self._content.get(name)
-        return None if value is None else float(self._checked(name, value, _is_number(value), "a number"))
-
-    def marks(self) -> dict[str, float]:
-        value = self._content.get("marks") or {}
-        good = isinstance(value, dict) and set(value) <= {"A", "B"} and all(map(_is_number, value.values()))
-        return {k: float(v) for k, v in self._checked("marks", value, good, "numbers for A and B").items()}
-
-    def camera(self) -> tuple[Point, Point] | None:
-        value = self._content.get("camera")
-        if value is None:
-            return None
-        parts: list[Any] = [value.get(key) for key in ("position", "look_at")] if isinstance(value, dict) else [None]
-        good = all(isinstance(p, list) and len(p) == 3 and all(map(_is_number, p)) for p in parts)
-        self._checked("camera", value, good and parts[0] != parts[-1], "position and look_at, three numbers each")
-        one, two = ((float(p[0]), float(p[1]), float(p[2])) for p in parts)
-        return one, two
-
-    def shown(self) -> Shown:
-        """The switches; those that the document lacks are as by default."""
-        value = self._content.get("shown") or {}
-        self._checked("shown", value, isinstance(value, dict), "switches by name")
-        found: dict[str, Any] = {}
-        for name, default in vars(Shown()).items():
-            if name not in value:
-                continue
-            given, entry = value[name], f"shown.{name}"
-            if isinstance(default, bool):
-                found[name] = self._checked(entry, given, isinstance(given, bool), "true or false")
-            elif name == "hidden":
-                good = isinstance(given, list) and all(isinstance(item, str) for item in given)
-                found[name] = frozenset(self._checked(entry, given, good, "a list of names"))
-            elif name == "factors":
-                good = isinstance(given, list) and len(given) == 3 and all(_is_number(v) and v > 0 for v in given)
-                found[name] = tuple(float(v) for v in self._checked(entry, given, good, "three positive numbers"))
-            elif isinstance(default, float):
-                found[name] = float(self._checked(entry, given, _is_number(given) and given > 0, "a positive number"))
-            else:
-                found[name] = self._checked(entry, given, isinstance(given, str), "text")
-        return replace(Shown(), **found)
-
-    def _checked(self, name: str, value: Any, good: bool, expected: str) -> Any:
-        if not good:
-            raise UsageError(f"{self._where}: {name} is {shortened(repr(value))}, expected {expected}")
-        return value
+_SomeNumber = Annotated[Number | None, expected("a number")]
+_KINDS: dict[str, Any] = {"bool": Flag, "str": Text, "float": Positive}
+_OWN_KINDS = {
+    "hidden": Annotated[frozenset[Text], expected("a list of names")],
+    "factors": Annotated[tuple[Positive, Positive, Positive], expected("three positive numbers")],
+}
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+def _different(camera: _Camera) -> tuple[Point, Point]:
+    if camera.position == camera.look_at:
+        raise ValueError
+    return camera.position, camera.look_at
+
+
+class _Camera(Table):
+    """Where a camera is, and at what it looks."""
+
+    position: Vector
+    look_at: Vector
+
+
+class _Document(Table):
+    """The entries; `shown` are the fields of `Shown`. What is absent or null stays as it is."""
+
+    flight: Text | None = None
+    time: _SomeNumber = None
+    marks: Annotated[dict[Literal["A", "B"], Number] | None, expected("numbers for A and B")] = None
+    loop: Flag = False
+    zoom: Text | None = None
+    speed: Text | None = None
+    shown: create_model(  # type: ignore[valid-type]
+        "_Shown",
+        __base__=Table,
+        **{f.name: (_OWN_KINDS.get(f.name) or _KINDS[str(f.type)], f.default) for f in fields(Shown)},
+    ) = Field(default_factory=Shown)
+    channels: Annotated[
+        tuple[Text, ...] | None, Field(max_length=MOST_CHANNELS), expected(f"a list of at most {MOST_CHANNELS} texts")
+    ] = None
+    ghost: Text | None = None
+    ghost_shift: _SomeNumber = None
+    camera: Annotated[
+        _Camera | None,
+        AfterValidator(lambda found: found and _different(found)),
+        expected("position and look_at, three numbers each"),
+    ] = None

@@ -13,7 +13,7 @@ from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, entries, unmeasured, user_name
+from wrenchgap.replay.present.numbers import change, entries, unit_of, unmeasured, user_name
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -28,17 +28,15 @@ def parts(added: Addition) -> list[Part]:
     out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
     if (trial := added.trial) is None:
-        rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
-        out.append(before_after(f"on the fitted logs, {behind}", rows, added.reduction))
+        title = f"on the fitted logs, {behind}"
+        out.append(before_after(title, added.rms_before, added.rms_after, added.reduction))
     else:
-        rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
-        out.append(before_after(f"on held-out time of these logs, {behind}", rows, trial.fall))
+        title = f"on held-out time of these logs, {behind}"
+        out.append(before_after(title, trial.before, trial.after, trial.fall, trial.noise))
         out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines([*mixed(added), *notes(added)])]
 
 
-LOUD = 5.0
-"""Times the sensors' noise that is left, from which on that is said."""
 OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "no significant change"}
 
 
@@ -47,15 +45,15 @@ def verdict(trial: Trial) -> str:
     return f"{OUTCOMES[trial.outcome]}: error energy {change(trial.change)}, t {trial.t:.1f}"
 
 
-def mixed(added: Addition) -> list[str]:
-    """Much more than noise is left of force or torque: values that stand for other effects too."""
+def mixed(added: Addition, most: float = 5.0) -> list[str]:
+    """Above `most` times the noise of the sensors is left: values that stand for other effects too."""
     if (trial := added.trial) is None:
         return []
     times = trial.after / trial.noise
     axis = int(np.nanargmax(times))
-    if times[axis] < LOUD:
+    if times[axis] < most:
         return []
-    size = f"{trial.after[axis]:.2g} {'N' if axis < 3 else 'Nm'}"
+    size = f"{trial.after[axis]:.2g} {unit_of(axis)}"
     return [
         f"{size} are left of {AXES[axis]}, {times[axis]:.0f} times the noise "
         "of the sensors: where that is another effect, these values stand for it too, and their +- do not cover it; "
@@ -80,9 +78,7 @@ def notes(added: Addition) -> list[str]:
 
 def differences(scatter: Array) -> str:
     """By how much flights differ on average, in words."""
-    sizes = ", ".join(
-        f"{a} {v:.2g} {'N' if k < 3 else 'Nm'}" for k, (a, v) in enumerate(zip(AXES, scatter, strict=True)) if v > 0.0
-    )
+    sizes = ", ".join(f"{AXES[k]} {v:.2g} {unit_of(k)}" for k, v in enumerate(scatter) if v > 0.0)
     return f"These flights differ on average by {sizes} (one standard deviation); later ones may as much."
 
 
@@ -93,7 +89,7 @@ def to_json(added: Addition) -> dict[str, Any]:
         "effects": effects_json(added.model.snapshot),
         "refitted": list(added.refitted),
         **entries(added, "rms_before", "rms_after", "at_bound=fit.at_bound"),
-        "unmeasured": _unmeasured(added),
+        "unmeasured": unmeasured(np.sum([r.noise for f in added.flights for r in f.records], axis=0)),
         "between_flights": added.between_flights,
         "held_out": None if added.trial is None else trial_json(added.trial),
         "cutoff_hz": added.flights[0].records[0].cutoff_hz,
@@ -101,14 +97,10 @@ def to_json(added: Addition) -> dict[str, Any]:
     }
 
 
-def _unmeasured(added: Addition) -> list[str]:
-    return unmeasured(np.sum([r.noise for f in added.flights for r in f.records], axis=0))
-
-
 def trial_json(trial: Trial) -> dict[str, Any]:
     """Errors on time that was not fitted, six each."""
-    errors = entries(trial, "rms_before=before", "rms_after=after", "noise", "fall")
-    return {**errors, "verdict": verdict(trial), **entries(trial, "outcome", "change", "t")}
+    names = ("rms_before=before", "rms_after=after", "noise", "fall", "outcome", "change", "t")
+    return {**entries(trial, *names), "verdict": verdict(trial)}
 
 
 def effects_json(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
@@ -154,16 +146,11 @@ def _draw(added: Addition, panels: Any) -> None:
 
 def bars_by_axis(panels: Any, rows: list[tuple[str, str, Array]], noise: Array | None) -> None:
     """Groups of bars over x, y, z for force and torque: `rows` of (name, colour, rms (6,)), `noise` (6,) as lines."""
-    place, count = np.arange(3), len(rows)
-    for panel, part, kind, unit in zip(panels, (0, 3), ("force", "torque"), ("N", "Nm"), strict=True):
-        for index, (name, colour, values) in enumerate(rows):
-            shift = (index - (count - 1) / 2) * 0.8 / count
-            panel.bar(place + shift, values[part : part + 3], 0.76 / count, color=colour, label=name)
-        if noise is not None:
-            levels = noise[part : part + 3]
-            panel.hlines(levels, place - 0.45, place + 0.45, color=style.NOISE, lw=2.0, label="sensor noise")
-        panel.set_xticks(place, [f"{kind} {axis}" for axis in "xyz"], fontsize=style.USUAL)
+    for panel, part, kind, unit in zip(panels, (slice(3), slice(3, 6)), ("force", "torque"), ("N", "Nm"), strict=True):
+        own = [(name, colour, values[part]) for name, colour, values in rows]
+        style.bars(panel, own, None if noise is None else noise[part])
         panel.set_ylim(0.0, None)
+        panel.set_xticks(range(3), [f"{kind} {axis}" for axis in "xyz"], fontsize=style.USUAL)
         style.labelled(panel, f"{kind} error, rms", unit)
         style.grid(panel)
         panel.grid(visible=False, axis="x")

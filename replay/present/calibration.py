@@ -8,13 +8,13 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.identify.calibrate import Calibration, Fate, Tried
+from wrenchgap.learn.identify.calibrate import Calibration, Fate
 from wrenchgap.replay.present import addition
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, unit, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, table
+from wrenchgap.replay.present.notes import of_flights, sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, label, number, row, unit, unmeasured
+from wrenchgap.replay.present.tables import Line, Part, before_after, first_only, note_lines, plain
 
 FATES = {
     Fate.KEPT: "kept",
@@ -30,14 +30,16 @@ LEGEND = (
 
 def parts(found: Calibration) -> list[Part]:
     """The summary, what was considered, values, the error before and after, notes."""
-    out: list[Part] = [Line(text, "bold") for text in summary(found)]
-    out += [Line(), considered(found)]
+    rows = [
+        (t.effect, FATES[t.fate] + (f": {t.reason.reason}" if t.reason else ""), number(t.t, 2)) for t in found.tried
+    ]
+    considered = plain("what was considered", ("effect", "", "t"), rows, left=2)
+    out: list[Part] = [*(Line(text, "bold") for text in summary(found)), Line(), considered]
     if found.added is not None:
         out += [values(found), Line(LEGEND, "dim"), Line()]
         if (trial := found.added.trial) is not None:
-            rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
-            behind = f"filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
-            out.append(before_after(f"on held-out time of these flights, {behind}", rows, trial.fall))
+            title = f"on held-out time of these flights, filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
+            out.append(before_after(title, trial.before, trial.after, trial.fall, trial.noise))
         if len(found.names) > 1:
             out.append(by_flight("each flight, on its held-out time", found.names, found.before, found.after))
         if found.unseen:
@@ -57,37 +59,29 @@ def summary(found: Calibration) -> list[str]:
     return [told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}."]
 
 
-def considered(found: Calibration) -> Part:
-    """One row for each effect: what became of it, with t on held-out time."""
-    out = table("what was considered", "effect", "", "t", left=2)
-    for one in found.tried:
-        out.add_row(one.effect, _fate(one), number(one.t, 2))
-    return out
-
-
-def _fate(one: Tried) -> str:
-    return FATES[one.fate] if one.reason is None else f"{FATES[one.fate]}: {one.reason.reason}"
-
-
 def values(found: Calibration) -> Part:
     """One row for each parameter."""
-    out = table(f"effects of {found.model.name}", "effect", "parameter", "value", "+-", "scatter", "unit", left=2)
-    out.columns[-1].justify = "left"
-    last = ""
-    for p in found.trimmed:
-        first, last = p.effect if p.effect != last else "", p.effect
-        name = label(p.name, found.model.vehicle)
-        out.add_row(first, name, number(p.value, 4), number(p.std, 2), number(p.scatter, 2), unit(p.unit))
-    return out
+    names = zip(first_only(p.effect for p in found.trimmed), found.trimmed, strict=True)
+    rows = [
+        (
+            first,
+            label(p.name, found.model.vehicle),
+            number(p.value, 4),
+            number(p.std, 2),
+            number(p.scatter, 2),
+            unit(p.unit),
+        )
+        for first, p in names
+    ]
+    heads = ("effect", "parameter", "value", "+-", "scatter", "unit")
+    return plain(f"effects of {found.model.name}", heads, rows, left=2, texts=(-1,))
 
 
 def by_flight(title: str, names: Any, before: Array, after: Array) -> Part:
     """Two rows for each flight."""
-    out = table(title, "flight", "rms", *UNIT_HEADS, left=2)
-    for name, old, new in zip(names, before, after, strict=True):
-        out.add_row(str(name), "before", *row(old))
-        out.add_row("", "after", *row(new))
-    return out
+    pairs = zip(names, before, after, strict=True)
+    rows = [r for name, old, new in pairs for r in ((name, "before", *row(old)), ("", "after", *row(new)))]
+    return plain(title, ("flight", "rms", *UNIT_HEADS), rows, left=2)
 
 
 def notes(found: Calibration) -> list[str]:
@@ -103,7 +97,7 @@ def notes(found: Calibration) -> list[str]:
         own.append("One flight does not show by how much flights differ: later ones may by more than these intervals.")
     if found.added is not None and found.added.between_flights is not None:
         own.append(differences(found.added.between_flights))
-    return [*own, *sentences([*found.given.notes, *(note for f in found.flights for note in f.notes)])]
+    return [*own, *sentences(found.given.notes), *of_flights(found.flights)]
 
 
 def to_json(found: Calibration) -> dict[str, Any]:
@@ -118,15 +112,13 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "effects": effects_json(found.model.snapshot),
         "tried": [
             {
-                "effect": one.effect,
-                "fate": one.fate,
-                "t": one.t,
-                "lack": None if one.reason is None else one.reason.lack,
-                "reason": None if one.reason is None else one.reason.reason,
+                **entries(one, "effect", "fate", "t"),
+                "lack": one.reason and one.reason.lack,
+                "reason": one.reason and one.reason.reason,
             }
             for one in found.tried
         ],
-        "parameters": [vars(p) for p in found.trimmed],
+        "parameters": found.trimmed,
         "rms_before": found.before,
         "rms_after": found.after,
         "unseen": [{"flight": n, "rms_before": b, "rms_after": a} for n, b, a in found.unseen],
@@ -137,10 +129,9 @@ def to_json(found: Calibration) -> dict[str, Any]:
     }
 
 
-def frame(found: Calibration) -> dict[str, Any]:
+def frame(found: Calibration) -> list[dict[str, Any]]:
     """One row for each parameter: effect, name, unit, value, std, scatter."""
-    keys = ("effect", "name", "unit", "value", "std", "scatter")
-    return {key: [getattr(p, key) for p in found.trimmed] for key in keys}
+    return [entries(p, "effect", "name", "unit", "value", "std", "scatter") for p in found.trimmed]
 
 
 def picture(found: Calibration) -> style.Picture:

@@ -10,23 +10,17 @@ import numpy as np
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
-from wrenchgap.learn.changed.sizes import Alone, Size
+from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import timing, what_to_inspect
 from wrenchgap.replay.present.figures import changed as panels
 from wrenchgap.replay.present.figures import style, vehicle
-from wrenchgap.replay.present.notes import not_tried, reason, sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
+from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, number, quantity, row, share, unit, unmeasured
 from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
 
-WORTH_A_WORD = 1.0
-"""Standard deviations from which on the nearest change is named although nothing changed."""
-MOST = 8
-"""Changes by themselves that are shown."""
-WIDE = 5
-"""Parameters that a table of flights has columns for, whatever the number of flights."""
 SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
@@ -41,13 +35,8 @@ ALONE_LEGEND = (
 
 def parts(found: Changed) -> list[Part]:
     """Verdict, sizes, classes, each change by itself, flights, what cannot be compared, what to inspect."""
-    out: list[Part] = []
-    out += [Line(summary(found), "bold"), Line()]
-    for odd in found.odd:
-        out += note_lines(
-            [f"{odd.flight} was given as healthy and is not: {odd.effect} ({odds(odd.odds)})."], "warning"
-        )
-    out += note_lines(other_recordings(found), "warning")
+    out: list[Part] = [Line(summary(found), "bold"), Line()]
+    out += note_lines([*outliers(found), *other_recordings(found)], "warning")
     out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [plain("changes", SIZE_HEADS, sizes(found), left=3), Line(SIZES_LEGEND, "dim"), Line()]
@@ -58,16 +47,19 @@ def parts(found: Changed) -> list[Part]:
     if any(r.values for r in found.rows):
         heads, rows, left = by_flight(found)
         out.append(plain("what changed, on each flight by itself", heads, rows, left))
-    out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
-    lacking = not_tried(found.untried).items()
-    out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
-    out += note_lines(notes(found))
+    out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
     return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
 
 
-def odds(log: float) -> str:
-    """Log odds as a probability."""
-    return f"confidence {share(min(SUREST, 1.0 / (1.0 + np.exp(-log))))}"
+def outliers(found: Changed, given: str = "given") -> list[str]:
+    """Flights that were `given` as healthy and are not."""
+    sure = [(o, share(min(SUREST, 1.0 / (1.0 + np.exp(-o.odds))))) for o in found.odd]
+    return [f"{o.flight} was {given} as healthy and is not: {o.effect} (confidence {p})." for o, p in sure]
+
+
+def not_compared(found: Changed) -> list[str]:
+    """Quantities that some of the flights lack."""
+    return [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
 
 
 def baseline(found: Changed) -> str:
@@ -133,7 +125,7 @@ def summary(found: Changed) -> str:
     if found.verdict is Verdict.NOTHING:
         best = found.alone[0] if found.alone else None
         nearest = ""
-        if best is not None and best.largest.significance > WORTH_A_WORD:
+        if best is not None and best.largest.significance > 1.0:  # what is less is chance
             words = in_words(found, best.largest)
             nearest = f" Nearest, and not established: {words}, {best.largest.significance:.1f} standard deviations."
         likely = what_to_inspect.likeliest(found)
@@ -198,16 +190,13 @@ def sizes(found: Changed) -> list[tuple[str, ...]]:
     ]
 
 
-def alone(found: Changed) -> list[tuple[str, ...]]:
-    """Rows under `ALONE_HEADS`: each change by itself, likeliest first."""
+def alone(found: Changed, most: int = 8) -> list[tuple[str, ...]]:
+    """Rows under `ALONE_HEADS`: `most` changes, each by itself, likeliest first; odds of small ones in brackets."""
+    odds = [f"{a.odds:.1f}" if a.large else f"({a.odds:.1f})" for a in found.alone]
     return [
-        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", _said(a))
-        for a, s in ((a, a.largest) for a in found.alone[:MOST])
+        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", odd)
+        for a, s, odd in ((a, a.largest, odd) for a, odd in zip(found.alone[:most], odds, strict=False))
     ]
-
-
-def _said(change: Alone) -> str:
-    return f"{change.odds:.1f}" if change.large else f"({change.odds:.1f})"
 
 
 def flights(found: Changed) -> Table:
@@ -220,17 +209,17 @@ def flights(found: Changed) -> Table:
     return out
 
 
-def by_flight(found: Changed) -> tuple[list[str], list[list[str]], int]:
+def by_flight(found: Changed, wide: int = 5) -> tuple[list[str], list[list[str]], int]:
     """Heads, rows and the number of columns of words of a table: values of what changed, on each flight alone.
 
-    Parameters are columns, unless there are more of them than a screen is wide and than there are flights.
+    Parameters are columns, unless there are more of them than a screen is `wide` and than there are flights.
     """
     flown = [r for r in found.rows if r.values]
     places = Counter((p.effect, p.where) for p in found.parameters)
     names = [p.where if p.where and places[p.effect, p.where] == 1 else p.name for p in found.parameters]
     units = [unit(p.unit) or "1" for p in found.parameters]
     cells = [[number(r.values[p.effect, p.name]) for p in found.parameters] for r in flown]
-    if len(names) <= max(WIDE, len(flown)):
+    if len(names) <= max(wide, len(flown)):
         heads = [f"{p.effect} {n} [{u}]" for p, n, u in zip(found.parameters, names, units, strict=True)]
         return ["flight", "", *heads], [[r.flight, r.role, *c] for r, c in zip(flown, cells, strict=True)], 2
     columns = zip(found.parameters, names, units, *cells, strict=True)
@@ -246,44 +235,43 @@ def to_json(found: Changed) -> dict[str, Any]:
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "parameters": [_parameter(p) for p in found.parameters],
         "odd": [o.flight for o in found.odd],
-        "not_compared": [{"quantity": n.quantity, "reason": n.reason} for n in found.not_compared],
+        "not_compared": found.not_compared,
         "summary": summary(found),
         "inspect": what_to_inspect.sentences(found),
         "effects": [{"effect": n, "confidence": found.confidence(n), "family": family(n)} for n in found.names],
-        "places": [vars(p) for p in found.places],
+        "places": found.places,
         "nothing": found.nothing,
         "alone": [
             {"effect": a.effect, "log_odds": a.odds, "large": a.large, "parameters": [_parameter(p) for p in a.sizes]}
             for a in found.alone
         ],
-        "odd_because": [vars(o) for o in found.odd],
+        "odd_because": found.odd,
         "settle": settle_json(found.settle),
         "healthy": list(found.healthy),
         "suspect": list(found.suspect),
         "scatter": found.scatter,
         "scatter_from": "flights" if found.scatter_known else "typical values",
-        "by_flight": [_flight(found, k) for k in range(len(found.rows))],
+        "by_flight": [
+            {
+                **entries(r, "flight", "role", "mean", "rms"),
+                "values": [{"effect": e, "name": n, "value": v} for (e, n), v in r.values.items()],
+            }
+            for r in found.rows
+        ],
         "axes": list(AXES),
         "answering": [AXES[a] for a in found.answering],
         "by_means": found.by_means,
         "louder": list(found.louder),
-        "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
+        "not_tried": not_tried_json(found.untried),
         "unmeasured": unmeasured(found.scatter),
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": sentences(note for f in found.flights for note in f.notes),
+        "notes": of_flights(found.flights),
     }
 
 
 def _parameter(p: Size) -> dict[str, Any]:
-    keys = ("effect", "name", "healthy", "scatter", "suspect", "std", "unit", "significance", "where")
-    return {key: getattr(p, key) for key in keys}
-
-
-def _flight(found: Changed, k: int) -> dict[str, Any]:
-    r = found.rows[k]
-    listed = [{"effect": e, "name": n, "value": v} for (e, n), v in r.values.items()]
-    return {"flight": r.flight, "role": r.role, "mean": r.mean, "rms": r.rms, "values": listed}
+    return entries(p, "effect", "name", "healthy", "scatter", "suspect", "std", "unit", "significance", "where")
 
 
 def frame(found: Changed) -> list[dict[str, Any]]:

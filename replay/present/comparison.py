@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import Comparison, Stretch
-from wrenchgap.learn.data.errors import force_and_torque
+from wrenchgap.learn.data.errors import Errors, force_and_torque
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
@@ -53,24 +53,27 @@ def filtered(comparison: Comparison) -> str:
 def by_flight(comparison: Comparison) -> Table:
     """Root mean square by flight."""
     out = table("rms of |measured - predicted| by flight", "flight", "model", *UNIT_HEADS, left=2)
+    for flight, name, own, last in _by_flight(comparison):
+        out.add_row(flight, name, *row(own.rms), end_section=last)
+    return out
+
+
+def _by_flight(comparison: Comparison) -> Iterator[tuple[str, str, Errors, bool]]:
+    """Of each flight and model: the flight's name at its first model, the model's, errors, whether it is the last."""
+    last = len(comparison.evaluations) - 1
     for index, flight in enumerate(comparison.flights):
         for place, one in enumerate(comparison.evaluations):
-            last = place == len(comparison.evaluations) - 1
-            name = flight if place == 0 else ""
-            out.add_row(name, one.name, *row(one.by_flight[index].rms), end_section=last)
-    return out
+            yield "" if place else flight, one.name, one.by_flight[index], place == last
 
 
 def means_by_flight(comparison: Comparison) -> Table:
     """Mean of the residual with its sign, and its root mean square, by flight."""
     title = "measured - predicted by flight: signed mean, and rms"
     out = table(title, "flight", "model", "", *UNIT_HEADS, left=3)
-    for index, flight in enumerate(comparison.flights):
-        for place, one in enumerate(comparison.evaluations):
-            own, last = one.by_flight[index], place == len(comparison.evaluations) - 1
-            means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
-            out.add_row(flight if place == 0 else "", one.name, "mean", *means)
-            out.add_row("", "", "rms", *row(own.rms), end_section=last)
+    for flight, name, own, last in _by_flight(comparison):
+        means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
+        out.add_row(flight, name, "mean", *means)
+        out.add_row("", "", "rms", *row(own.rms), end_section=last)
     out.add_row(styled("sensor noise", "dim"), "", "rms", *row(comparison.noise))
     return out
 
@@ -126,25 +129,15 @@ def frame(result: Comparison) -> pd.DataFrame:
 
     found = []
     for index, record in enumerate(result.records):
-        columns: dict[str, object] = {"flight": record.flight, "time": record.time}
         wrenches = {"commanded": record.commanded, "measured": record.measured}
         wrenches |= {e.name: e.predictions[index] for e in result.evaluations}
-        for name, values in wrenches.items():
-            columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
-        found.append(pd.DataFrame(columns))
+        columns = {f"{name}.{axis}": v[:, k] for name, v in wrenches.items() for k, axis in enumerate(AXES)}
+        found.append(pd.DataFrame({"flight": record.flight, "time": record.time, **columns}))
     return pd.concat(found, ignore_index=True)
 
 
-NOISE_SIGMAS = 2.0
-"""Half-width of the noise band, in standard deviations."""
-PREDICTION_SIGMAS = 2.0
-"""Half-width of the band around the prediction of a process."""
-PAUSE = 0.015
-"""Gap between two flights, as a share of all the time that is shown."""
-MOST_LETTERS = 70
-"""Letters below the bars beyond which the names are turned."""
-SAME = 0.01
-"""Largest difference from the command, as a share of it, with which a prediction is not drawn beside it."""
+SIGMAS = 2.0
+"""Half-width of the bands of noise and of the prediction of a process, in standard deviations."""
 
 
 def picture(result: Comparison) -> style.Picture:
@@ -204,7 +197,7 @@ def _draw(result: Comparison, axes: Any) -> None:
 def _starts(result: Comparison) -> list[float]:
     """What to add to the time of each record so that flights follow one another."""
     seconds = {name: _span(result, name) for name in result.flights}
-    pause = PAUSE * sum(stop - start for start, stop in seconds.values())
+    pause = 0.015 * sum(stop - start for start, stop in seconds.values())
     shift, end = {}, 0.0
     for index, (name, (start, stop)) in enumerate(seconds.items()):
         shift[name] = 0.0 if index == 0 else end + pause - start
@@ -240,8 +233,8 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
                 continue
             shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
-            centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
-            words = None if index else f"± {PREDICTION_SIGMAS:g} sigma of {last.name}"
+            centre, half = last.predictions[index][:, axis], SIGMAS * last.sigma[index][:, axis]
+            words = None if index else f"± {SIGMAS:g} sigma of {last.name}"
             look = {"color": drawn[-1][1], "alpha": 0.15, "lw": 0, "zorder": 1}
             panel.fill_between(time, centre - half, centre + half, **look, label=words)
     return shaded
@@ -257,11 +250,11 @@ def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -
                 continue
             residual = record.measured[:, axis] - e.predictions[index][:, axis]
             shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
-        words = "" if index else f"± {NOISE_SIGMAS:g} sigma of the sensor noise"
+        words = "" if index else f"± {SIGMAS:g} sigma of the sensor noise"
         if not record.measured_axes[axis]:
             panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
             continue
-        style.band(panel, [float(time[0]), float(time[-1])], NOISE_SIGMAS * float(record.noise[axis]), words)
+        style.band(panel, [float(time[0]), float(time[-1])], SIGMAS * float(record.noise[axis]), words)
     return shaded
 
 
@@ -270,14 +263,14 @@ def _colour(place: int) -> str:
     return "0.45" if place == 0 else style.MODELS[(place - 1) % len(style.MODELS)]
 
 
-def _is_command(result: Comparison) -> bool:
-    """Whether the first model predicts the command: force and torque each within `SAME` of its own size."""
+def _is_command(result: Comparison, same: float = 0.01) -> bool:
+    """Whether the first model predicts the command: force and torque each within this share of its own size."""
     pairs = [
         (predicted[:, part], record.commanded[:, part])
         for record, predicted in zip(result.records, result.evaluations[0].predictions, strict=True)
         for part in (slice(0, 3), slice(3, 6))
     ]
-    return all(np.max(np.abs(a - b)) <= SAME * np.max(np.abs(b)) for a, b in pairs)
+    return all(np.max(np.abs(a - b)) <= same * np.max(np.abs(b)) for a, b in pairs)
 
 
 def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool) -> None:
@@ -300,18 +293,16 @@ def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool
 
 def _bars(panel: Any, result: Comparison, part: int) -> None:
     """Root mean square residual by flight, over the three axes of force (part 0) or torque (1), and the noise floor."""
-    place, count = np.arange(len(result.flights)), len(result.evaluations)
-    for index, one in enumerate(result.evaluations):
-        heights = [float(force_and_torque(e.rms)[part]) for e in one.by_flight]
-        shift = (index - (count - 1) / 2) * 0.8 / count
-        panel.bar(place + shift, heights, 0.75 / count, color=_colour(index), label=one.name)
-    noise = [_noise(result, flight)[part] for flight in result.flights]
-    panel.hlines(noise, place - 0.45, place + 0.45, color=style.NOISE, lw=2.0, label="sensor noise")
-    names = [f"{k + 1}: {style.shortened(name, 24)}" for k, name in enumerate(result.flights)]
-    turned = {"rotation": 20, "ha": "right"} if sum(map(len, names)) > MOST_LETTERS else {}
-    panel.set_xticks(place, names, fontsize=style.SMALL, **turned)
-    kind, unit = (("force", "N"), ("torque", "Nm"))[part]
+    rows = [
+        (e.name, _colour(k), [float(force_and_torque(own.rms)[part]) for own in e.by_flight])
+        for k, e in enumerate(result.evaluations)
+    ]
+    style.bars(panel, rows, [_noise(result, flight)[part] for flight in result.flights])
     panel.set_ylim(0.0, None)
+    names = [f"{k + 1}: {style.shortened(name, 24)}" for k, name in enumerate(result.flights)]
+    turned = {"rotation": 20, "ha": "right"} if sum(map(len, names)) > 70 else {}
+    panel.set_xticks(range(len(names)), names, fontsize=style.SMALL, **turned)
+    kind, unit = (("force", "N"), ("torque", "Nm"))[part]
     style.labelled(panel, f"rms of the {kind}\nresidual, 3 axes", unit)
     style.legend(panel)
 

@@ -22,7 +22,7 @@ from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory_file import TrajectoryFile
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import of_flights
 from wrenchgap.replay.present.numbers import entries, separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
 
@@ -75,7 +75,7 @@ def parts(design: Design) -> list[Part]:
         parameters(sizes(design), "assumed sizes of the effects", design.model.vehicle),
         Line(f"moves: {', '.join(map(str, design.segments))}"),
         Line(f"on the simulated vehicle: {flown(design)}"),
-        *note_lines(sentences(note for f in design.flights for note in f.notes)),
+        *note_lines(of_flights(design.flights)),
     ]
 
 
@@ -193,6 +193,7 @@ def finished(design: Design, name: str) -> TrajectoryFile:
 def to_json(design: Design) -> dict[str, Any]:
     """The body of the `design` schema."""
     limits = design.limits
+    flown = ("truth", "speed_max_m_s=speed_max", "rotor_max", "position_error_max_m=position_error")
     return {
         "effects": effects_json(sizes(design)),
         "separable": design.separable,
@@ -209,18 +210,15 @@ def to_json(design: Design) -> dict[str, Any]:
         "limits": {"room_m": list(limits.room), "tilt_deg": np.degrees(limits.tilt), "speed_m_s": limits.speed},
         "flown": [
             {
-                "truth": f.truth,
+                **entries(f, *flown),
                 "tilt_max_deg": np.degrees(f.tilt_max),
-                "speed_max_m_s": f.speed_max,
-                "rotor_max": f.rotor_max,
-                "position_error_max_m": f.position_error,
                 "attitude_error_max_deg": np.degrees(f.attitude_error),
             }
             for f in design.flown
         ],
         "tried": design.tried,
         "least_separation": INDISTINCT,
-        "notes": sentences(note for f in design.flights for note in f.notes),
+        "notes": of_flights(design.flights),
     }
 
 
@@ -247,17 +245,11 @@ def frame(design: Design) -> list[dict[str, Any]]:
     ]
 
 
-MOST = 4
-"""Directions drawn at most."""
-SAMPLES = 1500
-"""Points of the reference."""
-
-
 def picture(design: Design) -> style.Picture:
     """Five panels of the reference and one for each direction.
 
     Axes are (5 + D, 1): position x, y, z, tilt and heading of the reference over time, then the D directions ("if it is
-    this and the model has that"), at most `MOST`, the hardest first. Dashed lines part the manoeuvres.
+    this and the model has that"), at most four, the hardest first. Dashed lines part the manoeuvres.
     """
     count = len(_shown(design))
     return style.Picture(
@@ -270,8 +262,8 @@ def picture(design: Design) -> style.Picture:
     )
 
 
-def _shown(design: Design) -> list[Direction]:
-    return sorted(design.expected.directions, key=lambda d: d.merit)[:MOST]
+def _shown(design: Design, most: int = 4) -> list[Direction]:
+    return sorted(design.expected.directions, key=lambda d: d.merit)[:most]
 
 
 def _draw(design: Design, axes: Any) -> None:
@@ -285,7 +277,7 @@ def _draw(design: Design, axes: Any) -> None:
 
 def _reference(panels: Any, design: Design) -> None:
     """Position, tilt, and the heading as it turns on past 180 deg."""
-    r = design.trajectory.at(np.linspace(0.0, design.trajectory.duration, SAMPLES))
+    r = design.trajectory.at(np.linspace(0.0, design.trajectory.duration, 1500))
     nose = so3.rotate(r.quat_ED, np.array([1.0, 0.0, 0.0]))
     heading = np.degrees(np.unwrap(np.arctan2(nose[:, 1], nose[:, 0])))
     tilt = np.degrees(so3.tilt_angle(r.quat_ED))

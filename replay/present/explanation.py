@@ -14,15 +14,8 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present import comparison, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import not_tried, reason, sentences, too_short
-from wrenchgap.replay.present.numbers import (
-    AXIS_HEADS,
-    entries,
-    parameters_in_words,
-    share,
-    unmeasured,
-    values_json,
-)
+from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
+from wrenchgap.replay.present.numbers import AXIS_HEADS, by_axis, entries, parameters_in_words, share, unmeasured
 from wrenchgap.replay.present.posterior import (
     class_json,
     classes_in_words,
@@ -49,9 +42,6 @@ from wrenchgap.replay.present.tables import (
     table,
 )
 
-MOST = 10
-"""Candidates shown."""
-
 
 def parts(found: Explanation) -> list[Part]:
     """Timing, verdict, members, classes, candidates, errors before and after."""
@@ -69,16 +59,14 @@ def parts(found: Explanation) -> list[Part]:
     if found.fit.snapshot:
         fitted = parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
         out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
-    rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
-    behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
-    out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
+    title = "held-out time of the given logs"
+    title += "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
+    out.append(before_after(title, found.rms_before, found.rms_after, found.reduction, found.noise))
     if tested := found.validation:
-        rows, title = [("rms before", tested.before), ("rms after", tested.after)], ", ".join(tested.comparison.flights)
-        out.append(before_after(f"unseen: {title}", rows, tested.reduction))
+        title = f"unseen: {', '.join(tested.comparison.flights)}"
+        out.append(before_after(title, tested.before, tested.after, tested.reduction))
         out += note_lines(validation_warnings(tested), "warning")
-    lacking = not_tried(found.untried).items()
-    out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
-    return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
+    return [*out, *not_tried_lines(found.untried), *note_lines(of_flights(found.flights))]
 
 
 def short(found: Explanation) -> list[str]:
@@ -166,9 +154,7 @@ def open_in_words(found: Explanation) -> tuple[str, ...]:
 
 def members(found: Explanation) -> Table:
     """The effects that were named: confidence, size, and what comes nearest in their place."""
-    out = table("named", "effect", "confidence", "share", "t", "group", "nearest other", left=1)
-    for column in out.columns[-2:]:
-        column.justify = "left"
+    out = table("named", "effect", "confidence", "share", "t", "group", "nearest other", texts=(-2, -1))
     for m in found.members:
         group = ", ".join(f"{r.name} ({share(r.weight)})" for r in m.alike)
         others = [r for r in m.rivals if not r.alike]
@@ -178,14 +164,13 @@ def members(found: Explanation) -> Table:
     return out
 
 
-def ranking(found: Explanation) -> Table:
-    """Candidates, each by itself, best first; those that are named or indistinguishable from a named one are marked."""
-    out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
-    out.columns[-1].justify = "left"
+def ranking(found: Explanation, most: int = 10) -> Table:
+    """Candidates, each by itself, best first: `most` of them, and all that are marked as named or indistinguishable."""
+    out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2, texts=(-1,))
     alike = {name for m in found.members for r in m.alike for name in r.names}
     for k, candidate in enumerate(found.ranking):
         mark = "*" if candidate.name in found.effects else "=" if candidate.name in alike else ""
-        if k >= MOST and not mark:
+        if k >= most and not mark:
             continue
         limit = styled(" (implausible: at its limit)" if candidate.implausible else "", "red")
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
@@ -208,7 +193,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
-        "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
+        "fitted": [{"effect": name, "parameters": fitted.get(name, ())} for name in found.effects],
         "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "settle": settle_json(found.posterior.settle),
@@ -216,14 +201,14 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
         "dropped": [],
-        "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
+        "not_tried": not_tried_json(found.untried),
         **entries(found, "rms_before", "rms_after", "noise"),
         "unmeasured": unmeasured(found.noise),
         "validation": None if found.validation is None else _validation_json(found.validation),
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": sentences(note for f in found.flights for note in f.notes),
+        "notes": of_flights(found.flights),
     }
 
 
@@ -240,7 +225,7 @@ def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
     names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
-    return {**entries(candidate, *names, "companions", "implausible"), "parameters": values_json(candidate.values)}
+    return entries(candidate, *names, "companions", "implausible")
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:
@@ -255,14 +240,12 @@ def frame(found: Explanation) -> list[dict[str, Any]]:
     rows = []
     for c in found.ranking:
         numbers = entries(c, "score", "t=significance", "evidence")
-        axes = {f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)}
         words = {"parameters": parameters_in_words(c.values)}
-        rows.append({"effect": c.name, "named": c.name in found.effects, **numbers, **axes, **words})
+        named = {"effect": c.name, "named": c.name in found.effects}
+        rows.append({**named, **numbers, **by_axis("reduction", c.reduction), **words})
     return rows
 
 
-MOST_DRAWN = 20
-"""Candidates drawn at most, those that are named always."""
 NAMED, ALIKE, OTHER, IMPLAUSIBLE = "tab:blue", "#8fb3dc", "0.8", "#e3b5b5"
 
 
@@ -280,8 +263,9 @@ def picture(found: Explanation) -> style.Picture:
     )
 
 
-def _shown(found: Explanation) -> list[Candidate]:
-    return [c for k, c in enumerate(found.ranking) if k < MOST_DRAWN or c.name in found.effects]
+def _shown(found: Explanation, most: int = 20) -> list[Candidate]:
+    """Candidates that are drawn: `most` of them, and all that are named."""
+    return [c for k, c in enumerate(found.ranking) if k < most or c.name in found.effects]
 
 
 def _draw(found: Explanation, panel: Any) -> None:

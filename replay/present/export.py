@@ -44,47 +44,36 @@ def parts(made: Export) -> list[Part]:
         ("at worst", *(str(cost.at_worst[k]) for k in KINDS), str(cost.evaluations_worst)),
     ]
     out.append(plain("operations of one step", ("", *(HEADS[k] for k in KINDS), "evaluations"), rows))
-    sizes = [
-        ("constants (read-only)", f"{cost.tables}"),
-        ("state (wg_memory)", f"{cost.memory}"),
-        ("stack, at most", f"{cost.stack}"),
-    ]
-    out.append(plain("memory", ("", "bytes"), sizes))
+    sizes = {"constants (read-only)": cost.tables, "state (wg_memory)": cost.memory, "stack, at most": cost.stack}
+    out.append(plain("memory", ("", "bytes"), sizes.items()))
     if made.solved < 1.0:
         text = (
             f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the "
             "first that it does not solve: the mismatch cannot be inverted there"
         )
         out += note_lines([text], "warning")
-    out += note_lines(of_process(made.caveats), "warning")
-    out += note_lines(_too_fast(made), "warning")
     left = [f"{name} is not in it: {why}" for name, why in made.left_out.items()]
-    return [*out, *note_lines(left, "warning")]
+    return [*out, *note_lines([*of_process(made.caveats), *_too_fast(made), *left], "warning")]
 
 
 def to_json(made: Export) -> dict[str, Any]:
     """See docs/json.md."""
-    body = entries(
-        made, "outputs", "effects", "corrected", "left_out", "precision", "dt", "points", "further_inputs=inputs"
-    )
-    body |= {"observer": _observer(made)}
+    names = ("outputs", "effects", "corrected", "left_out", "precision", "dt", "points", "further_inputs=inputs")
     return {
-        "vehicle": made.model.vehicle.name,
-        **body,
+        **entries(made, "vehicle=model.vehicle.name", *names, "solved"),
+        "observer": _observer(made),
         "files": sorted(made.files),
-        "solved": made.solved,
         "warnings": [*of_process(made.caveats), *_too_fast(made)],
-        "operations": {"usual": made.cost.usual, "at_worst": made.cost.at_worst},
-        "evaluations": {"usual": made.cost.evaluations_usual, "at_worst": made.cost.evaluations_worst},
-        "bytes": {"constants": made.cost.tables, "state": made.cost.memory, "stack": made.cost.stack},
+        "operations": entries(made.cost, "usual", "at_worst"),
+        "evaluations": entries(made.cost, "usual=evaluations_usual", "at_worst=evaluations_worst"),
+        "bytes": entries(made.cost, "constants=tables", "state=memory", "stack"),
     }
 
 
 def _observer(made: Export) -> dict[str, Any] | None:
-    if made.observer_hz is None:
-        return None
     judged = made.judged
-    assert judged is not None
+    if judged is None:
+        return None
     return {
         "hz": made.observer_hz,
         "lag_s": judged.observer.lag,

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.replay.export.flown import FlownExport, in_short
+from wrenchgap.replay.present.numbers import entries
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
-
-SHOWN = 10
-"""Periods that do not agree, in the table."""
 
 
 def summary(found: FlownExport) -> str:
@@ -31,8 +29,8 @@ def summary(found: FlownExport) -> str:
     return f"Not proved: {' and '.join(parts)}."
 
 
-def parts(found: FlownExport) -> list[Part]:
-    """The answer, how far apart, and the first periods that do not agree."""
+def parts(found: FlownExport, most: int = 10) -> list[Part]:
+    """The answer, how far apart, and the first `most` periods that do not agree."""
     out: list[Part] = [Line(summary(found), "bold" if found.proved else "bold red")]
     out.append(
         Line(
@@ -43,7 +41,7 @@ def parts(found: FlownExport) -> list[Part]:
     )
     rows = [
         (str(d.number), f"{d.time:.3f}", d.quantity, f"{d.flown:.9g}", f"{d.made:.9g}", d.status_flown, d.status_made)
-        for d in found.deviations(SHOWN)
+        for d in found.deviations(most)
     ]
     if rows:
         heads = ("period", "time [s]", "quantity", "flown", "the export makes", "status flown", "status made")
@@ -76,10 +74,8 @@ def warnings(found: FlownExport) -> list[str]:
 def to_json(found: FlownExport) -> dict[str, Any]:
     """See docs/json.md."""
     return {
-        "proved": found.proved,
+        **entries(found, "proved", "export", "precision", "tolerance", "lost", "damaged", "repeated", "statuses"),
         "summary": summary(found),
-        "export": found.export,
-        "precision": found.precision,
         "records": len(found),
         "identical": int(np.sum(found.identical)),
         "agree": int(np.sum(found.agrees)),
@@ -87,26 +83,14 @@ def to_json(found: FlownExport) -> dict[str, Any]:
         "out_of_order": int(np.sum(~found.ordered)),
         "largest_difference": float(found.apart.max()),
         "largest_difference_of_state": found.state_apart,
-        "tolerance": found.tolerance,
         "starts": int(np.sum(found.begins)),
-        "lost": found.lost,
-        "damaged": found.damaged,
-        "repeated": found.repeated,
         "other_exports": dict(found.others),
-        "statuses": found.statuses,
-        "deviations": [d._asdict() for d in found.deviations(SHOWN)],
+        "deviations": [d._asdict() for d in found.deviations(10)],
         "warnings": warnings(found),
     }
 
 
 def frame(found: FlownExport) -> dict[str, Any]:
     """One row a record."""
-    return {
-        "number": found.flown["number"],
-        "time": found.flown["time"],
-        "status": found.flown["status"],
-        "identical": found.identical,
-        "agrees": found.agrees,
-        "continues": found.continues,
-        "difference": found.apart,
-    }
+    record = {name: found.flown[name] for name in ("number", "time", "status")}
+    return {**record, **entries(found, "identical", "agrees", "continues", "difference=apart")}

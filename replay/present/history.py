@@ -61,8 +61,8 @@ def words(version: Version, changed: Changes) -> str:
 
 def table_of_changes(model: Model) -> Table:
     """Parameters by version: value before and after, with standard deviations."""
-    out = table("parameters", "", "effect", "parameter", "before", "after", "+-", "unit", "sigmas", left=3)
-    out.columns[6].justify = "left"
+    heads = ("", "effect", "parameter", "before", "after", "+-", "unit", "sigmas")
+    out = table("parameters", *heads, left=3, texts=(6,))
     for version, changed in steps(model):
         rows: list[_Row] = [(e.effect, v, None, v.value, v.std, None) for e in changed.added for v in e.values]
         rows += [(e.effect, v, v.value, None, None, None) for e in changed.removed for v in e.values]
@@ -97,12 +97,9 @@ def to_json(model: Model) -> dict[str, Any]:
 
 def _version(version: Version, changed: Changes) -> dict[str, Any]:
     return {
-        "version": version.number,
+        **entries(version, "version=number", "command", "file", "content_sha256=content"),
         "date": version.date or None,
-        "command": version.command,
         "wrenchgap": version.tool or None,
-        "file": version.file,
-        "content_sha256": version.content,
         "parent_sha256": version.parent or None,
         "flights": [{"file": file, "sha256": sha} for file, sha in version.flights],
         "held_out": None if version.trial is None else trial_json(version.trial),

@@ -16,17 +16,11 @@ from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
+from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, bare, note_lines, styled, table
 
-SCHEMA_VERSION = 2
-SHORTEST = 8
-"""Characters of a shared namespace from which on it is said once, above the column."""
-MOST_TOPICS = 300
-"""Rows of topics that play no role: a table of tens of thousands takes minutes to draw, and nobody reads it."""
-SEVERAL = 4
-"""Phases of one kind that have a line each; of more, one line for all."""
 COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 
@@ -53,7 +47,7 @@ def topics(seen: Inspection) -> Table:
     common = _namespace([t.topic for t in seen.topics])
     first = ("topic in", common) if common else "topic"
     out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
-    for t in _shown(seen.topics):
+    for t in rows_of(seen.topics):
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
         role = styled(", ".join(t.plays), "bold green") if t.plays else styled("-", "dim")
@@ -63,29 +57,24 @@ def topics(seen: Inspection) -> Table:
     return out
 
 
-def _shown(every: Sequence[TopicReport]) -> list[TopicReport]:
-    """Those that have a row: all that play a role, and the first of the others."""
-    left = MOST_TOPICS
-    out = []
-    for t in every:
-        if t.plays or left > 0:
-            out.append(t)
-        left -= not t.plays
-    return out
+def rows_of(every: Sequence[TopicReport], most: int = 300) -> list[TopicReport]:
+    """Topics that have a row: all that play a role, and the first `most` of the others, as nobody reads thousands."""
+    others = [t for t in every if not t.plays][:most]
+    return [t for t in every if t.plays or any(t is other for other in others)]
 
 
 def _more(seen: Inspection) -> list[Part]:
     """How many topics have no row."""
-    hidden = len(seen.topics) - len(_shown(seen.topics))
+    hidden = len(seen.topics) - len(rows_of(seen.topics))
     said = f"and {hidden:,} more topics, which play no role; --json FILE lists them all"
     return [Line(said, "dim")] if hidden else []
 
 
-def _namespace(names: Sequence[str]) -> str:
-    """The namespace that all topics share, with its last slash, if it is worth leaving out."""
+def _namespace(names: Sequence[str], shortest: int = 8) -> str:
+    """The namespace that all topics share, with its last slash; nothing below `shortest` characters."""
     absolute = all(name.startswith("/") for name in names)
     shared = commonpath(names) + "/" if absolute and len(names) > 1 else ""
-    return shared if len(shared) > SHORTEST else ""
+    return shared if len(shared) > shortest else ""
 
 
 def checks(found: Sequence[Check]) -> Table:
@@ -104,14 +93,14 @@ def _words(check: Check) -> str:
     return f"{said}: accepted." if check.accepted else "; ".join(filter(None, (said, check.remedy)))
 
 
-def phases(found: Sequence[Phase]) -> Table:
-    """What is no ordinary flight; phases of one kind that are many in one line."""
+def phases(found: Sequence[Phase], most: int = 4) -> Table:
+    """What is no ordinary flight; phases of one kind in one line where there are more than `most`."""
     out = table("phases besides flight", "phase", "time [s]", "length [s]", "analysis", "why", left=5)
     groups: dict[tuple[str, bool], list[Phase]] = {}
     for phase in found:
         groups.setdefault((phase.name, phase.left_out), []).append(phase)
-    rows = [[p] for many in groups.values() if len(many) <= SEVERAL for p in many]
-    rows += [many for many in groups.values() if len(many) > SEVERAL]
+    rows = [[p] for many in groups.values() if len(many) <= most for p in many]
+    rows += [many for many in groups.values() if len(many) > most]
     for row in sorted(rows, key=lambda many: many[0].start):
         first, last = row[0], row[-1]
         times = f"{first.start:.2f} - {last.stop:.2f}" + (f", {len(row)} times" if len(row) > 1 else "")
@@ -124,11 +113,9 @@ def to_json(seen: LogReport) -> dict[str, Any]:
     """One entry of `logs` in the `inspect` schema."""
     names = ("path", "format", "size_bytes=size", "sha256=content_hash", "start_ns", "duration_s=duration", "level")
     return {
-        "version": SCHEMA_VERSION,
+        "version": VERSIONS["inspect"],
         **entries(seen.inspection, *names, "topics", "mapping", "checks"),
-        **entries(seen, "model_checks", "notes", "shift_s=shifts"),
-        "left_out": [vars(one) for one in seen.left_out],
-        "phases": [vars(one) for one in seen.phases],
+        **entries(seen, "model_checks", "notes", "shift_s=shifts", "left_out", "phases"),
         "unmeasured": [] if seen.inspection.flight is None else list(unmeasured_axes(seen.inspection.flight)),
         "timing": None if seen.timing is None else timing.to_json(seen.timing),
     }
@@ -137,10 +124,6 @@ def to_json(seen: LogReport) -> dict[str, Any]:
 def frame(seen: LogReport) -> list[dict[str, Any]]:
     """One row for each topic."""
     return [{**asdict(t), "plays": ", ".join(t.plays)} for t in seen.inspection.topics]
-
-
-WINDOWS, SHORTEST_WINDOW = 300, 0.5
-"""Into how many windows a log is cut at most, and how long these are at least [s]."""
 
 
 def picture(seen: LogReport) -> style.Picture:
@@ -177,7 +160,8 @@ def _draw(seen: LogReport, panels: Any) -> None:
 
 
 def _rate(panel: Any, series: Series, duration: float) -> None:
-    count = max(1, min(WINDOWS, int(duration / SHORTEST_WINDOW)))
+    """Messages a second in windows of half a second or more, 300 at most, and the gaps."""
+    count = max(1, min(300, int(duration / 0.5)))
     found, edges = np.histogram(series.time, bins=np.linspace(0.0, max(duration, 1e-3), count + 1))
     rate = found / np.diff(edges)
     panel.stairs(rate, edges, baseline=None, color=style.MODELS[0], lw=1.0)

@@ -187,24 +187,20 @@ def better_inputs(learnt: Learnt) -> str:
 
 def to_json(learnt: Learnt) -> dict[str, Any]:
     """The body of the `learn` schema."""
-    gp = learnt.gp
-    margin = learnt.margin
+    gp, margin = learnt.gp, learnt.margin
     low, middle, high = learnt.real_min
+    of_fit = ("outputs", "settings", "blind=settings.blind", "sigma_prior", "sigma_training", "sigma_scale")
+    of_source = ("cutoff_hz=provenance.cutoff_hz", "physics=provenance.physics", "lags_s=provenance.lags")
     return {
         "axes": list(AXES),
         "unmeasured": unmeasured(learnt.training.noise),
-        **entries(gp, "outputs", "settings"),
-        "samples": learnt.samples,
+        **entries(gp, *of_fit, *of_source),
+        **entries(learnt, "samples", "spacing_s=spacing"),
         "points": len(gp.inputs),
-        "spacing_s": learnt.spacing,
-        **entries(gp, "cutoff_hz=provenance.cutoff_hz", "physics=provenance.physics"),
-        **entries(gp, "sigma_prior", "sigma_training", "sigma_scale"),
         "coverage": {name: {"before": before, "after": after} for name, (before, after) in learnt.coverage.items()},
         "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
         "stability_margin": {"percentile_1": min(margin.least, 1e6), "lag_s": margin.lag, "delay_s": margin.delay},
         "observer": observer_json(gp),
-        "lags_s": list(gp.provenance.lags),
-        "blind": list(gp.settings.blind),
         "verdicts": verdicts_json(gp),
         "training": comparison.to_json(learnt.training),
         "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
@@ -238,7 +234,7 @@ def frame(learnt: Learnt) -> list[dict[str, Any]]:
     for flights, result in (("training", learnt.training), ("unseen", learnt.validation)):
         for e in result.evaluations if result is not None else ():
             for k, axis in enumerate(AXES):
-                errors = {name: float(np.asarray(values)[k]) for name, values in e.pooled.__dict__.items()}
+                errors = {name: float(np.asarray(values)[k]) for name, values in vars(e.pooled).items()}
                 rows.append({"flights": flights, "model": e.name, "axis": axis, **errors})
     return rows
 

@@ -14,12 +14,10 @@ from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.figures.vehicle import hubs
-from wrenchgap.replay.present.numbers import number, quantity
+from wrenchgap.replay.present.numbers import entries, number, quantity
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
 
 ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
-STEPS = 400
-"""Commands at which the curve is looked at for hover's."""
 
 
 def parts(sheet: Sheet) -> list[Part]:
@@ -68,15 +66,16 @@ def full_thrust(vehicle: Vehicle) -> float:
     return float(np.sum(rotors.c_f * rotors.speed_max**2) / (vehicle.body.mass * GRAVITY))
 
 
-def hover_command(model: Model) -> float | None:
-    """Command at which equal rotors, all up, carry the weight; None where no command does."""
+def hover_command(model: Model, steps: int = 400) -> float | None:
+    """Command at which equal rotors, all up, carry the weight; None where none of `steps` over its range does."""
     curve, vehicle = model.command, model.vehicle
     if curve is None or not vehicle.has_rotors:
         return None
     arms, rotors = vehicle.geometry()
     low, high = curve.ends
     table = getattr(curve.law, "command", None)
-    commands = np.linspace(low, high, STEPS) if table is None else np.linspace(table.min(), table.max(), STEPS)
+    low, high = (low, high) if table is None else (table.min(), table.max())
+    commands = np.linspace(low, high, steps)
     speeds = curve.speeds(np.repeat(commands[:, None], len(rotors), 1), None, vehicle)
     lift = (rotors.c_f * speeds**2) @ np.abs(arms.normal_B[rotors.arm, 2])
     carried = np.flatnonzero(lift >= vehicle.body.mass * GRAVITY)
@@ -98,9 +97,7 @@ def _rows(vehicle: Vehicle) -> list[dict[str, Any]]:
             "rotor": vehicle.rotor_name(r),
             **dict(zip("xyz", places[r].tolist(), strict=True)),
             "spin": int(rotors.spin[r]),
-            "c_f": float(rotors.c_f[r]),
-            "kappa": float(rotors.kappa[r]),
-            "radius": float(rotors.radius[r]),
+            **{name: float(getattr(rotors, name)[r]) for name in ("c_f", "kappa", "radius")},
             "thrust_max": float(rotors.c_f[r] * rotors.speed_max[r] ** 2),
         }
         for r in range(len(rotors))
@@ -125,20 +122,13 @@ def rotor_table(vehicle: Vehicle) -> Part:
 
 def to_json(sheet: Sheet) -> dict[str, Any]:
     """The body of the `model` schema."""
-    model, body, told = sheet.model, sheet.model.vehicle.body, sheet.model.vehicle.tolerances
-    curve = model.command
+    model, curve = sheet.model, sheet.model.command
     return {
-        "name": model.vehicle.name,
-        "mass": body.mass,
-        "inertia": body.inertia,
-        "com": body.com_B,
-        "imu_position": model.vehicle.imu_position_B,
-        "tolerances": vars(told),
+        **entries(model.vehicle, "name", "mass=body.mass", "inertia=body.inertia", "com=body.com_B"),
+        **entries(model.vehicle, "imu_position=imu_position_B", "tolerances"),
         "rotors": _rows(model.vehicle) if model.vehicle.has_rotors else [],
         "full_thrust_over_weight": full_thrust(model.vehicle) if model.vehicle.has_rotors else None,
-        "command": None
-        if curve is None
-        else {"unit": curve.unit, "gives": curve.gives, "source": curve.source, "hover": hover_command(model)},
+        "command": curve and {**entries(curve, "unit", "gives", "source"), "hover": hover_command(model)},
         "effects": effects_json(model.snapshot),
         "assumed": list(sheet.assumed),
         "notes": [*sheet.notes, *model.notes],

@@ -11,16 +11,19 @@ from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
+from wrenchgap.replay.present.numbers import entries
 from wrenchgap.replay.present.tables import Line
-
-SHORT = 8.0
-"""Flight [s] below which blocks of held-out time are shorter than half of those of `learn.data.dataset.dataset`."""
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
     """All of them, each once; what checks found and times left out are `warnings`."""
     told = (note for note in notes if not isinstance(note, Finding | TimeLeftOut))
     return list(dict.fromkeys(sentence(note) for note in told))
+
+
+def of_flights(flights: Iterable[Any]) -> list[str]:
+    """Notes of flights as sentences."""
+    return sentences(note for flight in flights for note in flight.notes)
 
 
 def sentence(note: object) -> str:
@@ -52,25 +55,25 @@ def sentence(note: object) -> str:
             return str(note)
 
 
-def too_short(seconds: float) -> list[str]:
-    """A warning where hardly any flight was left to judge by."""
-    if seconds >= SHORT:
+def too_short(seconds: float, least: float = 8.0) -> list[str]:
+    """A warning where hardly any flight was left to judge by.
+
+    Below `least` [s] blocks of held-out time are shorter than half of those of `learn.data.dataset.dataset`.
+    """
+    if seconds >= least:
         return []
     return [
         f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
-        f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
+        f"Give longer flights, at least {least:.0f} s (`inspect` lists what was left out)."
     ]
 
 
 PLACES = ("flights", "unseen", "training", "validation", "inference", "recording", "explanation")
 """Attributes of results in which their flights, or the notes of these, are found."""
-DEEPEST = 3
-SEVERAL = 3
-"""Flights of which one check is said by itself; of more, once for all."""
 
 
-def findings(result: Any, depth: int = 0) -> Iterator[Finding | TimeLeftOut]:
-    """What was found of the flights of a result, and the times that were left out."""
+def findings(result: Any, depth: int = 3) -> Iterator[Finding | TimeLeftOut]:
+    """What was found of the flights of a result, at most `depth` attributes below it, and the times left out."""
     if isinstance(result, list | tuple):
         for item in result:
             yield from findings(item, depth)
@@ -78,13 +81,13 @@ def findings(result: Any, depth: int = 0) -> Iterator[Finding | TimeLeftOut]:
     for note in getattr(result, "notes", ()):
         if isinstance(note, Finding | TimeLeftOut):
             yield note
-    for place in PLACES if depth < DEEPEST else ():
+    for place in PLACES if depth else ():
         if (inside := getattr(result, place, None)) is not None and not isinstance(inside, str):
-            yield from findings(inside, depth + 1)
+            yield from findings(inside, depth - 1)
 
 
-def warnings(found: Iterable[object]) -> list[str]:
-    """What a user should know before any number, as sentences; alike ones of many flights once."""
+def warnings(found: Iterable[object], several: int = 3) -> list[str]:
+    """What a user should know before any number, as sentences; one of more than `several` flights once for all."""
     by_name: dict[str, dict[str, str]] = {}
     for note in found:
         if isinstance(note, Finding) and note.check.level != "ok":
@@ -92,7 +95,7 @@ def warnings(found: Iterable[object]) -> list[str]:
     out = []
     for name, said in by_name.items():
         flights = list(dict.fromkeys(said.values()))
-        if len(flights) > SEVERAL:
+        if len(flights) > several:
             out.append(f"{name}: {len(flights)} flights, e.g. {next(iter(said))}")
         else:
             out += [f"{name}: {words}" for words in said]
@@ -115,11 +118,7 @@ def checks_json(result: Any) -> dict[str, Any]:
     notes = list(dict.fromkeys(findings(result)))
     keys = ("name", "level", "words", "mend", "accepted")
     return {
-        "checks": [
-            {"flight": n.flight, **{key: getattr(n.check, key) for key in keys}}
-            for n in notes
-            if isinstance(n, Finding)
-        ],
+        "checks": [{"flight": n.flight, **entries(n.check, *keys)} for n in notes if isinstance(n, Finding)],
         "left_out": [vars(n) for n in notes if isinstance(n, TimeLeftOut)],
     }
 
@@ -130,6 +129,16 @@ def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
     for one in untried:
         by_reason.setdefault(reason(one), []).append(one.effect)
     return by_reason
+
+
+def not_tried_lines(untried: Sequence[Untried]) -> list[Line]:
+    """The same, a line for each reason."""
+    return [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in not_tried(untried).items()]
+
+
+def not_tried_json(untried: Sequence[Untried]) -> list[dict[str, str]]:
+    """The key `not_tried` of results."""
+    return [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in untried]
 
 
 def reason(one: Untried) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.measured_axes import names_of
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import Vehicle
@@ -16,11 +16,7 @@ from wrenchgap.plant.vehicle import Vehicle
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
 LEAST = 5e-4
-"""Share below which only its bound is printed."""
-UNCHANGED = 1e-9
-"""Relative change that is rounding."""
-CAP = 100.0
-"""Separations beyond which no digit says anything."""
+"""Share below which only its bound is printed [-]: a tenth of a per cent, rounded."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -58,7 +54,7 @@ def change(value: float) -> str:
     """A relative change with its sign in whole per cent, a digit more below 1 %; 0 % is said of zero only."""
     if not np.isfinite(value):
         return "-"
-    if abs(value) < UNCHANGED:
+    if abs(value) < 1e-9:  # rounding
         return "0 %"
     if abs(value) < LEAST:
         return "< 0.1 %" if value > 0 else "> -0.1 %"
@@ -80,9 +76,9 @@ def quantity(value: float, unit_name: str, digits: int = 3) -> str:
     return f"{number(value, digits)} {unit(unit_name)}".rstrip()
 
 
-def separation(value: float) -> str:
-    """A separation in standard errors."""
-    return f"{round(value, 1) + 0.0:.1f}" if value < CAP else f"> {CAP:.0f}"  # + 0.0: no minus before a zero
+def separation(value: float, most: float = 100.0) -> str:
+    """A separation in standard errors; beyond `most` no digit says anything."""
+    return f"{round(value, 1) + 0.0:.1f}" if value < most else f"> {most:.0f}"  # + 0.0: no minus before a zero
 
 
 def user_name(name: str, vehicle: Vehicle | None) -> str:
@@ -107,12 +103,22 @@ def parameters_in_words(values: Sequence[Value], vehicle: Vehicle | None = None)
     return ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in shown) + more
 
 
+def yes_no(value: bool) -> str:
+    """Of a table."""
+    return "yes" if value else "no"
+
+
+def by_axis(name: str, values: Sequence[float] | Array) -> dict[str, float]:
+    """Six values as columns of a frame: `name.force_x`, ..."""
+    return {f"{name}.{axis}": float(value) for axis, value in zip(AXES, values, strict=True)}
+
+
+def reasons_json(kind: str, reasons: Mapping[str, str]) -> list[dict[str, str]]:
+    """Why things of a kind are lacking, by their names."""
+    return [{kind: name, "reason": why} for name, why in reasons.items()]
+
+
 def entries(found: object, *names: str) -> dict[str, Any]:
     """Attributes for JSON, each under its own name, or as `key=attribute`."""
     pairs = [name.partition("=") for name in names]
     return {key: attrgetter(attribute or key)(found) for key, _, attribute in pairs}
-
-
-def values_json(values: Sequence[Value]) -> list[dict[str, Any]]:
-    """Parameters by name."""
-    return [entries(v, "name", "value", "std", "unit") for v in values]

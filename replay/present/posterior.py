@@ -21,14 +21,8 @@ from wrenchgap.replay.present import where
 from wrenchgap.replay.present.numbers import quantity, share, unit_of, user_name
 from wrenchgap.replay.present.tables import Line
 
-MOST_CLASSES = 3
-"""Classes that are put in words."""
-HALF = 0.5
-"""Weight of nothing missing below which that is not said."""
-MUCH = 0.05
-"""Share of the weight that is left, as rms, from which on turbulence alone is not believed."""
-MOST_SETS, LIGHT = 5, 0.02
-"""Sets of a class that are put in words; those of less weight than that are not."""
+LIGHT = 0.02
+"""Weight of a set [-] below which it is not put in words: one in fifty is no alternative to act on."""
 KINDS = {"bench": "on the bench", "flight": "in flight"}
 
 
@@ -48,9 +42,9 @@ def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
     ]
 
 
-def class_in_words(one: Class) -> str:
-    """The sets of a class with their weights, and on what all of them agree."""
-    shown = [s for s in one.sets[:MOST_SETS] if s.weight >= LIGHT or s is one.sets[0]]
+def class_in_words(one: Class, most: int = 5) -> str:
+    """The heaviest sets of a class with their weights, and on what all of them agree."""
+    shown = [s for s in one.sets[:most] if s.weight >= LIGHT or s is one.sets[0]]
     listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
     if len(listed) == 1:
         return f"{share(one.weight)} of the weight: {listed[0]}"
@@ -58,9 +52,9 @@ def class_in_words(one: Class) -> str:
     return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
 
 
-def classes_in_words(classes: Sequence[Class]) -> list[str]:
+def classes_in_words(classes: Sequence[Class], most: int = 3) -> list[str]:
     """The heaviest classes, a sentence each."""
-    return [class_in_words(c) for c in classes[:MOST_CLASSES] if c.weight >= LIGHT]
+    return [class_in_words(c) for c in classes[:most] if c.weight >= LIGHT]
 
 
 def class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
@@ -78,7 +72,7 @@ def nothing_missing(found: Explanation) -> str:
     sets = found.posterior.sets
     none = sum(s.weight for s in sets if not s.names)
     likeliest = next((s for s in sets if s.names), None)
-    if none >= HALF or likeliest is None:
+    if none >= 0.5 or likeliest is None:
         return "Nothing is missing that these logs can show."
     small = "something" if found.open.any() else "something small"
     names = " + ".join(likeliest.names)
@@ -88,15 +82,15 @@ def nothing_missing(found: Explanation) -> str:
     )
 
 
-def turbulence(found: Explanation) -> str:
-    """Axes on which more than noise is left that nothing predicts."""
+def turbulence(found: Explanation, most: float = 0.05) -> str:
+    """Axes on which more than noise is left that nothing predicts; above `most` of the weight it is not believed."""
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
     if not axes:
         return ""
     words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
     force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
     of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
-    if of_weight > MUCH:
+    if of_weight > most:
         words += (
             f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
         )
@@ -111,62 +105,59 @@ def largest_residual(found: Explanation) -> str:
     return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
 
 
-PROMINENT = 0.3
-"""Parameters of this share of the largest, in typical sizes, are named."""
-WORTH_A_WORD, UNLIKELY = 0.1, 1.5
-"""Share of the error energy and t above which the best single effect is told where nothing is established."""
-ALIKE, MOST_ALIKE = 0.9, 3
-"""Others of that share of its score are told with it, so many in all."""
+def nearest(
+    found: Explanation,
+    *,
+    at_all: bool = False,
+    share_least: float = 0.1,
+    t_least: float = 1.5,
+    alike_least: float = 0.9,
+) -> str:
+    """The best single effect where nothing is established.
 
-
-def nearest(found: Explanation, *, at_all: bool = False) -> str:
-    """What would take off a good part of the error, and is not established; nothing in turbulence, which fits much, and
-    nothing unlikely, except `at_all`.
-    """  # noqa: D205
-    fair = [c for c in found.ranking if at_all or (c.significance > UNLIKELY and not c.implausible)]
+    It explains a share of the error energy of `share_least` or more, with a t above `t_least`; nothing in turbulence,
+    which fits much, except `at_all`. Two others of `alike_least` times its score or more are said with it.
+    """
+    fair = [c for c in found.ranking if at_all or (c.significance > t_least and not c.implausible)]
     near = [] if found.open.any() and not at_all else sorted(fair, key=lambda c: -c.score)
-    if not near or near[0].score < WORTH_A_WORD:
+    if not near or near[0].score < share_least:
         return ""
     best = near[0]
-    alike = [c.name for c in near[1:MOST_ALIKE] if c.score > ALIKE * best.score]
+    alike = [c.name for c in near[1:3] if c.score > alike_least * best.score]
     first = with_values(best.fit, found.model, best.name)
     names = " or ".join([first, *alike])
     return f"Nearest, and not established: {names}, which would take off {share(best.score)} of the error energy."
 
 
-def with_values(fit: Fit, model: Model, name: str) -> str:
-    """The effect with its parameters, or of many the three largest, as far as they are comparable with the largest."""
+def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:
+    """The effect with its parameters, or of many the three largest above `prominent` times the largest of them.
+
+    Sizes are compared as multiples of the parameters' typical ones.
+    """
     shown: Sequence[Value] = fit.values(name)
     if len(shown) > 3:
         typical = {p.name: p.scale for owner, p in fit.parameters if owner == name}
         by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
         largest = abs(by_size[0].value) / typical[by_size[0].name]
-        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
+        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
     if not shown:
         return name
     return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
 
 
-CONCENTRATED = 0.7
-"""Share of the residual in the worst tenth of the time that is worth saying."""
-
-
-def residual_in_words(found: Explanation) -> str:
-    """Sentences on what nothing explains."""
-    clues = [f"{bands_in_words(found.bands)}."] if found.bands else []
-    if found.oscillation is not None:
-        words = oscillation_in_words(found.oscillation)
-        clues.append(f"{words[:1].upper()}{words[1:]}.")
-    if found.one_rotor is not None:
-        words = one_rotor_in_words(found.one_rotor, found.model.vehicle)
-        clues.append(f"{words[:1].upper()}{words[1:]}.")
+def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
+    """Sentences on what nothing explains; above `concentrated` of it in a tenth of the time, that is said."""
+    said = [bands_in_words(found.bands)] if found.bands else []
+    said += [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
+    said += [] if found.one_rotor is None else [one_rotor_in_words(found.one_rotor, found.model.vehicle)]
+    clues = [f"{words[:1].upper()}{words[1:]}." for words in said]
     if found.depends is not None and found.depends.chosen:
         inputs = " and ".join(g.label for g in found.depends.chosen[:3])
         clues.append(
             f"The residual depends on {inputs} ({100 * found.depends.explained:.0f} % of it can be predicted from them "
             "on held-out time)."
         )
-    if found.concentrated > CONCENTRATED:
+    if found.concentrated > concentrated:
         clues.append(
             f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
         )
@@ -213,8 +204,8 @@ def residual_json(found: Explanation) -> dict[str, Any]:
     return {
         "over_noise": found.left,
         "in_worst_tenth": found.concentrated,
-        "bands": [{**b.__dict__, "axis": AXES[b.axis]} for b in found.bands],
-        "swing": None if mode is None else {**mode.__dict__, "words": oscillation_in_words(mode)},
+        "bands": [{**vars(b), "axis": AXES[b.axis]} for b in found.bands],
+        "swing": None if mode is None else {**vars(mode), "words": oscillation_in_words(mode)},
         "one_rotor": None if rotor is None else {"rotors": [name(k) for k in rotor.rotors], "share": rotor.share},
         "depends_on": None if depends is None else where.relevance_json(depends),
     }

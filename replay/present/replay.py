@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,86 +21,53 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
-from wrenchgap.replay.present.tables import Part, note_lines, table
+from wrenchgap.replay.present.tables import Part, note_lines, plain, table
 
-HELD_BACK = 0.5
-"""beta above which the uncertainty filter counts as holding the correction back."""
-PERCENTILES = (5, 50, 95, 100)
+PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "max": 100}
+"""Of sigma and beta over the steps, by their names in the JSON [%]."""
 
 
-@dataclass(frozen=True)
-class Summary:
-    """A replay in numbers. Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm.
+def summarise(replay: Replay) -> dict[str, Any]:
+    """A replay in numbers, by the keys of its JSON.
 
-    `sigma` and `beta` are the `PERCENTILES`; `held_back`, `accepted` and `near_singular` are shares of the steps.
-    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors behind the
-    filter on both sides, nan where nothing was measured.
+    Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm. `held_back` (beta above 0.5),
+    `accepted` and `near_singular` are shares of the steps. `measured_minus_logged` and `measured_minus_predicted` are
+    mean absolute errors behind the filter on both sides, nan where nothing was measured.
     """
-
-    source: str
-    steps: int
-    duration: float
-    restarts: int
-    correction_mean_abs: Array
-    correction_max_abs: Array
-    accepted: float
-    iterations_mean: float
-    sigma: Array
-    sigma_threshold: float
-    beta: Array
-    held_back: float
-    outputs: tuple[str, ...]
-    error_before_mean_abs: Array
-    error_after_mean_abs: Array
-    error_before_max_abs: Array
-    error_after_max_abs: Array
-    measured_minus_logged: Array
-    measured_minus_predicted: Array
-    eigenvalue_min: float
-    near_singular: float
-    saturation: dict[str, int] | None
-    saturation_logged: dict[str, int] | None
-    solve_mean_ms: float
-    solve_p99_ms: float
-    solve_max_ms: float
-    trouble: dict[str, int]
-
-
-def summarise(replay: Replay) -> Summary:
-    """The numbers of a replay."""
-    steps = replay.steps
+    steps, real_min = replay.steps, replay.conditioning.real_min
     size = np.abs(steps.correction)
     before, after = np.abs(steps.mismatch_before), np.abs(steps.mismatch_after)
     solve = 1e3 * steps.solve_time
-    return Summary(
-        source=replay.source,
-        steps=len(replay),
-        duration=float(replay.time[-1] - replay.time[0]),
-        restarts=replay.restarts,
-        correction_mean_abs=size.mean(axis=0),
-        correction_max_abs=size.max(axis=0),
-        accepted=float(steps.accepted.mean()),
-        iterations_mean=float(steps.iterations.mean()),
-        sigma=np.percentile(steps.sigma, PERCENTILES),
-        sigma_threshold=replay.sigma_threshold,
-        beta=np.percentile(steps.beta, PERCENTILES),
-        held_back=float((steps.beta > HELD_BACK).mean()),
-        outputs=replay.outputs,
-        error_before_mean_abs=before.mean(axis=0),
-        error_after_mean_abs=after.mean(axis=0),
-        error_before_max_abs=before.max(axis=0),
-        error_after_max_abs=after.max(axis=0),
-        measured_minus_logged=_mean_abs(replay.measured - replay.logged_filtered),
-        measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
-        eigenvalue_min=float(replay.conditioning.real_min.min()),
-        near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),
-        saturation=None if replay.saturation is None else asdict(replay.saturation),
-        saturation_logged=None if replay.saturation_logged is None else asdict(replay.saturation_logged),
-        solve_mean_ms=float(solve.mean()),
-        solve_p99_ms=float(np.percentile(solve, 99)),
-        solve_max_ms=float(solve.max()),
-        trouble=steps.trouble,
-    )
+    return {
+        "source": replay.source,
+        "steps": len(replay),
+        "duration": float(replay.time[-1] - replay.time[0]),
+        "restarts": replay.restarts,
+        "correction_mean_abs": size.mean(axis=0),
+        "correction_max_abs": size.max(axis=0),
+        "accepted": float(steps.accepted.mean()),
+        "iterations_mean": float(steps.iterations.mean()),
+        "sigma": {name: float(np.percentile(steps.sigma, p)) for name, p in PERCENTILES.items()},
+        "sigma_threshold": replay.sigma_threshold,
+        "beta": {name: float(np.percentile(steps.beta, p)) for name, p in PERCENTILES.items()},
+        "held_back": float((steps.beta > 0.5).mean()),
+        "outputs": replay.outputs,
+        "error_before_mean_abs": before.mean(axis=0),
+        "error_after_mean_abs": after.mean(axis=0),
+        "error_before_max_abs": before.max(axis=0),
+        "error_after_max_abs": after.max(axis=0),
+        "error_fall": 1.0 - after.mean(axis=0) / np.maximum(before.mean(axis=0), 1e-12),
+        "measured_minus_logged": _mean_abs(replay.measured - replay.logged_filtered),
+        "measured_minus_predicted": _mean_abs(replay.measured - replay.predicted),
+        "eigenvalue_min": float(real_min.min()),
+        "near_singular": float((real_min < NEARLY_SINGULAR).mean()),
+        "saturation": None if replay.saturation is None else asdict(replay.saturation),
+        "saturation_logged": None if replay.saturation_logged is None else asdict(replay.saturation_logged),
+        "solve_mean_ms": float(solve.mean()),
+        "solve_p99_ms": float(np.percentile(solve, 99)),
+        "solve_max_ms": float(solve.max()),
+        "trouble": steps.trouble,
+    }
 
 
 def _mean_abs(residual: Array) -> Array:
@@ -112,19 +79,17 @@ def _mean_abs(residual: Array) -> Array:
 def parts(replay: Replay) -> list[Part]:
     """Wrenches, steps, notes, warnings."""
     summary = summarise(replay)
-    wrenches = table(f"{replay.flight.name}: compensation of the {summary.source} wrench", "mean |.|", *UNIT_HEADS)
-    wrenches.add_row("correction", *row(summary.correction_mean_abs))
-    wrenches.add_row("  its maximum", *row(summary.correction_max_abs))
-    before, after = summary.error_before_mean_abs, summary.error_after_mean_abs
+    wrenches = table(f"{replay.flight.name}: compensation of the {replay.source} wrench", "mean |.|", *UNIT_HEADS)
+    wrenches.add_row("correction", *row(summary["correction_mean_abs"]))
+    wrenches.add_row("  its maximum", *row(summary["correction_max_abs"]))
+    before, after = summary["error_before_mean_abs"], summary["error_after_mean_abs"]
     for name, values in (("predicted error before", before), ("predicted error after", after)):
         cells = np.full(len(AXES), np.nan)
-        cells[output_indices(summary.outputs)] = values
+        cells[output_indices(summary["outputs"])] = values
         wrenches.add_row(name, *row(cells))
-    wrenches.add_row("measured - logged command, filtered", *row(summary.measured_minus_logged))
-    wrenches.add_row("measured - model and GP, filtered", *row(summary.measured_minus_predicted))
-    steps = table("Steps", "what", "value", left=2)
-    for what, value in _lines(summary, sigma_unit(replay)):
-        steps.add_row(what, value)
+    wrenches.add_row("measured - logged command, filtered", *row(summary["measured_minus_logged"]))
+    wrenches.add_row("measured - model and GP, filtered", *row(summary["measured_minus_predicted"]))
+    steps = plain("Steps", ("what", "value"), _lines(summary, sigma_unit(replay)), left=2)
     lines = [*note_lines(notes(replay)), *note_lines(warnings(summary), "warning")]
     return [wrenches, steps, *lines]
 
@@ -137,62 +102,58 @@ def sigma_unit(replay: Replay) -> str:
     return " or ".join(dict.fromkeys(unit_of(int(k)) for k in output_indices(replay.outputs)))
 
 
-def warnings(summary: Summary) -> tuple[str, ...]:
+def warnings(summary: dict[str, Any]) -> tuple[str, ...]:
     """What a user should not overlook, one sentence each."""
     out = []
-    if summary.near_singular > 0:
+    if summary["near_singular"] > 0:
+        smallest = f"{summary['eigenvalue_min']:.2f}"
         out.append(
-            f"I + dmu/dW is nearly singular in {share(summary.near_singular)} of the commands (smallest real "
-            f"eigenvalue {summary.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP predicts no "
+            f"I + dmu/dW is nearly singular in {share(summary['near_singular'])} of the commands (smallest real "
+            f"eigenvalue {smallest}, expected above {NEARLY_SINGULAR:.2f}): the GP predicts no "
             "more wrench from more command; excite the command on its own in the training flight."
         )
-    if summary.accepted < 0.99:
-        out.append(f"in {share(1 - summary.accepted)} of the steps no correction solves the problem.")
-    for message, count in summary.trouble.items():
+    if summary["accepted"] < 0.99:
+        out.append(f"in {share(1 - summary['accepted'])} of the steps no correction solves the problem.")
+    for message, count in summary["trouble"].items():
         out.append(f"{count} step(s): {message}")
-    if summary.saturation is not None and summary.saturation_logged is not None:
-        for name, count in summary.saturation.items():
-            more = count - summary.saturation_logged[name]
+    if summary["saturation"] is not None and summary["saturation_logged"] is not None:
+        for name, count in summary["saturation"].items():
+            more = count - summary["saturation_logged"][name]
             if name != "held" and more > 0:
-                out.append(f"{name.replace('_', ' ')} would be limited in {more} more of {summary.steps} commands.")
+                out.append(f"{name.replace('_', ' ')} would be limited in {more} more of {summary['steps']} commands.")
     return tuple(out)
 
 
-def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
-    sigma, beta = (" / ".join(row(values)) for values in (summary.sigma, summary.beta))
-    solve = (summary.solve_mean_ms, summary.solve_p99_ms, summary.solve_max_ms)
-    times = f"{' / '.join(f'{ms:.2f}' for ms in solve)} ms, {summary.iterations_mean:.1f} evaluations"
+def _lines(summary: dict[str, Any], unit: str) -> list[tuple[str, str]]:
+    sigma, beta = (" / ".join(row(summary[name].values())) for name in ("sigma", "beta"))
+    solve = [f"{summary[f'solve_{name}_ms']:.2f}" for name in ("mean", "p99", "max")]
+    times = f"{' / '.join(solve)} ms, {summary['iterations_mean']:.1f} evaluations"
+    steps = f"{summary['steps']}, {summary['duration']:.2f} s, {summary['restarts']}"
     lines = [
-        ("steps, duration, restarts after gaps", f"{summary.steps}, {summary.duration:.2f} s, {summary.restarts}"),
-        ("accepted", share(summary.accepted)),
-        (f"sigma [{unit}] 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary.sigma_threshold)}"),
+        ("steps, duration, restarts after gaps", steps),
+        ("accepted", share(summary["accepted"])),
+        (f"sigma [{unit}] 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary['sigma_threshold'])}"),
         ("beta 5 / 50 / 95 / 100 %", beta),
-        ("correction withheld (beta > 0.5)", f"{share(summary.held_back)} of the time"),
-        ("smallest real eigenvalue of I + dmu/dW", number(summary.eigenvalue_min)),
+        ("correction withheld (beta > 0.5)", f"{share(summary['held_back'])} of the time"),
+        ("smallest real eigenvalue of I + dmu/dW", number(summary["eigenvalue_min"])),
         ("solve time mean / p99 / max", times),
     ]
-    if summary.saturation is not None and summary.saturation_logged is not None:
-        for name, count in summary.saturation.items():
+    if summary["saturation"] is not None and summary["saturation_logged"] is not None:
+        for name, count in summary["saturation"].items():
             what = "arms without thrust" if name == "held" else f"{name.replace('_', ' ')} limited"
-            lines.append((what, f"{count} commands, {summary.saturation_logged[name]} without correction"))
+            lines.append((what, f"{count} commands, {summary['saturation_logged'][name]} without correction"))
     return lines
 
 
 def to_json(replay: Replay) -> dict[str, Any]:
     """The content of the command's JSON; see docs/json.md."""
     summary = summarise(replay)
-    names = ("p5", "p50", "p95", "max")
-    numbers = asdict(summary) | {
-        "sigma": dict(zip(names, summary.sigma, strict=True)),
-        "beta": dict(zip(names, summary.beta, strict=True)),
-        "error_fall": 1.0 - summary.error_after_mean_abs / np.maximum(summary.error_before_mean_abs, 1e-12),
-    }
     return {
         "axes": list(AXES),
         "unmeasured": _unmeasured(replay),
         "flight": replay.flight.name,
         "settings": asdict(replay.settings),
-        **numbers,
+        **summary,
         "warnings": list(warnings(summary)),
         "notes": list(notes(replay)),
     }

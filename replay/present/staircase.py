@@ -16,8 +16,6 @@ LABELS = {
     Kind.NOISE: "sensor noise",
 }
 AT_THE_NOISE = "at the noise of the sensors"
-NEARLY_ALL = 0.99
-"""Reduction from which on a whole per cent would round it to all."""
 
 
 HEADINGS = {
@@ -64,7 +62,7 @@ def sentence(case: Staircase) -> str:
     gone = 1.0 - case.share(last)
     if gone <= 0.0:
         return f"On {title(case)}, the RMS error grows by {share(-gone)} with {names}; {noise}."
-    words = f"{100 * gone:.1f} %" if gone > NEARLY_ALL else share(gone)
+    words = f"{100 * gone:.1f} %" if gone > 0.99 else share(gone)  # else 99.6 % would be all of it
     rest = f"{share(1.0 - gone)} of it remains (sensor noise {share(case.share(case.noise))})"
     ending = f"is {AT_THE_NOISE}" if case.at_the_noise(last) else rest
     return f"On {title(case)}, the RMS error is reduced by {words} with {names}, and {ending}."

@@ -20,8 +20,6 @@ from wrenchgap.plant.history import Snapshot
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.numbers import UNIT_HEADS, change, label, number, row, unit
 
-COLOURED = 0.1
-"""Reduction from which on it is coloured."""
 INTERVAL_LEGEND = (
     "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a "
     "few per cent only (docs/decisions/0009-honest-intervals.md)"
@@ -70,13 +68,14 @@ def note_lines(sentences: Iterable[str], title: str = "note") -> list[Line]:
     return [Line(f"{title}: {text}", style) for text in dict.fromkeys(sentences)]
 
 
-def table(title: str, *heads: str | Sequence[str], left: int = 1) -> Table:
-    """An empty table; the first `left` columns are texts. A head is a line, or several."""
+def table(title: str, *heads: str | Sequence[str], left: int = 1, texts: Sequence[int] = ()) -> Table:
+    """An empty table; the first `left` columns and those of `texts` are texts. A head is a line, or several."""
+    named = {*range(left), *(k % len(heads) for k in texts)}
     look: dict[str, Any] = {"title_justify": "left", "title_style": "bold"}
     out = Table(title=styled(title) if title else None, box=box.SIMPLE_HEAD, pad_edge=False, **look)
     for index, head in enumerate(heads):
         lines = [styled(line) for line in ([head] if isinstance(head, str) else head)]
-        out.add_column(Text("\n").join(lines), justify="left" if index < left else "right", overflow="fold")
+        out.add_column(Text("\n").join(lines), justify="left" if index in named else "right", overflow="fold")
     return out
 
 
@@ -85,38 +84,44 @@ def bare() -> Table:
     return Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
 
 
-def plain(title: str, heads: Sequence[str | Sequence[str]], rows: Iterable[Sequence[Any]], left: int = 1) -> Table:
-    """Any rows of texts."""
-    out = table(title, *heads, left=left)
+def plain(
+    title: str,
+    heads: Sequence[str | Sequence[str]],
+    rows: Iterable[Sequence[Any]],
+    left: int = 1,
+    texts: Sequence[int] = (),
+) -> Table:
+    """A table of these rows; `left` and `texts` as `table` has them."""
+    out = table(title, *heads, left=left, texts=texts)
     for values in rows:
         out.add_row(*values)
     return out
 
 
-def reductions(values: Iterable[float]) -> list[Text]:
-    """Reductions of rms as changes (-95 % where 95 % are gone), coloured where they say something."""
-    return [
-        styled(change(-float(value)), "green" if value > COLOURED else "red" if value < -COLOURED else "")
-        for value in values
-    ]
+def first_only(names: Iterable[str]) -> list[str]:
+    """Names of rows, empty where the row above has the same."""
+    listed = list(names)
+    return [name if k == 0 or name != listed[k - 1] else "" for k, name in enumerate(listed)]
 
 
-def before_after(title: str, rows: Sequence[tuple[str, Array]], reduction: Array | None = None) -> Table:
-    """Rows of six numbers, and the change from the first to the last."""
-    out = table(title, "", *UNIT_HEADS)
-    for name, values in rows:
-        out.add_row(name, *row(values))
-    if reduction is not None:
-        out.add_row("change", *reductions(reduction))
-    return out
+def reductions(values: Iterable[float], coloured: float = 0.1) -> list[Text]:
+    """Reductions of rms as changes (-95 % where 95 % are gone); those of a share above `coloured` have a colour."""
+    looks = [(float(v), "green" if v > coloured else "red" if v < -coloured else "") for v in values]
+    return [styled(change(-value), look) for value, look in looks]
+
+
+def before_after(title: str, before: Array, after: Array, reduction: Array, noise: Array | None = None) -> Table:
+    """Rms (6,) before and after, where given the sensors' noise, and the change."""
+    rows = [("rms before", *row(before)), ("rms after", *row(after))]
+    rows += [] if noise is None else [("sensor noise", *row(noise))]
+    return plain(title, ("", *UNIT_HEADS), [*rows, ("change", *reductions(reduction))])
 
 
 def parameters(effects: Sequence[Snapshot], title: str, vehicle: Vehicle | None = None) -> Table:
     """Effects with their values, standard deviations and units; rotors and arms by the names that `vehicle` has."""
-    out = table(title, "effect", "parameter", "value", "+-", "unit", left=2)
-    out.columns[-1].justify = "left"
-    for effect in effects:
-        for k, v in enumerate(effect.values):
-            first = effect.effect if k == 0 else ""
-            out.add_row(first, label(v.name, vehicle), number(v.value, 4), number(v.std, 2), unit(v.unit))
-    return out
+    rows = [
+        ("" if k else effect.effect, label(v.name, vehicle), number(v.value, 4), number(v.std, 2), unit(v.unit))
+        for effect in effects
+        for k, v in enumerate(effect.values)
+    ]
+    return plain(title, ("effect", "parameter", "value", "+-", "unit"), rows, left=2, texts=(-1,))

@@ -17,12 +17,8 @@ from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
-from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
+from wrenchgap.replay.present.tables import Line, Part, Table, first_only, note_lines, table
 
-MANY_STEPS = 3
-"""Steps from which on a sentence tells the clearest, and the line through all flights where that is significant."""
-MOST_COLUMNS = 7
-"""Parameters whose values are printed by flight; of more, those that changed."""
 WORDS = {
     Verdict.STEADY: "steady",
     Verdict.STEPS: "steps",
@@ -66,13 +62,13 @@ def summary(found: Trend) -> list[str]:
     return [*(sentence(p, found) for p in found.changed), *inspect]
 
 
-def sentence(p: ParameterTrend, found: Trend) -> str:
-    """What one parameter did."""
+def sentence(p: ParameterTrend, found: Trend, most_steps: int = 2) -> str:
+    """What one parameter did; of more steps than `most_steps` the clearest, and the line where that is significant."""
     name = f"{p.effect} {user_name(p.name, found.model.vehicle)}"
     if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
         return f"{name} drifts by {_slope(p.course.drift, p.unit)}."
     steps, line = p.course.steps, p.course.drift
-    if len(steps) < MANY_STEPS:
+    if len(steps) <= most_steps:
         return f"{name} steps: {'; '.join(_step(step, p.unit, found.names) for step in steps)}."
     clearest = max(steps, key=lambda step: abs(step.t))
     told = f"{name} steps {len(steps)} times; the clearest is {_step(clearest, p.unit, found.names)}."
@@ -112,11 +108,8 @@ def where(p: ParameterTrend, vehicle: Vehicle) -> str | None:
 def overview(found: Trend) -> Table:
     """One row for each parameter: mean, scatter, error of a flight, what it did."""
     heads = ("effect", "parameter", "over the flights", "mean", "scatter", "error", "unit")
-    out = table(f"{len(found.flights)} flights, each fitted by itself", *heads, left=3)
-    out.columns[-1].justify = "left"
-    last = ""
-    for p in found.parameters:
-        first, last = p.effect if p.effect != last else "", p.effect
+    out = table(f"{len(found.flights)} flights, each fitted by itself", *heads, left=3, texts=(-1,))
+    for first, p in zip(first_only(p.effect for p in found.parameters), found.parameters, strict=True):
         numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
         name = label(p.name, found.model.vehicle)
         style = "bold" if p in found.changed else "dim" if p.course.verdict is Verdict.OPEN else ""
@@ -143,10 +136,10 @@ def column(p: ParameterTrend, found: Trend) -> str:
     return f"{p.effect} {label(p.name, found.model.vehicle)}{f' [{p.unit}]' if unit(p.unit) else ''}"
 
 
-def values(found: Trend) -> Table:
-    """Every value by flight, with a mark on the first flight after a step."""
+def values(found: Trend, most: int = 7) -> Table:
+    """Every value by flight, with a mark on the first flight after a step; of more than `most`, those that changed."""
     shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
-    shown = shown if len(shown) <= MOST_COLUMNS else list(found.changed[:MOST_COLUMNS])
+    shown = shown if len(shown) <= most else list(found.changed[:most])
     heads = [column(p, found).split(" ", 1) for p in shown]
     out = table("values by flight; > the first flight after a step", "", "flight", *heads, left=2)
     for k, name in enumerate(found.names):
@@ -195,7 +188,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "rms": found.left,
         "unmeasured": unmeasured(noise),
         "effects_left_out": [
-            {"effect": one.reason.effect, "flight": one.flight, "reason": one.reason.reason} for one in found.left_out
+            entries(one, "effect=reason.effect", "flight", "reason=reason.reason") for one in found.left_out
         ],
         "cutoff_hz": found.flights[0].cutoff_hz,
         "notes": notes(found),
@@ -227,8 +220,12 @@ def frame(found: Trend) -> list[dict[str, Any]]:
         for step in p.course.steps:
             segment[step.flight :] += 1
         for k, one in enumerate(found.flights):
-            file = {"file": one.flight.path.name, "sha256": one.flight.content_hash}
-            about = {"flight": found.names[k], "index": k, **file}
+            about = {
+                "flight": found.names[k],
+                "index": k,
+                "file": one.flight.path.name,
+                "sha256": one.flight.content_hash,
+            }
             which = {"effect": p.effect, "parameter": p.name, "where": where(p, found.model.vehicle), "unit": p.unit}
             sizes = {"value": float(p.values[k]), "std": float(p.std[k]), "error": float(p.errors[k])}
             course = {"segment": int(segment[k]), "level": float(p.course.level[k]), "scatter": p.course.scatter}
@@ -244,8 +241,6 @@ def check_table(path: Path | None) -> None:
 
 SIGMAS = 2.0
 """Half-width of intervals and of the band of scatter, in standard deviations."""
-MOST_NAMES = 40
-"""Flights that are named below the panels; more are numbered."""
 
 
 def picture(found: Trend) -> style.Picture:
@@ -255,10 +250,14 @@ def picture(found: Trend) -> style.Picture:
     numbered from 1.
     """
     shown = _shown(found)
-    named = len(found.flights) <= MOST_NAMES
-    size = (max(8.0, min(16.0, 4.0 + 0.3 * len(found.flights))), 1.9 * len(shown) + (1.9 if named else 0.8))
+    size = (max(8.0, min(16.0, 4.0 + 0.3 * len(found.flights))), 1.9 * len(shown) + (1.9 if _named(found) else 0.8))
     title = f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights, each fitted by itself"
     return style.Picture((len(shown), 1), size, lambda axes: _draw(found, axes), title=title, share=True)
+
+
+def _named(found: Trend, most: int = 40) -> bool:
+    """Whether there is room for the names of the flights below the panels, else for their numbers."""
+    return len(found.flights) <= most
 
 
 def _shown(found: Trend) -> list[ParameterTrend]:
@@ -273,7 +272,7 @@ def _draw(found: Trend, axes: Any) -> None:
         name = f"{p.effect}\n{label(p.name, found.model.vehicle)}"
         style.labelled(panel, name, "" if p.unit == "1" else p.unit)
     bottom, count = panels[-1], len(found.flights)
-    if count <= MOST_NAMES:
+    if _named(found):
         names = [f"{k + 1} {style.shortened(name)}" for k, name in enumerate(found.names)]
         bottom.set_xticks(np.arange(1, count + 1), names, rotation=60, ha="right", fontsize=style.SMALL)
     bottom.set_xlabel("flight, in the order given", fontsize=style.USUAL)

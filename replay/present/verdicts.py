@@ -9,11 +9,8 @@ from wrenchgap.learn.identify.observer import MOST_SENSITIVE
 from wrenchgap.learn.process.gp import Caution, CautionKind, GaussianProcess
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin
-from wrenchgap.replay.present.numbers import share
+from wrenchgap.replay.present.numbers import entries, share
 from wrenchgap.replay.present.tables import Line, Part
-
-UNLIMITED = 1e3
-"""Margins above this are of no interest."""
 
 _WHY = {
     Reason.HELPS: "held-out time supports it",
@@ -48,22 +45,14 @@ def verdicts(gp: GaussianProcess) -> list[Part]:
 
 def verdicts_json(gp: GaussianProcess) -> list[dict[str, Any]]:
     """The key `verdicts` of the `learn` schema."""
-    return [
-        {
-            "output": one.output,
-            "decision": one.decision.value,
-            "reason": one.reason.value,
-            "gain": one.gain,
-            "reduction": list(one.reduction),
-            "summary": verdict(one, gp.provenance.warnings),
-        }
-        for one in gp.provenance.verdicts
-    ]
+    said = gp.provenance
+    names = ("output", "decision", "reason", "gain", "reduction")
+    return [{**entries(one, *names), "summary": verdict(one, said.warnings)} for one in said.verdicts]
 
 
-def margin_in_words(found: Margin) -> str:
-    """The stability check before flight, in one sentence."""
-    size = f"above {UNLIMITED:g}" if found.least > UNLIMITED else f"{found.least:.2f}"
+def margin_in_words(found: Margin, most: float = 1e3) -> str:
+    """The stability check before flight, in one sentence; margins above `most` are of no interest."""
+    size = f"above {most:g}" if found.least > most else f"{found.least:.2f}"
     words = (
         f"stability margin: {size} (99 % of the commands; actuators with a lag of {1e3 * found.lag:.0f} ms and a delay "
         f"of {1e3 * found.delay:.0f} ms): "
@@ -109,11 +98,8 @@ def observer_json(gp: GaussianProcess) -> dict[str, Any] | None:
     if not said.loop_delay:
         return None
     return {
-        "hz": said.observer_hz,
-        "lag_s": said.observer_lag,
-        "sensitivity_peak": said.observer_peak,
-        "left": said.observer_left,
-        "loop": {"lag_s": said.loop_lag, "delay_s": said.loop_delay, "gains": said.gains},
+        **entries(said, "hz=observer_hz", "lag_s=observer_lag", "sensitivity_peak=observer_peak", "left=observer_left"),
+        "loop": entries(said, "lag_s=loop_lag", "delay_s=loop_delay", "gains"),
         "summary": observer_in_words(gp),
     }
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import length
 from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
@@ -17,26 +17,28 @@ from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as panels
 from wrenchgap.replay.present.notes import sentences, too_short
-from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
+from wrenchgap.replay.present.numbers import (
+    AXIS_HEADS,
+    UNIT_HEADS,
+    by_axis,
+    entries,
+    reasons_json,
+    row,
+    share,
+    unmeasured,
+    yes_no,
+)
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
 
-QUANTITIES = 3
-"""Most quantities whose bins are printed."""
-LEAST = 0.05
-"""Share of the error that must depend on a quantity for it to be named and its bins printed."""
-ON_AXIS = 0.2
-"""Share on one axis from which on the axis is named."""
 DIRECTIONS = ("front", "front left", "left", "back left", "back", "back right", "right", "front right")
 """Sectors of the tilt direction, from 0 deg in steps of 45."""
-BAR = 24
-"""Characters of the longest bar."""
 
 
 def parts(result: Where) -> list[Part]:
     """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
     out: list[Part] = [Line(text, "bold") for text in summary(result)]
     out += [*note_lines(too_short(result.seconds), "warning"), Line(), budget_table(result.budget)]
-    out += [_map(d) for d in result.failure_map.significant if d.score >= LEAST][:QUANTITIES]
+    out += [_map(d) for d in main_dependences(result.failure_map)]
     heads = ("axis", "autocorrelation", "strongest correlation with an input")
     white = plain("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
     out += [_others(result), worst(result.name, result.worst), white, _relevance(result.relevance)]
@@ -64,9 +66,14 @@ def summary(where: Where) -> tuple[str, ...]:
     return first, depends_on(where.failure_map), _relevant(where.relevance), last
 
 
+def main_dependences(mapped: FailureMap, least: float = 0.05) -> list[Dependence]:
+    """The three quantities on which the error depends most, each for a share of it of `least` or more."""
+    return [d for d in mapped.significant if d.score >= least][:3]
+
+
 def depends_on(mapped: FailureMap) -> str:
     """On which quantities the error depends most, in a sentence."""
-    found = [d for d in mapped.significant if d.score >= LEAST][:QUANTITIES]
+    found = main_dependences(mapped)
     if not found:
         return "The error has no significant dependence on any of the quantities."
     return f"The error depends on: {'; '.join(f'{d.label} ({dependence_in_words(d)})' for d in found)}."
@@ -76,9 +83,13 @@ def dependence_in_words(dependence: Dependence) -> str:
     """In what way, and on which axes, the error depends on a quantity."""
     if dependence.of_mean < dependence.of_size:
         return f"{share(dependence.of_size)} of its size"
-    axes = [AXES[k] for k in np.argsort(-dependence.axes_mean) if dependence.axes_mean[k] > ON_AXIS][:QUANTITIES]
-    on = f", mostly {', '.join(axes)}" if axes else ""
-    return f"{share(dependence.of_mean)} of its mean{on}"
+    return f"{share(dependence.of_mean)} of its mean{_on_axes(', mostly', dependence.axes_mean)}"
+
+
+def _on_axes(words: str, shares: Array, least: float = 0.2) -> str:
+    """Axes with more than `least` of something, the largest first and three at most, behind `words`."""
+    axes = [AXES[k] for k in np.argsort(-shares)[:3] if shares[k] > least]
+    return f"{words} {', '.join(axes)}" if axes else ""
 
 
 def _relevant(relevant: Relevance) -> str:
@@ -90,9 +101,8 @@ def _relevant(relevant: Relevance) -> str:
 
 def _group(group: GroupRelevance) -> str:
     """What a group of inputs explains, and on which axes it is missed."""
-    axes = [AXES[k] for k in np.argsort(-group.lost_axes) if group.lost_axes[k] > ON_AXIS][:3]
-    on = f", on {', '.join(axes)}" if axes else ""
-    return f"{group.label} ({share(group.alone)} alone, {share(group.lost)} lost without{on})"
+    lost = f"{share(group.lost)} lost without{_on_axes(', on', group.lost_axes)}"
+    return f"{group.label} ({share(group.alone)} alone, {lost})"
 
 
 def _autocorrelation(auto: Autocorrelation) -> str:
@@ -142,34 +152,29 @@ def _map(dependence: Dependence) -> Table:
     b = dependence.binned
     explained = f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
     heads = ("", "time", "F rms [N]", "noise", "M rms [Nm]", "noise", "error", "share of all error above the noise")
-    out = table(f"{dependence.label} [{dependence.unit}]: {explained}", *heads)
-    out.columns[-1].justify = "left"
     longest = max(float(b.whole_share.max()), 1e-9)
+    rows = []
     for i in range(len(b)):
         sizes = [float(length(v[i, part])) for part in (slice(0, 3), slice(3, 6)) for v in (b.rms, b.noise)]
-        bar = "#" * round(BAR * float(b.whole_share[i]) / longest)
+        bar = "#" * round(24 * float(b.whole_share[i]) / longest)
         words = span(dependence.name, float(b.low[i]), float(b.high[i]))
-        out.add_row(words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar)
-    return out
+        rows.append((words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar))
+    return plain(f"{dependence.label} [{dependence.unit}]: {explained}", heads, rows, texts=(-1,))
 
 
 def _others(result: Where) -> Table:
-    rows = []
-    for d in result.failure_map.dependences:
-        sure = "yes" if d.significant else "no"
-        rows.append((d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", sure, *map(share, d.axes_mean)))
+    rows = [
+        (d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", yes_no(d.significant), *map(share, d.axes_mean))
+        for d in result.failure_map.dependences
+    ]
     heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
     return plain("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
 def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
     """Of each axis: its name, autocorrelation, and strongest correlation with an input."""
-    autos = {a.axis: a for a in white.autocorrelation}
-    rows = [(axis, autos.get(axis)) for axis in AXES]
-    return [
-        (axis, "-", "-") if a is None else (axis, _autocorrelation(a), _crosscorrelation(white.strongest(axis)))
-        for axis, a in rows
-    ]
+    known = {a.axis: (_autocorrelation(a), _crosscorrelation(white.strongest(a.axis))) for a in white.autocorrelation}
+    return [(axis, *known.get(axis, ("-", "-"))) for axis in AXES]
 
 
 def _relevance(relevant: Relevance) -> Table:
@@ -188,7 +193,11 @@ def to_json(where: Where) -> dict[str, Any]:
         "axes": list(AXES),
         **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
         "unmeasured": unmeasured(where.noise),
-        "budget": _budget_json(where.budget),
+        "budget": {
+            "mean_square": entries(where.budget, "nominal", *PARTS),
+            "whole_shares": where.budget.whole(),
+            "process_source": str(where.budget.source),
+        },
         "failure_map": _failure_map_json(where.failure_map),
         "whiteness": _whiteness_json(where.whiteness),
         "relevance": relevance_json(where.relevance),
@@ -198,47 +207,31 @@ def to_json(where: Where) -> dict[str, Any]:
     }
 
 
-def _budget_json(budget: Budget) -> dict[str, Any]:
-    return {
-        "mean_square": entries(budget, "nominal", *PARTS),
-        "whole_shares": budget.whole(),
-        "process_source": str(budget.source),
-    }
-
-
 def _failure_map_json(mapped: FailureMap) -> dict[str, Any]:
+    own = ("quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant", "axes")
     return {
-        "quantities": [
-            {
-                **entries(d, "quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant"),
-                **entries(d, "axes", "bins=binned"),
-            }
-            for d in mapped.dependences
-        ],
+        "quantities": [entries(d, *own, "bins=binned") for d in mapped.dependences],
         "grid": mapped.grid,
-        "lacking": [{"quantity": name, "reason": why} for name, why in mapped.lacking.items()],
+        "lacking": reasons_json("quantity", mapped.lacking),
     }
 
 
 def _whiteness_json(white: Whiteness) -> dict[str, Any]:
     strongest = [c for axis in AXES if (c := white.strongest(axis)) is not None]
-    curves = ("lags", "value")
+    peaks = [{**vars(c), "outside": c.outside} for c in white.crosscorrelation]
     return {
         "autocorrelation": [{**vars(a), "white": a.white} for a in white.autocorrelation],
-        "strongest": [{**c.__dict__, "outside": c.outside} for c in strongest],
-        "peaks": [
-            {**{k: v for k, v in c.__dict__.items() if k not in curves}, "outside": c.outside}
-            for c in white.crosscorrelation
-        ],
+        "strongest": [{**vars(c), "outside": c.outside} for c in strongest],
+        "peaks": [{k: v for k, v in peak.items() if k not in ("lags", "value")} for peak in peaks],
     }
 
 
 def relevance_json(relevant: Relevance) -> dict[str, Any]:
     """Groups of inputs by name."""
     return {
-        "groups": [{**g.__dict__, "chosen": g.chosen} for g in relevant.groups],
+        "groups": [{**vars(g), "chosen": g.chosen} for g in relevant.groups],
         **entries(relevant, "explained", "explained_axes"),
-        "lacking": [{"input": name, "reason": why} for name, why in relevant.lacking.items()],
+        "lacking": reasons_json("input", relevant.lacking),
     }
 
 
@@ -246,12 +239,10 @@ def frame(where: Where) -> list[dict[str, Any]]:
     """One row for each bin of each quantity: low, high, time, rms and noise by axis, share of the error."""
     rows = []
     for d in where.failure_map.dependences:
-        b = d.binned
+        b, own = d.binned, entries(d, "quantity=name", "unit", "significant")
         for i in range(len(b)):
-            axes = {f"rms.{axis}": b.rms[i, k] for k, axis in enumerate(AXES)}
-            noise = {f"noise.{axis}": b.noise[i, k] for k, axis in enumerate(AXES)}
-            own = {"quantity": d.name, "unit": d.unit, "significant": d.significant, "low": b.low[i], "high": b.high[i]}
-            rows.append({**own, "time_share": b.time_share[i], "share": b.whole_share[i], **axes, **noise})
+            bounds = {"low": b.low[i], "high": b.high[i], "time_share": b.time_share[i], "share": b.whole_share[i]}
+            rows.append({**own, **bounds, **by_axis("rms", b.rms[i]), **by_axis("noise", b.noise[i])})
     return rows
 
 

@@ -87,7 +87,7 @@ def test_the_error_of_the_command_is_the_one_that_compare_prints(result, flown):
     """Filtered on both sides in both commands; compare looks at fewer of the same samples."""
     (record,) = opened(flown, MODEL).records
     printed = np.abs(record.measured - record.commanded).mean(axis=0)
-    assert summarise(result).measured_minus_logged == pytest.approx(printed, rel=0.02)
+    assert summarise(result)["measured_minus_logged"] == pytest.approx(printed, rel=0.02)
 
 
 def test_two_runs_give_the_same_bytes(flown, gp, tmp_path):

@@ -47,15 +47,15 @@ def test_what_is_saved_is_what_is_opened(view):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"time": "noon"}, "time is 'noon', expected a number"),
+        ({"time": "noon"}, "time: got 'noon', expected a number"),
         ({"time": True}, "expected a number"),
         ({"marks": {"C": 1.0}}, "numbers for A and B"),
         ({"camera": {"position": [0, 0, 1]}}, "position and look_at"),
         ({"camera": {"position": [0, 0, 1], "look_at": [0, 0, 1]}}, "position and look_at"),
-        ({"shown": {"force": 1}}, "shown.force is 1, expected true or false"),
+        ({"shown": {"force": 1}}, "shown.force: got 1, expected true or false"),
         ({"shown": {"factors": [1.0, 0.0, 1.0]}}, "three positive numbers"),
         ({"channels": "all"}, "a list of at most"),
-        ({"colour": "red"}, "unknown entry 'colour'"),
+        ({"colour": "red"}, "colour: is not a known key"),
         ({"schema": "wrenchgap.compare/1"}, "expected 'wrenchgap.view/1'"),
     ],
 )

@@ -13,11 +13,7 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, quantity, share
 from wrenchgap.replay.present.what_to_inspect import LIKELY, SURE
 
-MOST = 12
-"""Changes drawn."""
 COLOURS = {"healthy": "0.55", "odd": "tab:orange", "suspect": "tab:red"}
-BAND = 2.0
-"""Half the width of the band, in standard deviations between healthy flights."""
 
 
 def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
@@ -49,11 +45,11 @@ def _written(size: Size) -> str:
     return f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
 
 
-def means(found: Changed, panel: Any) -> None:
-    """Signed means of the residual by flight, in units of what healthy flights differ by."""
+def means(found: Changed, panel: Any, band: float = 2.0) -> None:
+    """Signed means of the residual by flight, in standard deviations between healthy flights; a band of +- `band`."""
     known = np.flatnonzero(np.isfinite(found.scatter))
     usual = np.mean([r.mean for r in found.rows if r.role == "healthy"], axis=0)
-    panel.axhspan(-BAND, BAND, color=style.NOISE, alpha=0.15, lw=0, label=f"{BAND:g} scatter of healthy flights")
+    panel.axhspan(-band, band, color=style.NOISE, alpha=0.15, lw=0, label=f"{band:g} scatter of healthy flights")
     for k, role in enumerate(COLOURS):
         for r in [r for r in found.rows if r.role == role]:
             at = np.arange(len(known)) + 0.16 * (k - 1)
@@ -65,9 +61,9 @@ def means(found: Changed, panel: Any) -> None:
     style.legend(panel)
 
 
-def changes(found: Changed, panel: Any) -> None:
-    """Each change by itself, in standard deviations."""
-    shown = found.alone[:MOST][::-1]
+def changes(found: Changed, panel: Any, most: int = 12) -> None:
+    """Each change by itself, in standard deviations; the likeliest `most`."""
+    shown = found.alone[:most][::-1]
     if not shown:
         style.nothing(panel, "no effect of the catalogue could be tried")
         return

@@ -18,7 +18,6 @@ from wrenchgap.replay.present.staircase import label, remains
 from wrenchgap.replay.report import Report
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
-AFTER = COLOURS[Basis.HELD_OUT]
 TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}
 
 
@@ -39,16 +38,15 @@ def picture(report: Report) -> style.Picture:
 
 def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
     names = [*map(label, cases[0].falling), "sensor noise"]
-    place = np.arange(len(names))
-    width = 0.8 / len(cases)
-    for k, case in enumerate(cases):
-        stairs, colour = (*case.falling, case.noise), COLOURS[case.basis]
-        heights = [100.0 * case.share(s) for s in stairs]
-        shift = (k - (len(cases) - 1) / 2) * width
-        bars = panel.bar(place[: len(heights)] + shift, heights, 0.95 * width, color=colour, label=TITLES[case.basis])
-        panel.bar_label(bars, [remains(case, s).removesuffix(" %") for s in stairs], fontsize=style.SMALL, padding=1)
-        bars[-1].set(facecolor="white", edgecolor=colour, linestyle="--")
-    panel.set_xticks(place, names, rotation=25, ha="right", fontsize=style.USUAL)
+    stairs = [(*case.falling, case.noise) for case in cases]
+    rows = [
+        (TITLES[case.basis], COLOURS[case.basis], [100.0 * case.share(s) for s in own])
+        for case, own in zip(cases, stairs, strict=True)
+    ]
+    for case, own, bars in zip(cases, stairs, style.bars(panel, rows), strict=True):
+        panel.bar_label(bars, [remains(case, s).removesuffix(" %") for s in own], fontsize=style.SMALL, padding=1)
+        bars[-1].set(facecolor="white", edgecolor=COLOURS[case.basis], linestyle="--")
+    panel.set_xticks(range(len(names)), names, rotation=25, ha="right", fontsize=style.USUAL)
     panel.set_ylabel("RMS error, all axes [% of nominal]")
     panel.margins(y=0.12)
     style.legend(panel)

@@ -220,6 +220,18 @@ def curve(
     return False
 
 
+def bars(panel: Any, rows: Sequence[tuple[str, str, Any]], noise: Any = None) -> list[Any]:
+    """Groups of bars side by side from zero: `rows` of name, colour and a height for each group; the noise as lines."""
+    width, made = 0.8 / len(rows), []
+    for k, (name, colour, heights) in enumerate(rows):
+        place = np.arange(len(heights)) + (k - (len(rows) - 1) / 2) * width
+        made.append(panel.bar(place, heights, 0.95 * width, color=colour, label=name))
+    if noise is not None:
+        middle = np.arange(len(noise))
+        panel.hlines(noise, middle - 0.45, middle + 0.45, color=NOISE, lw=2.0, label="sensor noise")
+    return made
+
+
 def band(panel: Any, ends: Sequence[float], half: float, label: str = "") -> None:
     """A noise floor: pale between -half and half, its edges above all curves."""
     panel.fill_between(ends, -half, half, color=NOISE, alpha=0.3, lw=0, label=label or None, zorder=0.5)

@@ -74,21 +74,19 @@ def changed_page(found: Changed, command: str = "") -> str:
         "Left: what the given model leaves on average of each flight, in what healthy flights differ by. Middle: each "
         "change by itself. Right: where it is."
     )
-    odd = [f"{o.flight} was given as healthy and is not: {o.effect} ({changed.odds(o.odds)})." for o in found.odd]
-    lacking = [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
     return flights_page(
         "changed",
         found.flights,
         title=f"{found.model.name}: what changed on {', '.join(found.suspect)}",
         vehicle=found.model.vehicle.name,
         verdict=BOXES[found.verdict],
-        summary=[changed.summary(found), *odd, *classes_in_words(found.classes)],
+        summary=[changed.summary(found), *changed.outliers(found), *classes_in_words(found.classes)],
         caveat=" ".join(s[0].upper() + s[1:] for s in (changed.baseline(found), *changed.feedback(found))),
         chart=Image.of(figure, "Flights, changes, and the vehicle from above.", caption, "svg"),
         view=None,
         tables=list(_changed_tables(found)),
         inspect=what_to_inspect.sentences(found),
-        notes=[*lacking, *changed.notes(found)],
+        notes=[*changed.not_compared(found), *changed.notes(found)],
         command=command,
     )
 

@@ -40,10 +40,6 @@ from wrenchgap.replay.report import NextFlight, Report
 
 INTERVAL = 1.96
 """Half-width of a 95 % interval in standard deviations."""
-MOST_CANDIDATES, MOST_LATER = 12, 6
-"""Candidates that are listed of the first step of the search, and of later ones."""
-MOST_RIVALS = 4
-MOST_INPUTS = 8
 
 Content = Mapping[str, Any]
 
@@ -102,7 +98,7 @@ def _residual(report: Report) -> Image | None:
 def of_ranking(report: Report, _: Repetition) -> Content:
     """Candidates, the steps of the search, the members of the set."""
     found = report.explanation
-    shown = found.ranking[:MOST_CANDIDATES]
+    shown = found.ranking[:12]
     if not shown:
         return {"chart": None}
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
@@ -133,7 +129,7 @@ def _candidates(title: str, candidates: Sequence[Candidate], vehicle: Vehicle) -
 def _members(found: Explanation) -> Table | None:
     rows = []
     for m in found.members:
-        sure, listed = f"{100 * found.confidence(m):.0f} %", m.rivals[:MOST_RIVALS]
+        sure, listed = f"{100 * found.confidence(m):.0f} %", m.rivals[:4]
         rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
         rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
     caption = (
@@ -211,7 +207,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
     white = [[axis.replace("_", " "), *words] for axis, *words in where.whiteness_in_words(found.whiteness)]
     inputs = [
         [g.label, "yes" if g.chosen else "no", share(g.alone), share(g.lost), f"{g.significance:.1f}"]
-        for g in found.relevance.groups[:MOST_INPUTS]
+        for g in found.relevance.groups[:8]
     ]
     heads = ("input", "chosen", "alone", "lost without them", "t")
     caption = "Shares of the residual's variance on held-out time that the inputs predict."

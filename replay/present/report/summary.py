@@ -14,7 +14,7 @@ from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import checks_json, sentences
-from wrenchgap.replay.present.numbers import entries, separation, unmeasured
+from wrenchgap.replay.present.numbers import by_axis, entries, separation, unmeasured
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.tables import Line, Part
 from wrenchgap.replay.report import Absent, NextFlight, Report, Rest
@@ -131,6 +131,6 @@ def frame(report: Report) -> list[dict[str, Any]]:
     rows = []
     for case in report.staircases:
         for stair in (*case.stairs, case.noise):
-            axes = {f"rms.{axis}": float(v) for axis, v in zip(AXES, stair.rms, strict=True)}
-            rows.append({"on": str(case.basis), "step": staircase.label(stair), "in_all": stair.in_all, **axes})
+            own = {"on": str(case.basis), "step": staircase.label(stair), "in_all": stair.in_all}
+            rows.append({**own, **by_axis("rms", stair.rms)})
     return rows

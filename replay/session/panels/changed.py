@@ -112,8 +112,7 @@ class ChangedPanel(Panel):
 
 
 def _sentences(found: Changed) -> list[str]:
-    odd = [f"{o.flight} was ticked as healthy and is not: {o.effect} ({words.odds(o.odds)})." for o in found.odd]
-    lacking = [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
+    odd, lacking = words.outliers(found, "ticked"), words.not_compared(found)
     return [words.summary(found), *odd, words.baseline(found), *words.feedback(found), *lacking]
 
 
