@@ -182,6 +182,10 @@ class Flight:
     left_out: tuple[TimeLeftOut, ...] = ()
     unmeasured: dict[str, str] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        roles = ", ".join(f"{role} {len(series.time):,}" for role, series in self.series().items())
+        return f"<Flight {self.name}: samples of {roles or 'no role'}>"
+
     def series(self) -> dict[str, Series]:
         """The roles that this flight plays, in the order of `ROLES`."""
         found = ((role, getattr(self, role)) for role in ROLES)

@@ -18,6 +18,8 @@ class Presentation(Protocol):
     """How results of every class read; `wrenchgap.replay.present` is one."""
 
     def text(self, result: Any) -> str: ...  # noqa: D102
+    def brief(self, result: Any) -> str: ...  # noqa: D102
+    def by_axis(self, result: Any) -> pd.DataFrame: ...  # noqa: D102
     def to_frame(self, result: Any) -> pd.DataFrame: ...  # noqa: D102
     def plot(self, result: Any, axes: Any) -> Any: ...  # noqa: D102
     def to_json(self, result: Any) -> dict[str, Any]: ...  # noqa: D102
@@ -25,14 +27,23 @@ class Presentation(Protocol):
 
 
 class Result:
-    """Base of all results: `print(result)`, `result.to_frame()`, `result.plot()`, `result.to_json()`."""
+    """Base of all results: `print(result)`, `result.by_axis()`, `result.to_frame()`, `.plot()`, `.to_json()`."""
 
     presentation: ClassVar[Presentation]
 
     def __str__(self) -> str:
         return self.presentation.text(self)
 
-    __repr__ = __str__
+    def __repr__(self) -> str:
+        return self.presentation.brief(self)
+
+    def by_axis(self) -> pd.DataFrame:
+        """What it has of each axis of the wrench, by name: `found.by_axis().loc["torque_z", "rms_after"]`.
+
+        Rows are `wrenchgap.flight.AXES`, nan where nothing was measured; `unit` is the first column. Raises UsageError
+        for a result that has no such numbers.
+        """
+        return self.presentation.by_axis(self)
 
     def to_frame(self) -> pd.DataFrame:
         """The numbers as a table of pandas; docs/api.md says which rows and columns."""

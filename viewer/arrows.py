@@ -19,8 +19,6 @@ THICK = {"force": 0.014, "torque": 0.022}
 SPREAD = 0.055
 """Thickness of arrows, and how far those of different wrenches stand apart, in sizes of the vehicle."""
 CLOUD = {"radius": 1.0, "opacity": 0.28, "cast_shadow": False, "receive_shadow": False, "visible": False}
-LEAST = 1e-3
-"""An arrow shorter than this share of the vehicle is not drawn."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,8 @@ class Arrows:
         set_visible(self.thrusts, seen)
 
     def _worth(self, vector: Array) -> bool:
-        return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > LEAST * self._size
+        """Whether an arrow is known and longer than a thousandth of the vehicle."""
+        return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > 1e-3 * self._size
 
     def _arrows(self, name: str, colour: Colour, thick: float) -> Any:
         points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, self._size]]])

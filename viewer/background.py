@@ -13,8 +13,6 @@ from wrenchgap.flight.errors import WrenchgapError
 T = TypeVar("T")
 FOLDERS = re.compile(r"(?<![\w./])(?:[A-Za-z]:)?(?:[/\\][^/\\\s:'\"]+)+[/\\](?=[^/\\\s:'\"]+\.\w)")
 """The folders of an absolute path of a file; names of topics have no suffix."""
-LONGEST = 1000
-"""Characters of an error that the page shows: `FOLDERS` takes time with their square."""
 _log = logging.getLogger(__name__)
 Report = Callable[[float, str], None]
 """Says how far a job is: its share done, 0 to 1, and what it does at present."""
@@ -75,12 +73,13 @@ def start(
     return job
 
 
-def error_text(error: Exception) -> str:
+def error_text(error: Exception, longest: int = 1000) -> str:
     """An error in one line for whoever sees the page: files by their name, and only the kind of an internal one.
 
+    No more of it than `longest` characters, as `FOLDERS` takes time with their square.
     What an internal error says stands in the terminal: it may hold paths and values that are not a visitor's.
     """
     if isinstance(error, WrenchgapError):
-        return FOLDERS.sub("", str(error)[:LONGEST])
+        return FOLDERS.sub("", str(error)[:longest])
     _log.error("%s", WrenchgapError(f"the page goes on after an internal error, please report it: {error!r}"))
     return f"internal error ({type(error).__name__}); the page goes on, the terminal says more; please report it"

@@ -15,16 +15,17 @@ DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "front": (6.6, 0.0, 0.4),
 }
 """From what is looked at to the camera, in sizes of the vehicle (of the path, for the whole of it)."""
-FOV = 0.75
-"""Vertical field of view [rad]: narrower than viser's, so that frames are not distorted."""
 
 
 class Cameras:
-    """Places the cameras of all clients, and of those that come later."""
+    """Places the cameras of all clients, and of those that come later, around a vehicle of `size` [m].
 
-    def __init__(self, server: Any, size: float) -> None:
-        self._server, self._size = server, size
-        server.initial_camera.fov = FOV
+    `fov` is their vertical field of view [rad], narrower than viser's, so that frames are not distorted.
+    """
+
+    def __init__(self, server: Any, size: float, fov: float = 0.75) -> None:
+        self._server, self._size, self._fov = server, size, fov
+        server.initial_camera.fov = fov
         server.initial_camera.near = 0.02 * size
 
     def look(self, direction: str, focus: Array, extent: float | None = None, clients: Any = None) -> None:
@@ -40,7 +41,7 @@ class Cameras:
             with client.atomic():
                 client.camera.position = position
                 client.camera.look_at = look_at
-                client.camera.fov = FOV
+                client.camera.fov = self._fov
 
     def shift(self, by: Array) -> None:
         """Move all cameras by `by` (3,) [m], as they look."""

@@ -14,8 +14,6 @@ from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
 from wrenchgap.viewer.session import ReadChannels
 from wrenchgap.viewer.view_state import MOST_CHANNELS, ViewState
 
-LISTED = 400
-"""Names that the list offers at once, at most; the filter narrows it down."""
 NONE = "(no channel of that name)"
 
 
@@ -88,7 +86,7 @@ class ChannelPicker:
 
     def _offer(self) -> None:
         known, wanted = self._known(), self.filter.value.strip().lower()
-        found = [name for name in known if wanted in name.lower()][:LISTED]
+        found = [name for name in known if wanted in name.lower()][:400]  # the filter finds the others
         self.choice.options = found or (NONE,)
         for handle in (self.filter, self.choice, self.action):
             handle.visible = bool(known)

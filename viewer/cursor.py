@@ -11,9 +11,6 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 
-FRAME_RATE = 30.0
-"""Updates per second while playing [Hz]."""
-
 
 class Cursor:
     """An instant of a flight. Whoever wants to know that it moved adds a function to `listeners`.
@@ -21,10 +18,11 @@ class Cursor:
     time [s]            the instant, always within the flight
     playing             whether it moves by itself, `speed` seconds of flight per second
     loop                (start, stop) [s] that playing repeats, None for the whole flight
+    rate                updates per second while playing [Hz]
     """
 
-    def __init__(self, lock: Any) -> None:
-        self._lock = lock
+    def __init__(self, lock: Any, rate: float = 30.0) -> None:
+        self._lock, self._rate = lock, rate
         self._clock: Array = np.zeros(1)
         self.time = 0.0
         self.speed = 1.0
@@ -110,7 +108,7 @@ class Cursor:
                 last = clock.monotonic()
             if self._over.is_set():
                 return
-            due = last + 1.0 / FRAME_RATE
+            due = last + 1.0 / self._rate
             self._over.wait(max(due - clock.monotonic(), 0.001))
             now = clock.monotonic()
             if self._playing.is_set() and not self._over.is_set():

@@ -20,10 +20,6 @@ from http import HTTPStatus
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANYWHERE = ("", "0.0.0.0", "::")
 """Addresses that stand for all of a machine's."""
-TOKEN_BYTES = 32
-"""Nobody guesses 256 bits."""
-HTTP_PORT = 80
-"""The port that a browser leaves out of Host and Origin."""
 HEADERS = {
     "X-Frame-Options": "DENY",  # no other page shows this one in a frame, for clicks to be stolen
     "X-Content-Type-Options": "nosniff",
@@ -49,7 +45,7 @@ class Gate:
 
     host: str
     scripts: tuple[str, ...] = ()
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN_BYTES), repr=False)
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
     def url(self, port: int, name: str | None = None) -> str:
         """The link to the page, for a browser on this machine; under another name where one is given."""
@@ -105,7 +101,7 @@ def exposed(host: str) -> bool:
 def _address(name: str, port: int) -> str:
     """As a browser writes it in Host."""
     name = f"[{name}]" if ":" in name else name
-    return name if port == HTTP_PORT else f"{name}:{port}"
+    return name if port == 80 else f"{name}:{port}"
 
 
 def _literal(host: str, port: int) -> str:

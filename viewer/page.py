@@ -34,11 +34,6 @@ from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.transport import ZOOMS, Transport
 from wrenchgap.viewer.view_state import ViewState
 
-CONTROLS, PLOTS = 350, 505
-"""Widths of the panels on the right and on the left [px]."""
-ENDING = 2.0
-"""How long the page waits for cancelled work when it stops [s]."""
-
 
 class Page(Host):
     """The page of one session, served from construction to `stop`."""
@@ -136,12 +131,12 @@ class Page(Host):
         """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
         self.drawing.curve(name, points, colour)
 
-    def stop(self) -> None:
-        """Stop playing and serving."""
+    def stop(self, patience: float = 2.0) -> None:
+        """Stop playing and serving; wait `patience` [s] for each piece of cancelled work."""
         for job in self._jobs:
             job.cancel()
         for job in self._jobs:
-            job.join(ENDING)
+            job.join(patience)
         self.cursor.close()
         self.server.stop()
 
@@ -169,9 +164,9 @@ class Page(Host):
         with self.legend.add_tab("Legend"):
             self._legend = gui.add_html("")
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(CONTROLS)
+        gui.main_panel.set_width(350)
         self.board.panel.dock_left()
-        self.board.panel.set_width(PLOTS)
+        self.board.panel.set_width(505)
         self.legend.float(x=14, y=14, width=190)
 
     def _chosen(self, event: Any) -> None:

@@ -102,18 +102,26 @@ class Links:
 
 
 class JobControls:
-    """Controls of one kind of long work; at most one is running. `ask` is called when the button is pressed."""
+    """Controls of one kind of long work; at most one is running.
+
+    `ask` is called when the button is pressed, by `client`.
+    """
 
     def __init__(self, host: Host, label: str, ask: Callable[[], None], hint: str | None = None):
         gui = host.gui
         self.host, self.label = host, label
         self.button = gui.add_button(label, hint=hint)
-        self.button.on_click(host.guarded(lambda _: ask()))
+        self.button.on_click(host.guarded(lambda event: self._asked(ask, event.client)))
         self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
         self.words = gui.add_html("", visible=False)
         self.stop = gui.add_button("Cancel", visible=False, color="gray")
         self.stop.on_click(host.guarded(lambda _: self.cancel()))
+        self.client: Any = None
         self._job: Job | None = None
+
+    def _asked(self, ask: Callable[[], None], client: Any) -> None:
+        self.client = client
+        ask()
 
     @property
     def running(self) -> bool:

@@ -16,8 +16,6 @@ from wrenchgap.viewer.scene import Scene
 WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
 GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
 """Tabs of the plots, in their order; a series may bring another."""
-APART = 0.01
-"""Share of the largest plot of a tab below which a plot has a prefix of its own."""
 AXES = ("x", "y", "z")
 
 
@@ -90,14 +88,14 @@ def plots_of(scene: Scene) -> list[Plot]:
 def _in_units(plots: Sequence[Plot]) -> list[Plot]:
     """The same, shown in units with prefixes: one for all plots of a tab in the same unit, so that they compare.
 
-    A plot of less than `APART` of the largest of them has one of its own: its ticks would have too many digits.
+    A plot of less than 1 % of the largest of them has one of its own: its ticks would have too many digits.
     """
     largest: dict[tuple[str, str], float] = {}
     for plot in plots:
         tab = (plot.group, plot.unit)
         largest[tab] = max(largest.get(tab, 0.0), plot.largest)
     most = [largest[plot.group, plot.unit] for plot in plots]
-    sizes = [plot.largest if plot.largest < APART * of else of for plot, of in zip(plots, most, strict=True)]
+    sizes = [plot.largest if plot.largest < 0.01 * of else of for plot, of in zip(plots, most, strict=True)]
     shown = [prefixed(plot.unit, size) for plot, size in zip(plots, sizes, strict=True)]
     return [replace(p, factor=factor, shown_unit=unit) for p, (factor, unit) in zip(plots, shown, strict=True)]
 

@@ -24,12 +24,10 @@ from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colou
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.vehicle_shape import VehicleShape
 
-PATH_POINTS = 3000
-"""Points of a drawn path, at most."""
-ALONG = 3000
-"""Frames or arrows along the path, at most: batched, they cost one node."""
-TRAIL_SECONDS = 2.0
+MOST_POINTS = 3000
+"""Points of a drawn path, and frames or arrows along it, at most: batched, they cost one node."""
 TRAIL_POINTS = 40
+"""Of the path of the last two seconds."""
 NOTHING = "nothing"
 
 
@@ -129,7 +127,7 @@ class Drawing:
         if old is not None:
             old.remove()
         if points is not None and len(points) > 1:
-            kept = points[:: max(1, -(-len(points) // PATH_POINTS))]
+            kept = points[:: max(1, -(-len(points) // MOST_POINTS))]
             self._curves[name] = self._line(f"/world/curve/{name}", _segments(kept), colour, 3.0)
 
     def _ground(self, flight: Scene) -> None:
@@ -160,7 +158,7 @@ class Drawing:
         for handle in self._paths:
             set_visible(handle, wanted)
         if wanted:
-            first = flight.index(float(flight.time[index]) - TRAIL_SECONDS)
+            first = flight.index(float(flight.time[index]) - 2.0)
             rows = np.linspace(first, index, TRAIL_POINTS).round().astype(int)
             self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
 
@@ -176,7 +174,7 @@ class Drawing:
         if shown.along == NOTHING:
             return
         grid = np.arange(flight.time[0], flight.time[-1], max(shown.spacing, 1e-3))
-        rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // ALONG))]))
+        rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // MOST_POINTS))]))
         position, quat = flight.position_E[rows], flight.quat_EB[rows]
         if shown.along == "frames":
             axes = {"axes_length": 0.5 * self.size, "axes_radius": 0.012 * self.size}
@@ -201,7 +199,7 @@ class Drawing:
 
     def _path(self, name: str, time: Array, position: Array, colour: Colour, width: float) -> Any:
         """A path, broken where the log has a gap."""
-        step = max(1, -(-len(time) // PATH_POINTS))
+        step = max(1, -(-len(time) // MOST_POINTS))
         segments = _segments(position[::step])
         whole = np.diff(time[::step]) < 5.0 * step * float(np.median(np.diff(time)))
         known = whole & np.isfinite(segments).all(axis=(1, 2))

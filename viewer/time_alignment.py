@@ -10,12 +10,10 @@ from wrenchgap.viewer.scene import Motion
 
 STEP = 0.02
 """Of the clock on which they are compared [s]."""
-ALIKE = 0.5
-"""Correlation below which two flights are not said to be alike."""
 
 
-def delay_between(late: Motion, fixed: Motion) -> float | None:
-    """By how many seconds `late` must be shifted for it to move as `fixed` does, or None if it never does.
+def delay_between(late: Motion, fixed: Motion, least: float = 0.5) -> float | None:
+    """By how many seconds `late` must be shifted for it to move as `fixed` does; None below a correlation of `least`.
 
     The delay at which the products of the two motions' features (body z axis in E, height, each without its mean)
     correlate best, among those at which the shorter one overlaps by half or more.
@@ -34,7 +32,7 @@ def delay_between(late: Motion, fixed: Motion) -> float | None:
     score = products[lags % size] / np.sqrt(np.maximum(in_a * in_b, 1e-30))
     score[last - first < 0.5 * min(len(a), len(b))] = -np.inf
     best = int(np.argmax(score))
-    if score[best] < ALIKE:
+    if score[best] < least:
         return None
     return float(lags[best] * STEP + fixed.time[0] - late.time[0])
 

@@ -27,8 +27,6 @@ STEPS = {"-1 s": -1.0, "< step": -1, "step >": 1, "+1 s": 1.0}
 """Labels, and by how many seconds (float) or instants (int) they move."""
 RESOLUTION = 0.001
 """Of the slider [s]. It gets no finer number: its box would round that and send it back as if a user had typed it."""
-AHEAD = 0.05
-"""Share of the range that lies behind the cursor after playing has turned the page."""
 
 
 class Transport(Part):
@@ -138,12 +136,12 @@ class Transport(Part):
         return left, left + width
 
     def _moved(self, time: float) -> None:
-        """The cursor moved: turn the page of the plots if it left their range."""
+        """The cursor moved: turn the page of the plots if it left their range; of a page that plays, 5 % lie behind."""
         self.slider.value = _rounded(time)
         left, right = self._range
         if not left <= time <= right and self.zoom.value.endswith(" s"):
             width = right - left
-            behind = AHEAD * width if self._cursor.playing else 0.5 * width
+            behind = 0.05 * width if self._cursor.playing else 0.5 * width
             last = max(self._cursor.stop - width, self._cursor.start)
             first = float(np.clip(time - behind, self._cursor.start, last))
             self._range = (first, first + width)

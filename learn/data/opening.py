@@ -62,6 +62,10 @@ class OpenFlight:
     checks: tuple[Check, ...] = ()
     phases: tuple[Phase, ...] = ()
 
+    def __repr__(self) -> str:
+        seconds = sum(float(r.time[-1] - r.time[0]) for r in self.records)
+        return f"<OpenFlight {self.flight.name}: {seconds:.1f} s to analyse in {len(self.records)} stretches>"
+
 
 Flights = OpenFlight | Sequence[OpenFlight]
 

@@ -209,6 +209,9 @@ class GaussianProcess:
     provenance: Provenance = field(default_factory=Provenance)
     _factors: _Factors = field(init=False, repr=False)
 
+    def __repr__(self) -> str:
+        return f"<GaussianProcess of {', '.join(self.outputs)}: {len(self.inputs)} points on {self.provenance.physics}>"
+
     def __post_init__(self) -> None:
         output_indices(self.outputs)
         for name in ("sigma_scale", "gain"):

@@ -30,10 +30,6 @@ from wrenchgap.replay.batch.tasks import Task, failed, reason, work
 Tell = Callable[[int, int, int, str], None]
 """Called with logs done, all logs, logs failed, and the file that is done."""
 
-AHEAD = 3
-"""Logs that are handed over for each thread of a worker, so that none waits for the next."""
-CHUNK = 16
-"""Logs whose content one task identifies."""
 UNWATCHED = {"distributed.worker.profile.enabled": False}
 """Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log."""
 LOOPBACK = "127.0.0.1"
@@ -228,10 +224,10 @@ def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: T
 
 
 def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task], dict[str, str]]:
-    """One for each log with a content of its own; logs that have that of another, by address."""
+    """One for each log with a content of its own; logs that have that of another, by address. 16 are read by a task."""
     known = {s.url: f"etag:{s.etag}" for s in sources if s.etag is not None}
     unknown = [s for s in sources if s.etag is None]
-    chunks = [unknown[k : k + CHUNK] for k in range(0, len(unknown), CHUNK)]
+    chunks = [unknown[k : k + 16] for k in range(0, len(unknown), 16)]
     for chunk, names in zip(chunks, found.gather(found.map(identities, chunks, pure=False)), strict=True):
         known |= {s.url: name for s, name in zip(chunk, names, strict=True)}
     tasks: dict[str, Task] = {}
@@ -246,7 +242,7 @@ def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task
 
 
 def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Iterator[Mapping[str, Any]]:
-    """Rows as logs are done, with so many handed over at a time."""
+    """Rows as logs are done; three are handed over for each thread of a worker, so that none waits for the next."""
     distributed = dask_distributed()
     waiting = iter(todo)
     by_key = {task.key: task for task in todo}
@@ -259,7 +255,7 @@ def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Itera
         ]
 
     threads = max(1, sum(found.nthreads().values()))
-    finished = distributed.as_completed(hand_over(AHEAD * threads))
+    finished = distributed.as_completed(hand_over(3 * threads))
     for future in finished:
         task = by_key[future.key.rpartition("-")[2]]
         error = future.exception()

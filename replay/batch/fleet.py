@@ -17,9 +17,6 @@ from wrenchgap.plant.model import Model
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.present.stored_fit import from_fit_json
 
-SETTLED = 0.1
-"""Change of a value between two passes, in typical sizes, below which another pass would change nothing."""
-
 
 @dataclass(frozen=True)
 class FleetRanking:
@@ -62,15 +59,15 @@ def points_of(found: Sequence[FleetRanking]) -> dict[str, dict[str, list[float]]
     return {f.vehicle: {k: list(v) for k, v in f.ranking.points.items()} for f in found if f.ranking is not None}
 
 
-def moved(found: Sequence[FleetRanking]) -> bool:
-    """Whether a member of a set that counts was found elsewhere than it was linearised."""
+def moved(found: Sequence[FleetRanking], most: float = 0.1) -> bool:
+    """Whether a member of a set that counts was found elsewhere than it was linearised: by `most` typical sizes."""
     for one in found:
         if one.ranking is None:
             continue
         for key in {k for s in one.ranking.sets if s.weight > 0.01 for k in s.keys}:
             line = one.ranking.columns[key]
             now = np.array(one.ranking.points[key])
-            if np.max(np.abs(now - line.origin - line.theta) / line.scale) > SETTLED:
+            if np.max(np.abs(now - line.origin - line.theta) / line.scale) > most:
                 return True
     return False
 

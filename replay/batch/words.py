@@ -13,15 +13,9 @@ from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Batch
 from wrenchgap.replay.batch.fleet import FleetRanking
 from wrenchgap.replay.batch.plan import Plan, model_of
-from wrenchgap.replay.present.numbers import number
-from wrenchgap.replay.present.tables import Line, Part, table
+from wrenchgap.replay.present.numbers import entries, number
+from wrenchgap.replay.present.tables import Line, Part, plain, table
 
-MOST_FAILURES = 10
-"""Logs that failed which are printed; all of them are rows."""
-MOST_SETS = 5
-"""Sets of a vehicle that are printed."""
-COUNTS = 0.01
-"""Weight from which on a set is."""
 HELD_OUT = (
     "weight: share of the sets ranked   gain: how much better than no effect a set predicts flights that were held out "
     "(sum of log likelihoods)   better: share of the flights   left: rms on them over that with no effect, force and "
@@ -33,8 +27,8 @@ IN_SAMPLE = (
 )
 
 
-def parts(found: Batch) -> list[Part]:
-    """What is printed."""
+def parts(found: Batch, most: int = 10) -> list[Part]:
+    """What is printed, with `most` of the logs that failed."""
     out: list[Part] = [Line(summary(found), "bold"), Line(), _by_vehicle(found)]
     for one in found.rankings:
         out += _ranking(one)
@@ -43,12 +37,10 @@ def parts(found: Batch) -> list[Part]:
             Line("note: values still move from pass to pass; --passes takes candidates nearer to where they fit", "dim")
         )
     if failures := found.failures:
-        rows = table("logs that failed", "log", "reason", left=2)
-        for r in failures[:MOST_FAILURES]:
-            rows.add_row(r["log"], r["reason"])
-        out.append(rows)
-        if len(failures) > MOST_FAILURES:
-            out.append(Line(f"and {len(failures) - MOST_FAILURES} more; all are rows of the table", "dim"))
+        rows = [(r["log"], r["reason"]) for r in failures[:most]]
+        out.append(plain("logs that failed", ("log", "reason"), rows, left=2))
+        if len(failures) > most:
+            out.append(Line(f"and {len(failures) - most} more; all are rows of the table", "dim"))
     return out
 
 
@@ -98,31 +90,32 @@ def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> tuple[float, flo
     return float(np.median(size[0])), float(np.median(size[1]))
 
 
-def _ranking(one: FleetRanking) -> list[Part]:
+def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part]:
+    """A vehicle: `most` of the sets whose weight is `least` or more."""
     if one.ranking is None:
         return [Line(f"{one.vehicle}: not ranked: {one.reason}", "yellow")]
     r = one.ranking
     title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
     out = table(title, *heads, left=2)
-    for s in [s for s in r.sets if s.weight >= COUNTS or s is r.sets[0]][:MOST_SETS]:
+    for s in [s for s in r.sets if s.weight >= least or s is r.sets[0]][:most]:
         left = _left(s, r.rms)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
         named = ", ".join(s.names) or "nothing"
         out.add_row(named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left))
     values = "; ".join(value_words(r.sets[0], key) for key in r.sets[0].keys)
     legend = Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim")
-    return [out, *_group(r), legend, *([Line(values)] if values else []), Line()]
+    return [out, *_group(r, most), legend, *([Line(values)] if values else []), Line()]
 
 
-def _group(r: Ranking) -> list[Part]:
+def _group(r: Ranking, most: int) -> list[Part]:
     """What says the same as the first set."""
     names = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
     if len(names) < 2:
         return []
     weight = sum(s.weight for s in r.groups[0])
     words = f"indistinguishable, as far as laws are known, and together {100 * weight:.0f} %: "
-    return [Line(words + " or ".join(names[:MOST_SETS]))]
+    return [Line(words + " or ".join(names[:most]))]
 
 
 def _left(one: RankedSet, none: Any) -> list[float]:
@@ -138,6 +131,7 @@ def value_words(one: RankedSet, key: str) -> str:
 
 def to_json(found: Batch) -> dict[str, Any]:
     """The body of the `batch` schema."""
+    columns = ("log", "vehicle", "date", "flight", "status", "seconds", "verdict", "rms", "cpu_s")
     return {
         "command": found.plan.command,
         "output": found.output,
@@ -148,11 +142,8 @@ def to_json(found: Batch) -> dict[str, Any]:
         "done_now": len(found.outcome.rows),
         "done_before": found.outcome.before,
         "same": [{"log": log, "as": other} for log, other in found.outcome.same.items()],
-        "failures": [{"log": r["log"], "vehicle": r["vehicle"], "reason": r["reason"]} for r in found.failures],
-        "rows": [
-            {k: r.get(k) for k in ("log", "vehicle", "date", "flight", "status", "seconds", "verdict", "rms", "cpu_s")}
-            for r in found.rows
-        ],
+        "failures": [{k: r[k] for k in ("log", "vehicle", "reason")} for r in found.failures],
+        "rows": [{k: r.get(k) for k in columns} for r in found.rows],
         "rankings": [_ranking_json(one, found.plan) for one in found.rankings],
     }
 
@@ -164,9 +155,7 @@ def _ranking_json(one: FleetRanking, plan: Plan) -> dict[str, Any]:
     return {
         "vehicle": one.vehicle,
         "reason": "",
-        "flights": list(r.flights),
-        "seconds": r.seconds,
-        "held_out": r.held_out,
+        **entries(r, "flights", "seconds", "held_out", "rms", "left_out"),
         "effects": [{"effect": n, "probability": p} for n, p in r.effects.items()],
         "sets": [_set_json(s, plan, one.vehicle) for s in r.sets],
         "groups": [
@@ -174,8 +163,6 @@ def _ranking_json(one: FleetRanking, plan: Plan) -> dict[str, Any]:
             for g in r.groups
         ],
         "alone": [{"candidate": k, "log_odds": v} for k, v in r.alone.items()],
-        "rms": r.rms,
-        "left_out": list(r.left_out),
     }
 
 
@@ -185,8 +172,7 @@ def _set_json(s: RankedSet, plan: Plan, vehicle: str) -> dict[str, Any]:
         names = [(n, p) for n in key.split(" + ") for p in parameters(n, plan, vehicle)]
         for (effect, p), value, std in zip(names, s.theta[key], s.std[key], strict=True):
             values.append({"effect": effect, "name": p[0], "value": float(value), "std": float(std), "unit": p[1]})
-    numbers = {"weight": s.weight, "log_odds": s.log_odds, "gain": s.gain, "better": s.better, "rms": s.rms}
-    return {"set": list(s.keys), "effects": list(s.names), **numbers, "values": values}
+    return {**entries(s, "set=keys", "effects=names", "weight", "log_odds", "gain", "better", "rms"), "values": values}
 
 
 def parameters(effect: str, plan: Plan, vehicle: str) -> list[tuple[str, str]]:

@@ -53,6 +53,8 @@ class Reading:
         )
 
 
+FOUND_BAD = 3
+"""Exit code where a command did its work, and the log is bad, or its records are not what the export makes."""
 COMMON = (*(one.name for one in fields(Reading)), "own")
 """Options that say how flights are read, by the names of their parameters."""
 

@@ -9,7 +9,8 @@
     report/      the HTML page
 
 and one module for each kind of result, with `parts` (what is printed), `to_json`, `frame` (of what `to_frame` makes its
-table) and `picture` (panels, size, what is drawn).
+table), `picture` (panels, size, what is drawn), and where they say something `brief` (the parts that give the answer)
+and `of_axes` (arrays (6,) by name, of what `by_axis` makes its table).
 """
 
 from __future__ import annotations
@@ -45,6 +46,39 @@ WIDTH = 132
 
 def text(result: Any) -> str:
     """A result as it is printed."""
+    return _printed(parts(result))
+
+
+def brief(result: Any, lines: int = 32) -> str:
+    """A result on one screen: all of it, or its answer and as many of its parts as fit so many `lines`."""
+    from wrenchgap.replay.present.notes import banner
+
+    whole = text(result)
+    if whole.count("\n") < lines:
+        return whole
+    module = _module(result)
+    some = [*banner(result), *module.brief(result)] if hasattr(module, "brief") else parts(result)
+    fitting = [k for k in range(1, len(some)) if _printed(some[:k]).count("\n") < lines - 2]
+    return f"{_printed(some[: max(fitting, default=1)])}\n\nThat is the answer; print() shows all of it."
+
+
+def by_axis(result: Any) -> Any:
+    """What a result has of each axis of the wrench as a table of pandas: its unit, and a column for each quantity."""
+    import pandas as pd
+
+    from wrenchgap.flight import AXES, UsageError
+    from wrenchgap.replay.present.numbers import unit_of
+
+    module = _module(result)
+    if not hasattr(module, "of_axes"):
+        known = "compare, where, explain, add, calibrate, learn_gp, changed, replay_compensation, counterfactual"
+        raise UsageError(f"by_axis: got {type(result).__name__}, which has no numbers of the axes; these have: {known}")
+    units = [unit_of(k) for k in range(len(AXES))]
+    return pd.DataFrame({"unit": units, **module.of_axes(result)}, index=pd.Index(AXES, name="axis"))
+
+
+def _printed(some: Any) -> str:
+    """Lines and tables as text."""
     from io import StringIO
 
     from rich.console import Console
@@ -52,7 +86,7 @@ def text(result: Any) -> str:
     from wrenchgap.replay.present.tables import show
 
     console = Console(width=WIDTH, highlight=False, file=StringIO(), color_system=None, force_jupyter=False)
-    for part in parts(result):
+    for part in some:
         show(console, part)
     printed: str = console.file.getvalue()  # type: ignore[attr-defined]
     return printed.rstrip()

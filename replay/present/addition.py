@@ -113,6 +113,15 @@ def model_table(model: Model) -> Part:
     return parameters(model.snapshot, f"effects of {model.name}", model.vehicle)
 
 
+def of_axes(added: Addition) -> dict[str, Array]:
+    """On the fitted flights, and where there is some on held-out time."""
+    fitted = entries(added, "rms_before", "rms_after", "reduction")
+    if added.trial is None:
+        return fitted
+    names = ("held_out_before=before", "held_out_after=after", "held_out_reduction=fall", "noise")
+    return {**fitted, **entries(added.trial, *names)}
+
+
 def frame(added: Addition) -> list[dict[str, Any]]:
     """One row for each parameter: effect, name, value, std, unit."""
     return [{"effect": s.effect, **vars(v)} for s in added.fit.snapshot for v in s.values]

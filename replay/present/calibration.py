@@ -129,6 +129,11 @@ def to_json(found: Calibration) -> dict[str, Any]:
     }
 
 
+def of_axes(found: Calibration) -> dict[str, Array]:
+    """Scatter between flights and held-out time, where something was changed."""
+    return {} if found.added is None else addition.of_axes(found.added)
+
+
 def frame(found: Calibration) -> list[dict[str, Any]]:
     """One row for each parameter: effect, name, unit, value, std, scatter."""
     return [entries(p, "effect", "name", "unit", "value", "std", "scatter") for p in found.trimmed]

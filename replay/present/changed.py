@@ -274,6 +274,19 @@ def _parameter(p: Size) -> dict[str, Any]:
     return entries(p, "effect", "name", "healthy", "scatter", "suspect", "std", "unit", "significance", "where")
 
 
+def brief(found: Changed) -> list[Part]:
+    """The verdict, sizes, and what to inspect."""
+    named = found.parameters and found.verdict is not Verdict.NOTHING
+    table = [plain("changes", SIZE_HEADS, sizes(found), left=3)] if named else []
+    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found))]
+    return [*said, Line(), *table, *map(Line, classes_in_words(found.classes))]
+
+
+def of_axes(found: Changed) -> dict[str, Any]:
+    """Mean residual of the given model by flight, signed, and what healthy flights differ by."""
+    return {**{r.flight: r.mean for r in found.rows}, "scatter": found.scatter}
+
+
 def frame(found: Changed) -> list[dict[str, Any]]:
     """One row for each parameter of each change by itself, the likeliest change first."""
     return [

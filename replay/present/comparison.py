@@ -123,6 +123,11 @@ def to_json(result: Comparison) -> dict[str, Any]:
     }
 
 
+def of_axes(result: Comparison) -> dict[str, Array]:
+    """Rms of the residual of every model, and the sensors' noise."""
+    return {**{e.name: e.pooled.rms for e in result.evaluations}, "noise": result.noise}
+
+
 def frame(result: Comparison) -> pd.DataFrame:
     """One row for each compared sample: flight, time, then `commanded.force_x`, `measured...`, `<model>...`."""
     import pandas as pd  # here: others need not wait for it

@@ -188,6 +188,12 @@ def _tracking_json(one: Tracking) -> dict[str, Any]:
     return {"attitude_error": attitude, "position_error_m": position, "duration_s": one.duration}
 
 
+def of_axes(result: Counterfactual) -> dict[str, Any]:
+    """The disturbance that was inferred, and the share of the command that the control law explains."""
+    names = ("mean", "rms", "rms_above_10_hz=rms_fast", "max_abs=largest")
+    return {**entries(result.inference.size, *names), "controller_explained": result.inference.explained}
+
+
 def frame(result: Counterfactual) -> list[dict[str, Any]]:
     """One row for each run, baselines too: |e_R| by axis, a sine, and the distance from the reference [m]."""
     rows = []

@@ -235,6 +235,17 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
     return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
 
 
+def brief(found: Explanation) -> list[Part]:
+    """The verdict, the members, and the best candidates."""
+    named = [members(found)] if found.members else []
+    return [Line(summary(found), "bold"), Line(), *named, *map(Line, open_in_words(found)), Line(), ranking(found, 3)]
+
+
+def of_axes(found: Explanation) -> dict[str, Any]:
+    """On held-out time; `open` are axes on which structure is left."""
+    return entries(found, "rms_before", "rms_after", "reduction", "noise", "open")
+
+
 def frame(found: Explanation) -> list[dict[str, Any]]:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
     rows = []

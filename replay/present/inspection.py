@@ -121,6 +121,11 @@ def to_json(seen: LogReport) -> dict[str, Any]:
     }
 
 
+def brief(seen: LogReport) -> list[Part]:
+    """What the checks say, then the topics."""
+    return [checks((*seen.inspection.checks, *seen.model_checks)), topics(seen.inspection)]
+
+
 def frame(seen: LogReport) -> list[dict[str, Any]]:
     """One row for each topic."""
     return [{**asdict(t), "plays": ", ".join(t.plays)} for t in seen.inspection.topics]

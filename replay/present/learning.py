@@ -228,6 +228,20 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
     }
 
 
+def brief(learnt: Learnt) -> list[Part]:
+    """The verdicts, what would be better, warnings, and the errors on the flights that were kept apart."""
+    title, tested = list(_tested(learnt).items())[-1]
+    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
+    lines = [*(Line(words) for words in said if words), *note_lines(map(caution, learnt.cautions), "warning")]
+    return [*verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]
+
+
+def of_axes(learnt: Learnt) -> dict[str, Any]:
+    """Rms of the residual of every predictor on the training flights and on unseen ones, and the sensors' noise."""
+    rms = {f"{name}, {e.name}": e.pooled.rms for name, one in _tested(learnt).items() for e in one.evaluations}
+    return {**rms, "noise": learnt.training.noise}
+
+
 def frame(learnt: Learnt) -> list[dict[str, Any]]:
     """One row for each predictor, flights (training, unseen) and axis: mean, std, rms and maximum of the error."""
     rows = []

@@ -176,6 +176,13 @@ def notes(replay: Replay) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
 
 
+def of_axes(replay: Replay) -> dict[str, Array]:
+    """The correction, and what was measured against the command and against the model."""
+    names = ("correction_mean_abs", "correction_max_abs", "measured_minus_logged", "measured_minus_predicted")
+    summary = summarise(replay)
+    return {name: summary[name] for name in names}
+
+
 def frame(replay: Replay) -> dict[str, Any]:
     """One row for each step: time, wrenches as `desired.force_x` etc., then sigma, beta, cost, iterations, accepted.
 

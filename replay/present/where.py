@@ -235,6 +235,18 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
     }
 
 
+def brief(result: Where) -> list[Part]:
+    """The summary, the budget, and the worst stretches."""
+    said = [Line(text, "bold") for text in summary(result)]
+    return [*said, Line(), budget_table(result.budget), worst(result.name, result.worst)]
+
+
+def of_axes(where: Where) -> dict[str, Array]:
+    """Residual and sensors, and the parts of the nominal error."""
+    shares = {f"share of {part}": values for part, values in where.budget.shares().items()}
+    return {**entries(where, "rms", "noise"), **shares}
+
+
 def frame(where: Where) -> list[dict[str, Any]]:
     """One row for each bin of each quantity: low, high, time, rms and noise by axis, share of the error."""
     rows = []

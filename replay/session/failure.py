@@ -27,11 +27,6 @@ VIEWS = ("all axes", "force", "torque", *AXES)
 """What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
 UNITS = ("N", "N", "Nm", *("N" if axis.startswith("force") else "Nm" for axis in AXES))
 
-PERMUTATIONS = 110
-"""Random orders behind a p value: one below 0.01 needs a hundred."""
-SMOOTH = 0.2
-"""The worst instant of a cell is that of the error's running mean over so long [s]."""
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -77,10 +72,14 @@ class Failure:
 
 
 class SessionFailures:
-    """Where the current model fails."""
+    """Where the current model fails.
 
-    def __init__(self, working: WorkingModel) -> None:
-        self.working = working
+    A p value is that of so many random orders as `permutations` (one below 0.01 needs a hundred); the worst instant of
+    a cell is that of the error's running mean over `smooth` [s], as one sample is noise.
+    """
+
+    def __init__(self, working: WorkingModel, permutations: int = 110, smooth: float = 0.2) -> None:
+        self.working, self.permutations, self.smooth = working, permutations, smooth
 
     def of(self, flight: str) -> Failure:
         """Where the current model fails on a flight."""
@@ -102,9 +101,9 @@ class SessionFailures:
         working = self.working
         data, residual, (nominal, left) = working.data(flight), working.residual(flight), self._residuals(flight)
         process = None if working.predictor.gp is None else left - residual
-        mapped = failure_map(data, residual, permutations=PERMUTATIONS)
+        mapped = failure_map(data, residual, permutations=self.permutations)
         values = {q.name: q for q in quantities(data)[0]}
-        sizes = _Sizes(data, residual)
+        sizes = _Sizes(data, residual, self.smooth)
         parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
         return Failure(
             flight,
@@ -126,7 +125,7 @@ class SessionFailures:
 class _Sizes:
     """Squares of the residual by view (K, V), smoothed for finding the worst instant, and of the noise (V,)."""
 
-    def __init__(self, data: Dataset, residual: Array) -> None:
+    def __init__(self, data: Dataset, residual: Array, smooth: float) -> None:
         from scipy.ndimage import uniform_filter1d  # here: others need not wait for it
 
         self.residual, self.scale = residual, data.weights**2
@@ -135,7 +134,7 @@ class _Sizes:
         self.time = np.concatenate([r.time for r in data.records])
         first = data.records[0]
         self.step = first.dt_kept
-        width = max(1, round(SMOOTH / self.step))
+        width = max(1, round(smooth / self.step))
         starts = np.concatenate(([0], np.cumsum([len(r) for r in data.records])))
         self.smooth = np.concatenate(
             [uniform_filter1d(self.square[a:b], width, axis=0, mode="nearest") for a, b in itertools.pairwise(starts)]

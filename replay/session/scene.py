@@ -19,18 +19,17 @@ from wrenchgap.replay.compensation.source import at_stamps
 from wrenchgap.replay.present.notes import sentences, warnings
 from wrenchgap.viewer.scene import Scene, Series, Stretch
 
-RATE = 50.0
-"""Instants per second that the viewer gets [Hz], about: more than a screen shows, more than the filter lets through."""
 XYZ = ("x", "y", "z")
-NOTHING = 1e-3
-"""Share of the vehicle's weight, and of its weight times its arm, below which plots of wrenches are drawn flat."""
 FLOORS = {"deg": 0.01, "mm": 0.1, "rad/s": 1e-3, "rotor speed": 0.1}
 """The least range of the other plots, by unit, and of rotor speeds [rad/s]: below what sensors resolve."""
 
 
-def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
-    """A flight without any model: poses, reference, actuators, commanded and measured wrenches, tracking errors."""
-    parts = [slice(0, None, max(1, round(1.0 / (RATE * s.dt)))) for s in one.samples]
+def recorded(one: OpenFlight, vehicle: Vehicle, rate_hz: float = 50.0) -> Scene:
+    """A flight without any model: poses, reference, actuators, commanded and measured wrenches, tracking errors.
+
+    At about `rate_hz` instants a second: more than a screen shows, and than the filter lets through.
+    """
+    parts = [slice(0, None, max(1, round(1.0 / (rate_hz * s.dt)))) for s in one.samples]
     time = np.concatenate([s.time[part] for s, part in zip(one.samples, parts, strict=True)])
     reference = one.flight.reference
     position, quat = (None, None) if reference is None else _reference(reference, time)
@@ -60,7 +59,7 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
 
 
 def _floors(vehicle: Vehicle) -> dict[str, float]:
-    """The least range of plots of forces [N] and torques [Nm]: a share of the weight, and of weight times arm.
+    """The least range of plots of forces [N] and torques [Nm]: 0.1 % of the weight, and of weight times arm.
 
     The arm is that of the farthest rotor, for a vehicle without rotors its radius of gyration.
     """
@@ -69,7 +68,7 @@ def _floors(vehicle: Vehicle) -> dict[str, float]:
     arm = float(np.sqrt(np.trace(body.inertia) / body.mass))
     if vehicle.arms is not None and len(vehicle.arms):
         arm = float(np.linalg.norm(vehicle.arms.position_B - body.com_B, axis=1).max())
-    return {"N": NOTHING * weight, "Nm": NOTHING * weight * arm}
+    return {"N": 1e-3 * weight, "Nm": 1e-3 * weight * arm}
 
 
 def _gaps(one: OpenFlight) -> tuple[Stretch, ...]:

@@ -29,9 +29,6 @@ from wrenchgap.plant.wrench_model import Provenance, WrenchModel
 
 T = TypeVar("T")
 
-DEPTH = 200
-"""How many changes can be undone."""
-
 
 @dataclass(frozen=True)
 class Revision:
@@ -86,13 +83,16 @@ class WorkingModel:
         """Whether a file says the same as the model."""
         return self.model is self._saved
 
-    def change(self, revision: Revision, *, instead: bool = False) -> None:
-        """Make another model the current one; `instead` of the last change where that was a part of this one."""
+    def change(self, revision: Revision, *, instead: bool = False, depth: int = 200) -> None:
+        """Make another model the current one; `instead` of the last change where that was a part of this one.
+
+        So many changes as `depth` can be undone.
+        """
         with self.lock:
             if instead and len(self._done) > 1:
                 self._done.pop()
             self._done.append(revision)
-            if len(self._done) > DEPTH:
+            if len(self._done) > depth:
                 del self._done[1]
             self._undone.clear()
             self._cached.clear()

@@ -113,11 +113,10 @@ def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
     assert frame[frame.named].effect.unique().tolist() == ["com_offset"]
 
 
-def test_many_parameters_on_few_flights_are_rows_with_the_same_values(moved, monkeypatch):
+def test_many_parameters_on_few_flights_are_rows_with_the_same_values(moved):
     heads, rows, _ = presented.by_flight(moved)
     assert heads[2:] == [f"com_offset {axis} [m]" for axis in "xyz"]
-    monkeypatch.setattr(presented, "WIDE", 1)
-    turned, by_parameter, _ = presented.by_flight(moved)
+    turned, by_parameter, _ = presented.by_flight(moved, wide=1)
     assert turned[3:] == [f"{flight} ({role})" for flight, role, *_ in rows]
     assert [r[:3] for r in by_parameter] == [["com_offset", axis, "m"] for axis in "xyz"]
     assert [r[3:] for r in by_parameter] == [[r[2 + k] for r in rows] for k in range(3)]

@@ -22,7 +22,7 @@ from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.learn.posterior.open_bands import OpenBand
 from wrenchgap.plant.effects import find
-from wrenchgap.replay.present.documents import VERSIONS
+from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
@@ -344,4 +344,4 @@ def test_what_one_rotor_leaves_is_said_by_the_users_name(named):
 
 
 def written(found):
-    return json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))
+    return json.loads(json.dumps(plain(to_json(found))))

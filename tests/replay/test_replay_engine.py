@@ -157,7 +157,7 @@ def test_gp_that_cancels_the_command_is_told(flown, gp):
     slope[:, 4:] = -np.eye(3) * gp.input_scale[3:] / gp.output_scale
     trapped = replace(gp, mean_coefficients=slope, residuals=np.zeros_like(gp.residuals))
     summary = summarise(replayed_on(flown, trapped))
-    assert summary.eigenvalue_min == pytest.approx(0.0, abs=1e-6)
+    assert summary["eigenvalue_min"] == pytest.approx(0.0, abs=1e-6)
     assert any("nearly singular" in words for words in warnings(summary))
 
 

@@ -12,7 +12,7 @@ from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import failure as session_failure
-from wrenchgap.replay.session.failure import PERMUTATIONS, SMOOTH, UNITS, VIEWS
+from wrenchgap.replay.session.failure import UNITS, VIEWS
 from wrenchgap.replay.session.log_session import LogSession
 
 MODEL = model_file.load("tilt_hexarotor")
@@ -37,7 +37,7 @@ def direct(logs):
 
 def test_cells_hold_the_errors_that_the_library_finds(failure, direct):
     data, residual = direct
-    mapped = failure_map(data, residual, permutations=PERMUTATIONS)
+    mapped = failure_map(data, residual, permutations=110)
     assert [d.label for d in failure.map.dependences] == [d.label for d in mapped.dependences]
     for own, cells, found in zip(failure.map.dependences, failure.cells, mapped.dependences, strict=True):
         assert len(cells) == len(found.binned)
@@ -64,7 +64,7 @@ def test_the_instant_of_a_cell_lies_in_it_and_nowhere_in_it_is_the_error_larger(
     time = data.records[0].time
     values = {q.label: q for q in quantities(data)[0]}
     energy = np.sum((residual * data.weights) ** 2, axis=1)
-    width = round(SMOOTH / np.diff(time).mean())
+    width = round(0.2 / np.diff(time).mean())
     smooth = np.convolve(energy, np.ones(width) / width, mode="same")
     labels = [d.label for d in failure.map.dependences]
     for cell in failure.cells[labels.index("tilt")]:

@@ -15,18 +15,14 @@ from wrenchgap._escaping import csv_cell
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.background import Job
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.host import Host, download
 from wrenchgap.viewer.inbox import LARGEST_UPLOAD
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.view_state import parse
 
-RENDER_SECONDS = 30.0
-"""A client that has not rendered by then does not any more."""
-REPORT = "HTML report"
 SAVED = "Flight, time, marks, switches, plots and camera: save them, open them elsewhere."
 TEXT: Colour = (60, 66, 74)
 Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
@@ -38,9 +34,8 @@ class ExportPanel(Panel):
 
     def __init__(self, host: Host, board: Board, caption: Callable[[], Caption]) -> None:
         super().__init__(host)
-        self._board, self._caption, self._write = board, caption, host.session.capabilities.report
+        self._board, self._caption = board, caption
         gui, guarded = host.gui, host.guarded
-        self._job: Job | None = None
         self._rendering = Lock()
         with host.tab("Export"):
             with gui.add_folder("download"):
@@ -48,10 +43,8 @@ class ExportPanel(Panel):
                 self.png.on_click(self._picture)
                 self.csv = gui.add_button("CSV of what is plotted", hint="in the range shown")
                 self.csv.on_click(guarded(self._table))
-                self.report = gui.add_button(REPORT, visible=self._write is not None)
-                self.report.on_click(guarded(self._report))
-                self.progress = gui.add_progress_bar(0.0, visible=False)
-                self.doing = gui.add_html("", visible=False)
+                if host.session.capabilities.report is not None:
+                    self.report = JobControls(host, "HTML report", self._report)
             with gui.add_folder("view"):
                 gui.add_html(markup.sentences(SAVED))
                 self.save = gui.add_button("Save view")
@@ -74,7 +67,7 @@ class ExportPanel(Panel):
         client = event.client
         try:
             height, width = client.camera.image_height, client.camera.image_width
-            render = client.get_render(height, width, transport_format="png", timeout=RENDER_SECONDS)
+            render = client.get_render(height, width, transport_format="png", timeout=30.0)
         except (RuntimeError, TimeoutError) as error:
             self.host.notify(f"The browser gave no picture: {error}", "error", client=client)
             return
@@ -93,36 +86,13 @@ class ExportPanel(Panel):
         name = f"{self.host.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
         download(event.client, name, table(plots, view.start, view.stop).encode())
 
-    def _report(self, event: Any) -> None:
-        """Write the report beside the page; a second click gives it up."""
-        if self._job is not None and self._job.is_alive():
-            self._job.cancel()
-            self._idle()
-            return
-        flight, client, write = self.host.scene.name, event.client, self._write
-        if write is None:
-            return
-        self.host.make_room()
-        self.report.label = "give the report up"
-        self.progress.visible = self.doing.visible = True
-
-        def told(share: float, words: str) -> None:
-            self.progress.value, self.doing.content = 100.0 * share, markup.sentences(words)
-
-        def done(text: str) -> None:
-            self._idle()
-            download(client, f"{flight}_report.html", text.encode())
-
-        def failed(error: Exception) -> None:
-            self._idle()
-            self.host.fail(error)
-
-        self._job = self.host.background(lambda report: write(flight, report), told, done, failed)
-
-    def _idle(self) -> None:
-        self.report.label = REPORT
-        self.progress.visible = self.doing.visible = False
-        self.progress.value = 0.0
+    def _report(self) -> None:
+        flight, client, write = self.host.scene.name, self.report.client, self.host.session.capabilities.report
+        assert write is not None
+        self.report.start(
+            lambda report: write(flight, report),
+            lambda text: download(client, f"{flight}_report.html", text.encode()),
+        )
 
     def _save(self, event: Any) -> None:
         view = self.host.view_of(event.client)

@@ -10,11 +10,8 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.completion import complete_models
-from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
-
-FOUND_BAD = 3
-"""Exit code where the command did its work and the log is bad."""
 
 
 def inspect(

@@ -10,14 +10,12 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.completion import complete_effects, complete_models
-from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
 from wrenchgap.replay.cli.values import parse_cutoff, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.flight.budget import Budget
 
-FOUND_OTHER = 3
-"""Exit code where the command did its work and the records are not what the export makes."""
 Process = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)
 ]
@@ -135,7 +133,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | Non
         write_csv(found.to_frame(), csv)
     run.write("replay-export", {**found.to_json(), "folder": str(folder)}, table=csv)
     if not found.proved:
-        raise typer.Exit(FOUND_OTHER)
+        raise typer.Exit(FOUND_BAD)
 
 
 Compensate = Annotated[

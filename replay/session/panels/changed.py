@@ -21,19 +21,14 @@ from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel
 from wrenchgap.viewer.scene import Scene
 
-DARKEST = 6.0
-"""Distance from the healthy flights, in what those differ by, that is drawn darkest."""
-WIDEST = 18
-"""Characters of a flight's name beside a box to tick that stay on one line."""
 
-
-def labels(names: Sequence[str]) -> list[str]:
+def labels(names: Sequence[str], widest: int = 18) -> list[str]:
     """Names of flights as they fit beside a box: without the end that all have, and with a gap where they are long."""
     ends = ["".join(n.rpartition(c)[1:]) for c in "_-. " for n in names[:1]]
     end = next((e for e in ends if len(names) > 1 and e != names[0] and all(n.endswith(e) for n in names)), "")
     bare = [n.removesuffix(end) or n for n in names]
-    half = (WIDEST - 1) // 2
-    short = [n if len(n) <= WIDEST else f"{n[:half]}…{n[-half:]}" for n in bare]
+    half = (widest - 1) // 2
+    short = [n if len(n) <= widest else f"{n[:half]}…{n[-half:]}" for n in bare]
     return short if len(set(short)) == len(short) else list(names)
 
 
@@ -126,11 +121,11 @@ def _change_in_words(size: Size) -> str:
 def _cells(mean: Array, beyond: Array, shown: Sequence[int]) -> list[dict[str, str]]:
     """Signed means (6,) on the axes that are shown, in the colours of their distance from the healthy flights.
 
-    `beyond` (6,) is that distance in what healthy flights differ by.
+    `beyond` (6,) is that distance in what healthy flights differ by; six times that is darkest.
     """
     out = []
     for k in shown:
-        back, front = html.heat(float(np.clip(np.nan_to_num(beyond[k]) / DARKEST, -1.0, 1.0)))
+        back, front = html.heat(float(np.clip(np.nan_to_num(beyond[k]) / 6.0, -1.0, 1.0)))
         title = f"{AXES[k]}: {number(mean[k])}, {beyond[k]:+.1f} times what healthy flights differ by"
         out.append({"back": back, "front": front, "number": number(mean[k], 2), "title": title})
     return out

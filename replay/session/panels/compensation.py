@@ -28,9 +28,7 @@ NO_PROCESS = (
 GHOST = "re-simulated"
 """Name of the ghost in the scene."""
 SECONDS = 20.0
-"""Length of a re-flight unless the user says otherwise [s]."""
-GHOST_RATE = 50.0
-"""Instants per second of a ghost [Hz], about."""
+"""Length of a re-flight unless the user says otherwise [s]: it takes some seconds."""
 
 
 class CompensationPanel(Panel):
@@ -182,10 +180,10 @@ def _tracking_html(found: Counterfactual, words: str) -> str:
     )
 
 
-def ghost_of(found: Counterfactual, name: str) -> Motion:
-    """The re-simulated flight as it is drawn; `name` of the GP."""
+def ghost_of(found: Counterfactual, name: str, rate_hz: float = 50.0) -> Motion:
+    """The re-simulated flight as it is drawn, at about `rate_hz` instants a second; `name` of the GP."""
     state, commands = found.changed.flown.state, found.changed.flown.commands
-    every = max(1, round(1.0 / (GHOST_RATE * found.inference.recording.dt)))
+    every = max(1, round(1.0 / (rate_hz * found.inference.recording.dt)))
     return Motion(
         state.time[::every],
         state.position_E[::every],

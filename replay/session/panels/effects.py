@@ -27,15 +27,11 @@ VERDICTS = {
     "unknown": "something is missing that no effect of the catalogue explains",
     "nothing": "nothing is missing that this flight can show",
 }
-MOST = 12
-"""Candidates that are listed."""
 SAVES = "Written into the folder of --save-to, never over a file that this page did not write."
 DOWNLOADS = "Downloaded by the browser; start the page with --save-to FOLDER to write it there."
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""
 PATH = (120, 60, 190)
-PATH_POINTS = 600
-"""Points of a designed trajectory that are drawn."""
 
 
 class EffectsPanel(Panel):
@@ -147,7 +143,7 @@ class EffectsPanel(Panel):
             model=state.name,
             inside=inside,
             meaning=VERDICTS.get(found.verdict, ""),
-            most=MOST,
+            most=12,
             adding={name: self.links.to(partial(self.add, name)) for name in names if name not in inside},
             rest=rest if len(rest) > 1 else [],
             adding_rest=self.links.to(partial(self.add, *rest)),
@@ -199,7 +195,7 @@ class EffectsPanel(Panel):
             self.host.curve(NEXT, None, PATH)
             self.plan.content = ""
             return
-        time = np.linspace(0.0, plan.trajectory.duration, PATH_POINTS)
+        time = np.linspace(0.0, plan.trajectory.duration, 600)
         reference = plan.trajectory.at(time)
         self.host.curve(NEXT, reference.position_E, PATH)
         words = f"to separate {' from '.join(e.name for e in plan.effects)}"

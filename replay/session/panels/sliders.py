@@ -22,13 +22,6 @@ FINER: dict[str, tuple[str, float]] = {
     "N": ("mN", 1e3),
     "kg m^2": ("g m^2", 1e3),
 }
-SMALL = 0.5
-"""Typical sizes below which a parameter is shown in the finer unit; angles always in degrees."""
-REACH = 4.0
-"""How far a slider reaches on either side of zero and of the value, in typical sizes, within what is plausible."""
-STEPS = 400
-FEW = 6
-"""Parameters up to which an effect's sliders are open from the beginning."""
 
 
 class EffectSliders:
@@ -68,18 +61,19 @@ class EffectSliders:
     def _make(self, item: ModelEffect) -> None:
         gui, values = self.host.gui, self._values(item)
         with self.place:
-            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(values) <= FEW)
+            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(values) <= 6)
         with folder:
             for parameter, value in values:
                 self._slider(item.name, parameter, value)
             remove = gui.add_button(f"Remove {item.name}", color="gray")
             remove.on_click(self.host.guarded(lambda _: self.on_remove(item.name)))
 
-    def _slider(self, effect: str, parameter: Parameter, value: float) -> None:
+    def _slider(self, effect: str, parameter: Parameter, value: float, reach: float = 4.0) -> None:
+        """About 400 steps, over `reach` typical sizes on either side of zero and of the value, where plausible."""
         unit, factor = finer(parameter)
-        low = factor * max(parameter.low, min(0.0, value) - REACH * parameter.scale)
-        high = factor * min(parameter.high, max(0.0, value) + REACH * parameter.scale)
-        step = tidy((high - low) / STEPS)
+        low = factor * max(parameter.low, min(0.0, value) - reach * parameter.scale)
+        high = factor * min(parameter.high, max(0.0, value) + reach * parameter.scale)
+        step = tidy((high - low) / 400)
         low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
         label = parameter.name if unit == "1" else f"{parameter.name} [{unit}]"
         shown = _on(step, factor * value, float(low), float(high))
@@ -105,8 +99,8 @@ class EffectSliders:
 
 
 def finer(parameter: Parameter) -> tuple[str, float]:
-    """The unit in which a parameter is shown, and the factor from SI to it."""
-    if parameter.unit == "rad" or parameter.scale < SMALL:
+    """The unit in which a parameter is shown, and the factor from SI to it; finer for angles and small sizes."""
+    if parameter.unit == "rad" or parameter.scale < 0.5:
         return FINER.get(parameter.unit, (parameter.unit, 1.0))
     return parameter.unit, 1.0
 

@@ -1,0 +1,71 @@
+"""What a notebook shows of results: an answer on one screen, and numbers by the names of the axes."""
+
+import numpy as np
+import pytest
+
+from wrenchgap import add, calibrate, compare, explain, load_model, open_flights, simulate, where
+from wrenchgap.flight import AXES, UsageError
+from wrenchgap.plant.drafts.sheet import Sheet
+
+MODEL = load_model("asymmetric_quadrotor")
+SCREEN, WIDTH = 34, 132
+"""Lines and columns of a notebook's output that need no scrolling."""
+
+
+@pytest.fixture(scope="module")
+def flights():
+    hidden = ["mass=added:0.1"]
+    flown = [simulate(MODEL, "hover", duration=12, excitation=1, seed=s, hide=hidden, name=f"f{s}") for s in (1, 2)]
+    return open_flights(flown, MODEL)
+
+
+@pytest.fixture(scope="module")
+def results(flights, small_processes):
+    added = add(MODEL, "mass", flights)
+    return {
+        "add": added,
+        "calibrate": calibrate(flights, MODEL),
+        "compare": compare(flights, MODEL, added),
+        "explain": explain(flights, MODEL, names=["mass", "com_offset"]),
+        "where": where(flights, MODEL),
+    }
+
+
+def test_every_result_fits_a_screen_and_shows_no_arrays(results, flights):
+    for name, result in results.items():
+        lines = repr(result).splitlines()
+        assert len(lines) <= SCREEN, name
+        assert max(map(len, lines)) <= WIDTH, name
+        assert "array(" not in repr(result), name
+    for held in (flights, flights[0].flight):
+        assert "array(" not in repr(held)
+        assert len(repr(held)) < 3 * WIDTH
+
+
+def test_the_screen_has_the_answer_and_print_has_all(results):
+    shown, printed = repr(results["explain"]), str(results["explain"])
+    assert "mass (added " in shown
+    assert shown.endswith("print() shows all of it.")
+    assert "held-out time of the given logs" in printed
+    assert "held-out time of the given logs" not in shown
+    assert repr(results["add"]) == str(results["add"]), "what is short is shown whole"
+    assert shown.count("\n\n") > 1, "tables are apart"
+
+
+def test_numbers_by_the_name_of_the_axis(results):
+    found = results["explain"]
+    table = found.by_axis()
+    assert tuple(table.index) == AXES
+    assert table.loc["force_z", "unit"] == "N"
+    assert table.loc["torque_y", "unit"] == "Nm"
+    for k, axis in enumerate(AXES):
+        assert table.loc[axis, "rms_after"] == found.rms_after[k]
+    np.testing.assert_allclose(1.0 - table["rms_after"] / table["rms_before"], table["reduction"])
+    assert {"nominal", "noise"} <= set(results["compare"].by_axis().columns)
+    for name, result in results.items():
+        assert len(result.by_axis()) == 6, name
+
+
+def test_a_result_without_axes_says_which_have_them():
+    with pytest.raises(UsageError, match="got Sheet, which has no numbers of the axes; these have: compare"):
+        Sheet(MODEL).by_axis()
