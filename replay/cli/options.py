@@ -40,13 +40,11 @@ Logs = Annotated[
     typer.Argument(
         metavar="LOG...",
         help="Logs: .mcap, .bag, ROS 2 bag, .ulg, .bin, .csv, .parquet, or folders of them.",
-        show_default=False,
         callback=logs_in,
     ),
 ]
 FromLogs = Annotated[
-    list[Path] | None,
-    typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False, callback=logs_in),
+    list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", callback=logs_in)
 ]
 Validate = Annotated[
     list[Path] | None,
@@ -55,17 +53,13 @@ Validate = Annotated[
 Log = Annotated[
     Path,
     typer.Argument(
-        metavar="LOG",
-        help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.",
-        show_default=False,
-        callback=existing_paths,
+        metavar="LOG", help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.", callback=existing_paths
     ),
 ]
 _MODEL = {
     "metavar": "MODEL",
     "help": "Model file (.toml), or the name of a shipped model.",
     "autocompletion": complete_models,
-    "show_default": False,
 }
 ModelOption = Annotated[str, typer.Option("--model", "-m", **_MODEL)]
 OptionalModel = Annotated[str | None, typer.Option("--model", "-m", **_MODEL)]
@@ -135,9 +129,7 @@ BudgetOption = Annotated[
 Lead = Annotated[
     float | None,
     typer.Option(
-        "--lead",
-        metavar="S",
-        help="Lead time (lag compensation horizon), in seconds, with physics as the GP's mean.",
+        "--lead", metavar="S", help="Lead time (lag compensation horizon), in seconds, with physics as the GP's mean."
     ),
 ]
 JsonFile = Annotated[
@@ -146,9 +138,7 @@ JsonFile = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-LogOut = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).", show_default=False)
-]
+LogOut = Annotated[Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).")]
 GpOption = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
 ]
@@ -161,12 +151,9 @@ Against = Annotated[
 Figure = Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Draw the result.")]
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")]
 Effects = Annotated[
-    list[str],
-    typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects, show_default=False),
+    list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects)
 ]
-ModelOut = Annotated[
-    Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.", show_default=False)
-]
+ModelOut = Annotated[Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.")]
 NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")]
 Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")]
 Slope = Annotated[float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")]

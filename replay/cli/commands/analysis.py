@@ -99,13 +99,7 @@ def compare(
 
 
 def where(
-    logs: o.Logs,
-    model: o.ModelOption,
-    gp: o.GpOption = None,
-    figure: o.Figure = None,
-    *,
-    reading: Reading,
-    run: Run,
+    logs: o.Logs, model: o.ModelOption, gp: o.GpOption = None, figure: o.Figure = None, *, reading: Reading, run: Run
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -166,9 +160,7 @@ def explain(
 def report(
     logs: o.Logs,
     model: o.ModelOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="HTML", help="Page to write (.html).", show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="HTML", help="Page to write (.html).")],
     validate: o.Validate = None,
     gp: o.GpOption = None,
     *,

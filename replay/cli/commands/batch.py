@@ -21,7 +21,6 @@ Sources = Annotated[
     typer.Argument(
         metavar="LOGS...",
         help="Logs, folders (with all folders in them), globs, lists (.txt, a log in each line), s3://..., gs://...",
-        show_default=False,
     ),
 ]
 Models = Annotated[
@@ -32,7 +31,6 @@ Models = Annotated[
         metavar="MODEL",
         help="Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
         autocompletion=complete_models,
-        show_default=False,
     ),
 ]
 SomeModels = Annotated[
@@ -48,7 +46,6 @@ Output = Annotated[
         "-o",
         metavar="FOLDER",
         help="Where rows are written, a folder or s3://...; the same command again goes on where it stopped.",
-        show_default=False,
     ),
 ]
 
@@ -192,10 +189,7 @@ def changed(
     logs: Sources,
     model: Models,
     healthy: Annotated[
-        list[str],
-        typer.Option(
-            "--healthy", metavar="LOG...", help="Logs of the same vehicle when all was well.", show_default=False
-        ),
+        list[str], typer.Option("--healthy", metavar="LOG...", help="Logs of the same vehicle when all was well.")
     ],
     output: Output,
     effects_only: o.ChangesOnly = None,

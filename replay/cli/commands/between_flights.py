@@ -13,12 +13,7 @@ from wrenchgap.replay.cli.values import parse_effects
 
 Suspects = Annotated[
     list[Path],
-    typer.Argument(
-        metavar="SUSPECT...",
-        help="Logs of flights with something wrong.",
-        show_default=False,
-        callback=o.existing_paths,
-    ),
+    typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", callback=o.existing_paths),
 ]
 Healthy = Annotated[
     list[Path],
@@ -26,7 +21,6 @@ Healthy = Annotated[
         "--healthy",
         metavar="LOG...",
         help="Logs of the same vehicle when all was well; several say what is usual.",
-        show_default=False,
         callback=o.existing_paths,
     ),
 ]

@@ -16,9 +16,7 @@ from wrenchgap.replay.cli.values import parse_cutoff, usage_error
 if TYPE_CHECKING:
     from wrenchgap.flight.budget import Budget
 
-Process = Annotated[
-    Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)
-]
+Process = Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.")]
 Exported = Annotated[
     Path | None,
     typer.Option(
@@ -26,7 +24,6 @@ Exported = Annotated[
         metavar="FOLDER",
         help="Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
         "(it is compiled and run).",
-        show_default=False,
     ),
 ]
 Source = Annotated[

@@ -18,12 +18,9 @@ from wrenchgap.replay.cli.values import usage_error
 Precision = StrEnum("Precision", ["double", "float"])
 
 Process = Annotated[
-    Path | None,
-    typer.Argument(
-        metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.", show_default=False
-    ),
+    Path | None, typer.Argument(metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.")
 ]
-Folder = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.", show_default=False)]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.")]
 Numbers = Annotated[Precision, typer.Option("--precision", help="Of the build, unless it says otherwise.")]
 Period = Annotated[
     float | None,
@@ -44,7 +41,6 @@ Observer = Annotated[
         "--observer",
         metavar="HZ|log",
         help="With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file.",
-        show_default=False,
     ),
 ]
 ObserverMax = Annotated[
@@ -53,7 +49,6 @@ ObserverMax = Annotated[
         "--observer-max",
         metavar="NM",
         help="Largest torque that the observer corrects; default: three times the largest mismatch learnt.",
-        show_default=False,
     ),
 ]
 

@@ -14,13 +14,7 @@ from wrenchgap.replay.cli.values import parse_names, parse_outputs
 
 
 def calibrate(
-    logs: o.Logs,
-    model: o.ModelOption,
-    output: o.ModelOut,
-    validate: o.Validate = None,
-    *,
-    reading: Reading,
-    run: Run,
+    logs: o.Logs, model: o.ModelOption, output: o.ModelOut, validate: o.Validate = None, *, reading: Reading, run: Run
 ) -> None:
     """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
 
@@ -85,8 +79,7 @@ Scaling = Annotated[Scale, typer.Option("--scale", help="Inputs of k-medoids; ra
 Restarts = Annotated[int, typer.Option("--restarts", metavar="N", min=0, help="Random starts of the likelihood.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of k-medoids and restarts.")]
 NoGuard = Annotated[
-    bool,
-    typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs."),
+    bool, typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs.")
 ]
 
 
@@ -101,7 +94,7 @@ AsFitted = Annotated[
 def learn(
     logs: o.Logs,
     model: o.ModelOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="GP", help="File to write.", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="GP", help="File to write.")],
     validate: o.Validate = None,
     points: Points = 200,
     outputs: Outputs = "torque",

@@ -101,10 +101,7 @@ def simulate(
 def convert(
     logs: o.Logs,
     output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.", show_default=False
-        ),
+        Path, typer.Option("--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.")
     ],
     *,
     reading: Annotated[Reading, Omit("cutoff", "between", "accept", "keep")],
@@ -156,9 +153,7 @@ def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
 
 READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
 """Options that say how logs are read: nothing that a simulation needs."""
-Trajectory = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
-]
+Trajectory = Annotated[Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).")]
 SizesFrom = Annotated[
     list[Path] | None,
     typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),

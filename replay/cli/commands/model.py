@@ -25,7 +25,6 @@ def new(
             "--from",
             metavar="SOURCE",
             help="PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.",
-            show_default=False,
         ),
     ] = None,
     mass: Annotated[
@@ -36,8 +35,7 @@ def new(
     ] = None,
     name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the vehicle.")] = None,
     frame: Annotated[
-        str | None,
-        typer.Option("--frame", metavar="FRAME", help="Frame with --arm, e.g. quad_x."),
+        str | None, typer.Option("--frame", metavar="FRAME", help="Frame with --arm, e.g. quad_x.")
     ] = None,
     arm: Annotated[float | None, typer.Option("--arm", help="From the middle to a motor, in metres.")] = None,
     radius: Annotated[float | None, typer.Option("--rotor-radius", help="Of the rotors, in metres.")] = None,
@@ -101,12 +99,7 @@ def _positive(text: str) -> bool:
         return False
 
 
-def show(
-    model: o.ModelFile,
-    figure: o.Figure = None,
-    *,
-    run: Run,
-) -> None:
+def show(model: o.ModelFile, figure: o.Figure = None, *, run: Run) -> None:
     """What a model file says, as it was understood: mass properties, rotors, the command curve, effects.
 
     With --figure a top view is drawn: arms, rotors with their direction of turn, centre of mass, IMU.
@@ -126,8 +119,7 @@ def add(
     model: o.ModelOption,
     output: o.ModelOut,
     effects: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="EFFECT...", help="Effects to fit.", autocompletion=complete_effects),
+        list[str] | None, typer.Argument(metavar="EFFECT...", help="Effects to fit.", autocompletion=complete_effects)
     ] = None,
     logs: o.FromLogs = None,
     value: Annotated[
@@ -183,13 +175,7 @@ def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -
     run.write("add", {"effects": effects_json(saved.snapshot), "refitted": [], **kept}, model=output)
 
 
-def remove(
-    effects: o.Effects,
-    model: o.ModelOption,
-    output: o.ModelOut,
-    *,
-    run: Run,
-) -> None:
+def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run: Run) -> None:
     """Take effects out of a model; the others keep their values (fit them anew with `wrenchgap add`).
 
     Example: `wrenchgap remove servo_lag -m fitted.toml -o without.toml`
@@ -209,10 +195,7 @@ def remove(
 
 
 def history(
-    model: Annotated[
-        str,
-        typer.Argument(metavar="MODEL", help="Model file (.toml).", autocompletion=complete_models, show_default=False),
-    ],
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="Model file (.toml).", autocompletion=complete_models)],
     *,
     run: Run,
 ) -> None:
