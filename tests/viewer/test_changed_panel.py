@@ -10,7 +10,7 @@ from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.classes import Class, NamedSet
 from wrenchgap.plant import model_file
-from wrenchgap.replay.session.panels.changed import WIDEST, ChangedPanel, labels
+from wrenchgap.replay.session.panels.changed import ChangedPanel, labels
 from wrenchgap.viewer import markup
 
 MODEL = model_file.load("tilt_hexarotor")
@@ -119,7 +119,7 @@ def test_long_names_fit_beside_a_box_and_stay_apart():
     long = ("normal_flight__E8_log00_con", "normal_flight__E8_log01_con", "cut_propeller_M3_2mm_43mm__E8_log01_con")
     short = labels(long)
     assert len(set(short)) == 3
-    assert all(len(s) <= WIDEST for s in short)
+    assert all(len(s) <= 18 for s in short)
     assert short[0].endswith("log00")
     assert labels(("monday", "tuesday")) == ["monday", "tuesday"]
     alike = ("a_rather_long_name_x_of_a_flight_that_ends", "a_rather_long_name_y_of_a_flight_that_ends")
