@@ -20,6 +20,7 @@ class Presentation(Protocol):
     def text(self, result: Any) -> str: ...  # noqa: D102
     def brief(self, result: Any) -> str: ...  # noqa: D102
     def by_axis(self, result: Any) -> pd.DataFrame: ...  # noqa: D102
+    def by_parameter(self, result: Any) -> pd.DataFrame: ...  # noqa: D102
     def to_frame(self, result: Any) -> pd.DataFrame: ...  # noqa: D102
     def plot(self, result: Any, axes: Any) -> Any: ...  # noqa: D102
     def to_json(self, result: Any) -> dict[str, Any]: ...  # noqa: D102
@@ -44,6 +45,13 @@ class Result:
         for a result that has no such numbers.
         """
         return self.presentation.by_axis(self)
+
+    def by_parameter(self) -> pd.DataFrame:
+        """Fitted parameters by effect and name, in SI: `found.by_parameter().loc[("com_offset", "x"), "value"]`.
+
+        Raises UsageError for a result that fits none.
+        """
+        return self.presentation.by_parameter(self)
 
     def to_frame(self) -> pd.DataFrame:
         """The numbers as a table of pandas; docs/api.md says which rows and columns."""

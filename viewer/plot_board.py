@@ -30,8 +30,6 @@ X_AXIS, Y_AXIS, RIGHT = 24, 48, 10
 MARGIN, BORDER = 9.25, 1.0
 """Around a chart, as viser sets it [px]; its charts are wider than the room between the borders by one border."""
 TICKS = {"size": 4, "width": 1}
-READ_PERIOD = 0.1
-"""Values at the cursor are renewed so often at most while it moves [s]: nobody reads faster."""
 BAND_SIGMAS = 3.0
 
 
@@ -116,12 +114,12 @@ class Board:
         self._mark()
         self.move(self._time)
 
-    def move(self, time: float, *, quick: bool = False) -> None:
-        """Draw the cursor at an instant; with `quick`, the values at it are left for later if just renewed."""
+    def move(self, time: float, *, quick: bool = False, period: float = 0.1) -> None:
+        """Draw the cursor at an instant; with `quick`, the values at it once in a `period` [s]: nobody reads faster."""
         self._time = time
         share = self.view.place(time)
         line = _over([], [] if share is None else [("", 100.0 * share, css(CURSOR), 1.5)])
-        read = not quick or clock.monotonic() - self._read_at > READ_PERIOD
+        read = not quick or clock.monotonic() - self._read_at > period
         if read:
             self._read_at = clock.monotonic()
         for chart in self.charts.values():

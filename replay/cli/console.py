@@ -15,16 +15,16 @@ from wrenchgap._escaping import printable
 Report = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
-LEAST_WIDTH = 120
-"""Columns that the widest tables need; a narrower terminal wraps their lines, but loses no digit."""
-LEAST_PROSE = 60
-"""Columns below which sentences are not broken into shorter lines."""
 PATIENCE = 10.0
 """Seconds between lines of progress where standard error is no terminal."""
 
 
-def console() -> Any:
-    """A rich console: sentences are as wide as the terminal, tables wide enough for their numbers on any."""
+def console(least: int = 120, least_prose: int = 60) -> Any:
+    """A rich console: sentences are as wide as the terminal, tables wide enough for their numbers on any.
+
+    `least` are the columns that the widest tables need; a narrower terminal wraps their lines, but loses no digit.
+    Sentences are not broken into lines shorter than `least_prose`.
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -34,10 +34,10 @@ def console() -> Any:
     class Terminal(Console):
         def print(self, *objects: Any, **options: Any) -> None:
             tables = any(isinstance(one, Table) and one.show_header for one in objects)
-            width = max(real, LEAST_WIDTH if tables else LEAST_PROSE)
+            width = max(real, least if tables else least_prose)
             super().print(*objects, **{"width": width} | options)
 
-    return Terminal(width=max(real, LEAST_WIDTH), highlight=False)
+    return Terminal(width=max(real, least), highlight=False)
 
 
 @contextmanager

@@ -9,8 +9,8 @@
     report/      the HTML page
 
 and one module for each kind of result, with `parts` (what is printed), `to_json`, `frame` (of what `to_frame` makes its
-table), `picture` (panels, size, what is drawn), and where they say something `brief` (the parts that give the answer)
-and `of_axes` (arrays (6,) by name, of what `by_axis` makes its table).
+table), `picture` (panels, size, what is drawn), and where they say something `brief` (the parts that give the answer),
+`of_axes` (arrays (6,) by name) and `of_parameters` (a row for each), of which `by_axis` and `by_parameter` are made.
 """
 
 from __future__ import annotations
@@ -40,8 +40,6 @@ MODULES = {
     "Where": "where",
 }
 """Which module presents which result, by the name of its class: imported when one is printed, not before."""
-WIDTH = 132
-"""Columns of printed text."""
 
 
 def text(result: Any) -> str:
@@ -66,26 +64,41 @@ def by_axis(result: Any) -> Any:
     """What a result has of each axis of the wrench as a table of pandas: its unit, and a column for each quantity."""
     import pandas as pd
 
-    from wrenchgap.flight import AXES, UsageError
+    from wrenchgap.flight import AXES
     from wrenchgap.replay.present.numbers import unit_of
 
-    module = _module(result)
-    if not hasattr(module, "of_axes"):
-        known = "compare, where, explain, add, calibrate, learn_gp, changed, replay_compensation, counterfactual"
-        raise UsageError(f"by_axis: got {type(result).__name__}, which has no numbers of the axes; these have: {known}")
+    columns = _asked(result, "of_axes", "compare, where, explain, add, calibrate, learn_gp, changed, counterfactual")
     units = [unit_of(k) for k in range(len(AXES))]
-    return pd.DataFrame({"unit": units, **module.of_axes(result)}, index=pd.Index(AXES, name="axis"))
+    return pd.DataFrame({"unit": units, **columns}, index=pd.Index(AXES, name="axis"))
 
 
-def _printed(some: Any) -> str:
-    """Lines and tables as text."""
+def by_parameter(result: Any) -> Any:
+    """Fitted parameters as a table of pandas, by effect and parameter."""
+    import pandas as pd
+
+    rows = _asked(result, "of_parameters", "explain, add, calibrate, changed")
+    return pd.DataFrame(rows).set_index(["effect", "parameter"]) if rows else pd.DataFrame(rows)
+
+
+def _asked(result: Any, what: str, known: str) -> Any:
+    """What the module of a result says of it under a name; raises UsageError where it says nothing."""
+    from wrenchgap.flight import UsageError
+
+    module = _module(result)
+    if not hasattr(module, what):
+        raise UsageError(f"{type(result).__name__} has no numbers {what.replace('_', ' ')}; results of {known} have")
+    return getattr(module, what)(result)
+
+
+def _printed(some: Any, width: int = 132) -> str:
+    """Lines and tables as text of so many columns."""
     from io import StringIO
 
     from rich.console import Console
 
     from wrenchgap.replay.present.tables import show
 
-    console = Console(width=WIDTH, highlight=False, file=StringIO(), color_system=None, force_jupyter=False)
+    console = Console(width=width, highlight=False, file=StringIO(), color_system=None, force_jupyter=False)
     for part in some:
         show(console, part)
     printed: str = console.file.getvalue()  # type: ignore[attr-defined]

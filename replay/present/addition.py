@@ -13,7 +13,7 @@ from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, entries, unit_of, unmeasured, user_name
+from wrenchgap.replay.present.numbers import change, entries, parameter_rows, unit_of, unmeasured, user_name
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -120,6 +120,11 @@ def of_axes(added: Addition) -> dict[str, Array]:
         return fitted
     names = ("held_out_before=before", "held_out_after=after", "held_out_reduction=fall", "noise")
     return {**fitted, **entries(added.trial, *names)}
+
+
+def of_parameters(added: Addition) -> list[dict[str, Any]]:
+    """All that were fitted together."""
+    return parameter_rows(added.fit.snapshot)
 
 
 def frame(added: Addition) -> list[dict[str, Any]]:

@@ -134,6 +134,11 @@ def of_axes(found: Calibration) -> dict[str, Array]:
     return {} if found.added is None else addition.of_axes(found.added)
 
 
+def of_parameters(found: Calibration) -> list[dict[str, Any]]:
+    """What was trimmed, with the scatter between flights."""
+    return [entries(p, "effect", "parameter=name", "value", "std", "scatter", "unit") for p in found.trimmed]
+
+
 def frame(found: Calibration) -> list[dict[str, Any]]:
     """One row for each parameter: effect, name, unit, value, std, scatter."""
     return [entries(p, "effect", "name", "unit", "value", "std", "scatter") for p in found.trimmed]

@@ -287,6 +287,23 @@ def of_axes(found: Changed) -> dict[str, Any]:
     return {**{r.flight: r.mean for r in found.rows}, "scatter": found.scatter}
 
 
+def of_parameters(found: Changed) -> list[dict[str, Any]]:
+    """Of the likeliest set of changes."""
+    names = (
+        "effect",
+        "parameter=name",
+        "where",
+        "healthy",
+        "scatter",
+        "suspect",
+        "change",
+        "std",
+        "unit",
+        "significance",
+    )
+    return [entries(p, *names) for p in found.parameters]
+
+
 def frame(found: Changed) -> list[dict[str, Any]]:
     """One row for each parameter of each change by itself, the likeliest change first."""
     return [

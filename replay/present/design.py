@@ -130,7 +130,8 @@ def directions(design: Design) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for d, old in _pairs(design):
         telling = f"{AXES[d.telling]}, {d.left[d.telling] / d.noise[d.telling]:.1f} x noise" if d.told else "-"
-        before, after = ((_cosine(one.cosine), separation(one.separation)) for one in (old, d))
+        cosines = (f"{one.cosine:.3f}" if np.isfinite(one.cosine) else "-" for one in (old, d))
+        before, after = zip(cosines, (separation(old.separation), separation(d.separation)), strict=True)
         imitator = d.imitator if d.counts else f"{d.imitator} (richer)"
         rows.append((d.truth, imitator, *before, *after, separation(design.simulated(d.truth, d.imitator)), telling))
     return rows
@@ -140,10 +141,6 @@ def _pairs(design: Design) -> list[tuple[Direction, Direction]]:
     """Each direction as expected of the flight, and as it was before."""
     before = {(d.truth, d.imitator): d for d in design.before.directions}
     return [(d, before[d.truth, d.imitator]) for d in design.expected.directions]
-
-
-def _cosine(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "-"
 
 
 def flown(design: Design) -> str:

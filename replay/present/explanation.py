@@ -15,7 +15,15 @@ from wrenchgap.replay.present import comparison, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
-from wrenchgap.replay.present.numbers import AXIS_HEADS, by_axis, entries, parameters_in_words, share, unmeasured
+from wrenchgap.replay.present.numbers import (
+    AXIS_HEADS,
+    by_axis,
+    entries,
+    parameter_rows,
+    parameters_in_words,
+    share,
+    unmeasured,
+)
 from wrenchgap.replay.present.posterior import (
     class_json,
     classes_in_words,
@@ -244,6 +252,11 @@ def brief(found: Explanation) -> list[Part]:
 def of_axes(found: Explanation) -> dict[str, Any]:
     """On held-out time; `open` are axes on which structure is left."""
     return entries(found, "rms_before", "rms_after", "reduction", "noise", "open")
+
+
+def of_parameters(found: Explanation) -> list[dict[str, Any]]:
+    """Of the members and of what the model has, fitted together."""
+    return parameter_rows(found.fit.snapshot)
 
 
 def frame(found: Explanation) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.measured_axes import names_of
-from wrenchgap.plant.history import Value
+from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.vehicle import Vehicle
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
@@ -101,6 +101,12 @@ def parameters_in_words(values: Sequence[Value], vehicle: Vehicle | None = None)
     shown = values if len(values) <= 3 else clearest[:2]
     more = f", ... ({len(values)})" if len(values) > 3 else ""
     return ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in shown) + more
+
+
+def parameter_rows(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
+    """A row for each parameter: effect, parameter, value, std, unit."""
+    names = ("parameter=name", "value", "std", "unit")
+    return [{"effect": s.effect, **entries(v, *names)} for s in effects for v in s.values]
 
 
 def yes_no(value: bool) -> str:

@@ -147,22 +147,16 @@ def _lines(summary: dict[str, Any], unit: str) -> list[tuple[str, str]]:
 
 def to_json(replay: Replay) -> dict[str, Any]:
     """The content of the command's JSON; see docs/json.md."""
-    summary = summarise(replay)
+    summary, known = summarise(replay), np.asarray(np.isfinite(replay.measured).any(axis=0))
     return {
         "axes": list(AXES),
-        "unmeasured": _unmeasured(replay),
+        "unmeasured": list(names_of(known)) if known.any() else [],
         "flight": replay.flight.name,
         "settings": asdict(replay.settings),
         **summary,
         "warnings": list(warnings(summary)),
         "notes": list(notes(replay)),
     }
-
-
-def _unmeasured(replay: Replay) -> list[str]:
-    """Axes on which nothing was measured although others were."""
-    known = np.asarray(np.isfinite(replay.measured).any(axis=0))
-    return list(names_of(known)) if known.any() else []
 
 
 def notes(replay: Replay) -> tuple[str, ...]:

@@ -10,8 +10,6 @@ from wrenchgap.replay.present.numbers import quantity, share
 
 SURE = 0.9
 """Probability of one place from which on no other is named."""
-HALF = 0.5
-"""Weight of nothing having changed below which there may be something to inspect although nothing is established."""
 LIKELY = 0.05
 """Probability from which on a place is worth a look."""
 
@@ -56,7 +54,7 @@ def likeliest(found: Changed) -> NamedSet | None:
     """The heaviest set of changes where nothing is established and less than half of the weight says that nothing
     changed.
     """  # noqa: D205
-    if found.verdict is not Verdict.NOTHING or found.nothing >= HALF:
+    if found.verdict is not Verdict.NOTHING or found.nothing >= 0.5:
         return None
     sets = sorted((s for c in found.classes for s in c.sets if s.names), key=lambda s: -s.weight)
     return sets[0] if sets else None

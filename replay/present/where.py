@@ -262,7 +262,7 @@ def picture(where: Where) -> style.Picture:
     """Error budget, map over two quantities, failure maps and correlations with their bands, on one page.
 
     Axes are (3 + Q + 12,) in this order: the budget, the map over two quantities for force and torque, one for each of
-    the Q quantities (at most `panels.MOST`), autocorrelations of the six axes, and their correlations with the
+    the Q quantities (`panels.shown`), autocorrelations of the six axes, and their correlations with the
     strongest input.
     """
     count = len(panels.shown(where))

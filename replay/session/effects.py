@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 BY_HAND = "set by hand in the viewer"
 """How provenance in a model file says where such a value comes from."""
-NEXT_SECONDS = 30.0
-"""Length of a flight that is to separate effects [s]."""
 
 
 @dataclass(frozen=True)
@@ -232,12 +230,12 @@ class SessionEffects:
             model, opened = self.working.model, self.working.flight(flight)
         return worker_result(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
 
-    def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> Design:
-        """The flight that separates these effects; searched for in a process of its own, for long."""
+    def next_flight(self, names: tuple[str, ...], flight: str, report: Report, seconds: float = 30.0) -> Design:
+        """The flight of so many `seconds` that separates these effects; searched for in its own process, for long."""
         from wrenchgap.replay import api
 
         for name in names:
             find(name)
         with self.working.lock:
-            model, opened, seconds = self.working.model, self.working.flight(flight), NEXT_SECONDS
+            model, opened = self.working.model, self.working.flight(flight)
         return worker_result(lambda tell: api.design(names, model, opened, duration=seconds, progress=tell), report)

@@ -67,5 +67,14 @@ def test_numbers_by_the_name_of_the_axis(results):
 
 
 def test_a_result_without_axes_says_which_have_them():
-    with pytest.raises(UsageError, match="got Sheet, which has no numbers of the axes; these have: compare"):
+    with pytest.raises(UsageError, match="Sheet has no numbers of axes; results of compare, where, explain"):
         Sheet(MODEL).by_axis()
+    with pytest.raises(UsageError, match="Sheet has no numbers of parameters; results of explain, add"):
+        Sheet(MODEL).by_parameter()
+
+
+def test_parameters_by_effect_and_name(results):
+    for name in ("explain", "add"):
+        one = results[name].by_parameter().loc[("mass", "added")]
+        assert one["value"] == pytest.approx(0.1, abs=4 * one["std"])
+        assert one["unit"] == "kg"

@@ -12,7 +12,6 @@ from wrenchgap.plant import model_file
 from wrenchgap.replay.present.design import sentence
 from wrenchgap.replay.present.explanation import summary
 from wrenchgap.replay.present.staircase import label
-from wrenchgap.replay.session import effects as session_effects
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.saving import SaveFolder
 
@@ -192,9 +191,9 @@ def test_what_cannot_be_is_refused_in_one_line(session):
     assert edit.state("train").undo == "add com_offset"  # none of this changed anything
 
 
-def test_next_flight_is_drawn_within_the_room_and_says_what_it_separates(session, monkeypatch):
-    monkeypatch.setattr(session_effects, "NEXT_SECONDS", 8.0)  # a short one is found sooner
-    found = session.effects.next_flight(("com_offset", "constant_wrench"), "train", lambda share, words: None)
+def test_next_flight_is_drawn_within_the_room_and_says_what_it_separates(session):
+    names = ("com_offset", "constant_wrench")
+    found = session.effects.next_flight(names, "train", lambda *_: None, seconds=8.0)  # a short one is found sooner
     assert found.separable
     assert all(effect.name in sentence(found) for effect in found.effects)
     position_E = found.trajectory.at(np.linspace(0.0, found.trajectory.duration, 600)).position_E

@@ -34,12 +34,7 @@ def calibrate(
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)
     run.result(found)
-    number = saved.history[-1].number
-    run.write(
-        "calibrate",
-        {**found.to_json(), "model": str(output), "model_version": number},
-        **{f"model (version {number})": output},
-    )
+    run.write_model("calibrate", found.to_json(), saved, output)
 
 
 Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])

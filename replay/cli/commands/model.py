@@ -156,12 +156,7 @@ def add(
         added = api.add(base, effects, flights, progress=report)
     saved = api.save_model(added, output, command=command, force=run.force)
     run.result(added)
-    number = saved.history[-1].number
-    run.write(
-        "add",
-        {**added.to_json(), "model": str(output), "model_version": number},
-        **{f"model (version {number})": output},
-    )
+    run.write_model("add", added.to_json(), saved, output)
 
 
 def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -> None:
@@ -171,8 +166,7 @@ def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -
 
     saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=run.force)
     run.show(model_table(saved))
-    kept = {"model": str(output), "model_version": saved.history[-1].number}
-    run.write("add", {"effects": effects_json(saved.snapshot), "refitted": [], **kept}, model=output)
+    run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
 
 
 def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run: Run) -> None:
@@ -189,9 +183,7 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
     names = list(dict.fromkeys(effects))
     run.line(f"removed {', '.join(names)} from {base.name}")
     run.show(*([model_table(saved)] if saved.effects else []))
-    number = saved.history[-1].number
-    body = {"removed": names, "effects": effects_json(saved.snapshot), "model": str(output), "model_version": number}
-    run.write("remove", body, **{f"model (version {number})": output})
+    run.write_model("remove", {"removed": names, "effects": effects_json(saved.snapshot)}, saved, output)
 
 
 def history(

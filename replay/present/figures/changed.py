@@ -29,7 +29,10 @@ def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
     for place in found.places:
         if place.probability >= LIKELY:
             size = by_name.get((place.effect, place.parameter))
-            change = "" if size is None else f"{place.effect} {_written(size)}"
+            change = ""
+            if size is not None:
+                by = f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
+                change = f"{place.effect} {by}"
             sure = "" if place.probability >= SURE else f"{share(place.probability)}"
             marks[place.parameter] = ", ".join(filter(None, (change, sure)))
     for name in found.names:
@@ -39,10 +42,6 @@ def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
             moved_B = np.array([by_name[name, a].change if (name, a) in by_name else 0.0 for a in "xyz"])
             marks["com"] = "moved"
     return marks, moved_B
-
-
-def _written(size: Size) -> str:
-    return f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
 
 
 def means(found: Changed, panel: Any, band: float = 2.0) -> None:

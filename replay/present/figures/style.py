@@ -28,11 +28,6 @@ SMALL, USUAL = 8, 9
 
 LONGEST_LINE, LONGEST_LABEL = 300, 60
 """Characters of a title and of a label: what fits 15 and 4 inches; a longer label leaves no room for the axes."""
-COLUMNS = 900
-"""Columns of time that a panel tells apart, about the pixels of its width."""
-CROWDED, ROUGH = 8, 0.05
-"""A curve is drawn as the band between its smallest and largest values where a column holds more than so many samples,
-and these span on average more than this share of its whole range."""
 PREFIXES = ((0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 """(smallest of the largest values, factor, SI prefix)."""
 PREFIXED = ("N", "Nm", "m")
@@ -204,15 +199,17 @@ def curve(
 ) -> bool:
     """One series (N,) over time (N,): a line, or the band between its extremes where it would be a block of ink.
 
-    No column of the panel loses a smallest or largest value. `width` is that of the line, `share` the part of the
-    panel's width that the series takes; `more` is passed on to the line. Returns whether it is a band.
+    It is a band where a column of pixels, 900 over the panel, holds more than eight samples, which span on average more
+    than a twentieth of its whole range. No column loses a smallest or largest value. `width` is that of the line,
+    `share` the part of the panel's width that the series takes; `more` is passed on to the line. Returns whether it is
+    a band.
     """
-    columns = max(8, round(COLUMNS * more.pop("share", 1.0)))
+    columns = max(8, round(900 * more.pop("share", 1.0)))
     x, y = envelope(time, values[None], float(time[0]), float(time[-1]), columns)
-    if len(time) > CROWDED * columns:
+    if len(time) > 8 * columns:
         low, high = np.sort(y[0].reshape(-1, 2), axis=1).T
         whole = float(np.nanmax(high) - np.nanmin(low)) if np.isfinite(high).any() else 0.0
-        if whole > 0 and float(np.nanmean(high - low)) > ROUGH * whole:
+        if whole > 0 and float(np.nanmean(high - low)) > 0.05 * whole:
             middle = x.reshape(-1, 2).mean(axis=1)
             panel.fill_between(middle, low, high, color=colour, alpha=0.45, lw=0.3, label=label or None)
             return True

@@ -20,16 +20,10 @@ from wrenchgap.replay.present.figures import style
 
 ARM, ROTOR = "0.45", "0.85"
 """Colours of parts that are not marked."""
-TURN, SWEEP = 0.78, 250.0
-"""Radius of the arrow that shows how a rotor turns, in rotor radii; the angle that it sweeps [deg]."""
-ROOM, WIDE, HIGH = 1.12, 1.9, 1.35
-"""Distance from O of words on a part, half the width and half the height of the picture, in half the vehicle's size."""
+WIDE, HIGH = 1.9, 1.35
+"""Half the width and half the height of the picture, in half the vehicle's size."""
 INNER = {"com": (-1.0, 0.0), "imu": (1.0, 0.0)}
 """On which side (x, y) words on parts in the middle stand: behind and in front."""
-LETTERS, NARROW = 28, 18
-"""Longest line of words, and of those beside the vehicle."""
-EDGE = 0.97
-"""Where words beside the vehicle begin or end, in half the picture's width."""
 ALIKE = 1e-6
 """Distance [m] below which two rotors are drawn as one above the other."""
 
@@ -135,7 +129,7 @@ def _rotors(panel: Any, vehicle: Vehicle, marks: Mapping[str, str]) -> None:
         panel.add_patch(
             Circle((y, x), radius, facecolor=colour, edgecolor=_colour(name, marks, "0.3"), gid=name, **look)
         )
-        _turn(panel, (x, y), radius * TURN * 0.8 ** len(above), seen[r], _colour(name, marks, "0.3"))
+        _turn(panel, (x, y), 0.78 * radius * 0.8 ** len(above), seen[r], _colour(name, marks, "0.3"))
         lower = len(beside) > 1 and bool(above)
         lift = (0.0 if len(beside) == 1 else -0.22 if lower else 0.22) * radius
         words = f"{vehicle.rotor_name(r)} (below)" if lower else vehicle.rotor_name(r)
@@ -153,7 +147,7 @@ def turns(vehicle: Vehicle) -> Array:
 
 def _turn(panel: Any, hub: tuple[float, float], radius: float, turn: float, colour: str) -> None:
     """An arc with a head, about a hub (x, y) in B; angles from x towards y, which is counter-clockwise from above."""
-    angle = np.radians(-90.0 + turn * np.linspace(0.0, SWEEP, 40) + (0.0 if turn > 0 else 180.0))
+    angle = np.radians(-90.0 + turn * np.linspace(0.0, 250.0, 40) + (0.0 if turn > 0 else 180.0))
     x, y = hub[0] + radius * np.cos(angle), hub[1] + radius * np.sin(angle)
     panel.plot(y[:-2], x[:-2], color=colour, lw=1.0, zorder=3)
     head = {"arrowstyle": "-|>", "color": colour, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
@@ -194,11 +188,11 @@ def _words(panel: Any, place: Array, text: str, half: float, side: tuple[float, 
     x, y = float(place[0]), float(place[1])
     length = float(np.hypot(x, y))
     out = np.array(side) if side is not None else np.array([x, y]) / max(length, ALIKE)
-    at = ROOM * half * out
+    at = 1.12 * half * out
     beside = abs(out[1]) > 0.3
-    edge = float(np.sign(out[1]) * EDGE * WIDE * half) if beside else float(at[1])
+    edge = float(np.sign(out[1]) * 0.97 * WIDE * half) if beside else float(at[1])
     panel.annotate(
-        fill(text, NARROW if beside else LETTERS, break_long_words=False),
+        fill(text, 18 if beside else 28, break_long_words=False),
         (y, x),
         (edge, float(at[0])),
         arrowprops={"arrowstyle": "-", "color": style.WARNING, "lw": 0.8},

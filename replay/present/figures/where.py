@@ -17,8 +17,6 @@ from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
 
-MOST = 8
-"""Quantities drawn at most."""
 COLOURS = {"noise": "0.7", "physics": "tab:green", "process": "tab:blue", "unexplained": "tab:red"}
 NAMES = {"noise": "sensor noise", "physics": "effects", "process": "Gaussian process", "unexplained": "unexplained"}
 SIDES = ((-180, -90, 0, 90), ("back", "right", "front", "left"))
@@ -56,9 +54,9 @@ def correlation_figure(where: Where) -> Any:
     return style.figure_of(style.Picture((2, 6), (14.0, 5.4), lambda panels: draw_correlations(panels, where)))
 
 
-def shown(where: Where) -> tuple[Dependence, ...]:
+def shown(where: Where, most: int = 8) -> tuple[Dependence, ...]:
     """The quantities that are drawn."""
-    return where.failure_map.dependences[:MOST]
+    return where.failure_map.dependences[:most]
 
 
 def draw_budget(panel: Any, where: Where) -> None:

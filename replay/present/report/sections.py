@@ -32,14 +32,12 @@ from wrenchgap.replay.present.numbers import (
     separation,
     share,
     unit,
+    yes_no,
 )
 from wrenchgap.replay.present.report import summary
 from wrenchgap.replay.present.report.elements import Image, Saved, Table
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
 from wrenchgap.replay.report import NextFlight, Report
-
-INTERVAL = 1.96
-"""Half-width of a 95 % interval in standard deviations."""
 
 Content = Mapping[str, Any]
 
@@ -148,7 +146,7 @@ def of_parameters(report: Report, _: Repetition) -> Content:
     rows: list[list[str]] = []
     last = ""
     for (name, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
-        low, high = (number(float(value + side * INTERVAL * std)) for side in (-1.0, 1.0))
+        low, high = (number(float(value + side * std)) for side in (-1.96, 1.96))
         limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
         first, last = name if name != last else "", name
         named = label(p.name, report.addition.model.vehicle)
@@ -176,10 +174,10 @@ def of_where(report: Report, _: Repetition) -> Content:
 
 
 def _maps(found: Where) -> dict[str, Any]:
-    shown = found.failure_map.dependences[: where_figures.MOST]
+    shown = where_figures.shown(found)
     alt = f"Error of {found.name} against {', '.join(d.label for d in shown)}."
     caption = "RMS of the force and of the torque residual against what the vehicle did; pale: sensor noise."
-    rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", "yes" if d.significant else "no"] for d in shown]
+    rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", yes_no(d.significant)] for d in shown]
     worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
     grid = found.failure_map.grid
     over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where samples are too few."
@@ -206,7 +204,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
     alt = "Of the nominal error energy: " + ", ".join(f"{r[0]} {r[1]}" for r in rows)
     white = [[axis.replace("_", " "), *words] for axis, *words in where.whiteness_in_words(found.whiteness)]
     inputs = [
-        [g.label, "yes" if g.chosen else "no", share(g.alone), share(g.lost), f"{g.significance:.1f}"]
+        [g.label, yes_no(g.chosen), share(g.alone), share(g.lost), f"{g.significance:.1f}"]
         for g in found.relevance.groups[:8]
     ]
     heads = ("input", "chosen", "alone", "lost without them", "t")
