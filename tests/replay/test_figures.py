@@ -92,16 +92,16 @@ def test_ten_minutes_keep_every_peak_and_stay_light():
     assert style.curve(panel, time, values, "black")
     (band,) = panel.collections
     corners = band.get_paths()[0].vertices
-    assert len(corners) < 5 * style.COLUMNS
+    assert len(corners) < 5 * 900
     assert (corners[:, 1].min(), corners[:, 1].max()) == (-5.0, 7.0)
-    assert corners[corners[:, 1].argmax(), 0] == pytest.approx(time[54321], abs=600.0 / style.COLUMNS)
+    assert corners[corners[:, 1].argmax(), 0] == pytest.approx(time[54321], abs=600.0 / 900)
 
 
 def test_a_slow_curve_stays_a_line_however_long():
     time = np.arange(0.0, 600.0, 0.005)
     panel = Figure().subplots()
     assert not style.curve(panel, time, np.sin(0.02 * time), "black")
-    assert len(panel.lines[0].get_xdata()) <= 2 * style.COLUMNS + 2
+    assert len(panel.lines[0].get_xdata()) <= 2 * 900 + 2
 
 
 def test_small_numbers_get_a_prefix_and_data_stay_in_si():
