@@ -5,10 +5,11 @@ reached if every arm that tilts has its thrust within a disc, or the sector of i
 
     hypot(lat_i, ver_i) <= T_i,   tilt_min_i <= atan2(lat_i, ver_i) <= tilt_max_i,
 
-and every rotor of an arm that does not tilt has 0 <= T_r <= c_f Omega_max^2. (The thrust of a rotor that idles is no
-lower bound, and the direction of an arm that hardly pushes none either: the allocation holds its angle.) Components
-that the geometry cannot make at all, such as the lateral force of a quadrotor, are passed on: the allocation does not
-see them.
+and every rotor of an arm that does not tilt has c_f Omega_min^2 <= T_r <= c_f Omega_max^2. (For an arm that tilts the
+thrust of rotors that idle is no lower bound, since the set would not be convex, and the direction of an arm that hardly
+pushes none either: the allocation holds its angle.) Components that the geometry cannot make at all, such as the
+lateral force of a quadrotor, are passed on: the allocation does not see them. Components that it makes only together
+with others (`Reach.coupled`) are no axes to correct; an export refuses them.
 
 Of the wrench on each axis, no more than the authority: the largest that the arms make on that axis with all they have.
 A vehicle whose rotors are not known is taken to make at most `THRUST_TO_WEIGHT` times its weight, on a lever of its
@@ -24,7 +25,8 @@ came to 1e-3 of the authority of the best, with 3 to 6e-4, with 0.3 to 4e-2 and 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -44,8 +46,10 @@ SHARE = 0.5
 controller's."""
 NEAR = 1e-2
 """Share of the authority to which the nearest wrench is found."""
-LIMITS = "c_f times the square of speed_max"
-CHECK = "check mass [kg], c_f [N s^2], speed_max [rad/s], tilt_min_deg and tilt_max_deg in the model"
+MADE = 1e-6
+"""Share of the authority by which the wrench of an axis may be off, made by the allocation, and still be its own."""
+LIMITS = "c_f times the squares of speed_min and speed_max"
+CHECK = "check mass [kg], c_f [N s^2], speed_min and speed_max [rad/s], tilt_min_deg and tilt_max_deg in the model"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +59,12 @@ class Reach:
     Of the table: rows (G, 6), first pairs (lateral, vertical) of the D arms that tilt, then one row for each other
     limit; low, high (G - 2 D,) limits of those; middle, half (D,) range of tilt [rad], half >= pi: none; weak (D,)
     share of its limit below which an arm's direction does not count; authority (6,) [N, Nm]; hover (6,) a wrench well
-    inside, in authorities, towards which others are pulled; solve (6, 6) (I + rows^T rows)^-1 of the search.
+    inside, in authorities, towards which others are pulled; solve (6, 6) (I + rows^T rows)^-1 of the search. `coupled`
+    names the axes that the rotors make only together with others.
     """
 
     table: ReachTable
+    coupled: tuple[str, ...] = ()
 
     @property
     def authority(self) -> Array:
@@ -74,6 +80,16 @@ class Reach:
         """New for every call: a reach is shared, and its functions release Python's lock."""
         limits = (np.zeros(len(self.table.rows)) for _ in range(3))
         return ReachRoom(*limits, *(np.zeros(len(AXES)) for _ in range(4)))
+
+    def check_apart(self, axes: Sequence[str], name: str) -> None:
+        """Raise ModelError for axes to be corrected that the vehicle of this name makes only together with others."""
+        asked = [axis for axis in axes if axis in self.coupled]
+        if asked:
+            raise ModelError(
+                f"{name} makes {', '.join(self.coupled)} only together with one another: a correction of "
+                f"{', '.join(asked)} would move others; check position, spin and kappa of the rotors, or leave out what "
+                "corrects it"
+            )
 
     def inside(self, wrench: Array) -> bool:
         """Whether the vehicle makes this wrench (6,) with no limit met; False for what is not finite."""
@@ -95,13 +111,13 @@ def reach_of(vehicle: Vehicle) -> Reach:
     """The reach of a vehicle, made once. Raises ModelError for one that cannot hover."""
     if not vehicle.has_rotors:
         authority = THRUST_TO_WEIGHT * vehicle.body.mass * GRAVITY * np.array([1.0] * 3 + [_gyration(vehicle.body)] * 3)
-        return _reach(np.zeros((0, 6)), [], np.zeros(0), authority, vehicle)
+        return _reach(np.zeros((0, 6)), [], np.zeros(0), np.zeros(0), authority, vehicle)
     arms, rotors = vehicle.geometry()
     allocation = Allocation(vehicle)
     moved = about_origin(vehicle.body, np.eye(6)).T  # (6, 6): W about O of W about the centre of mass
     columns = np.linalg.solve(moved, allocation.matrix)
     per_wrench = allocation.inverse @ moved
-    discs, singles, limits, weak = [], [], [], []
+    discs, singles, idle, weak = [], [], [], []
     reached, column = np.zeros(6), 0
     for arm, group in allocation.groups:
         thrust = float(np.sum(rotors.c_f[group] * rotors.speed_max[group] ** 2))
@@ -112,14 +128,18 @@ def reach_of(vehicle: Vehicle) -> Reach:
         else:
             reached += thrust * np.abs(columns[:, column])
             singles.append(per_wrench[column] / thrust)
-            limits.append(thrust)
+            idle.append(float(np.sum(rotors.c_f[group] * rotors.speed_min[group] ** 2)) / thrust)
         column += 1 + bool(arms.tilts[arm])
     # Axes that cannot be made at all: a component there is passed on, up to the largest of the others of its kind.
     for part in (slice(0, 3), slice(3, 6)):
         none = reached[part] <= 1e-9 * reached[part].max()
         reached[part] = np.where(none, reached[part].max(), reached[part])
     rows = np.array([row for _, pair in discs for row in pair] + singles).reshape(-1, 6)
-    return _reach(rows, [arm for arm, _ in discs], np.array(weak), reached, vehicle)
+    whole = (columns @ per_wrench) * reached / reached[:, None]  # what is made of each axis, in authorities
+    apart = np.abs(whole - np.eye(6)).max(axis=0)
+    coupled = tuple(a for a, off, made in zip(AXES, apart, np.abs(whole).max(axis=0), strict=True) if off > MADE < made)
+    found = _reach(rows, [arm for arm, _ in discs], np.array(weak), np.array(idle), reached, vehicle)
+    return replace(found, coupled=coupled)
 
 
 def _gyration(body: Body) -> float:
@@ -127,11 +147,10 @@ def _gyration(body: Body) -> float:
     return math.sqrt(float(np.linalg.eigvalsh(body.inertia)[-1]) / body.mass)
 
 
-def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehicle: Vehicle) -> Reach:
+def _reach(rows: Array, tilting: list[int], weak: Array, idle: Array, authority: Array, vehicle: Vehicle) -> Reach:
     """Rows of the unknowns per wrench, in their limits, and the authority's own limits behind them."""
     scaled = np.vstack((rows * authority, np.eye(6)))
-    fixed = len(rows) - 2 * len(tilting)
-    low, high = np.concatenate((np.zeros(fixed), -np.ones(6))), np.ones(fixed + 6)
+    low, high = np.concatenate((idle, -np.ones(6))), np.ones(len(idle) + 6)
     middle = half = np.zeros(0)
     if tilting:
         arms, _ = vehicle.geometry()
@@ -146,9 +165,18 @@ def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehic
     if not made.inside(hover):
         raise ModelError(
             f"{vehicle.name}: cannot hover within its own limits: it weighs {hover[2]:.3g} N, and {LIMITS} give "
-            f"at most {authority[2]:.3g} N along z; {CHECK}"
+            f"{_least(vehicle):.3g} to {authority[2]:.3g} N along z; {CHECK}"
         )
     return made
+
+
+def _least(vehicle: Vehicle) -> float:
+    """Thrust along z [N] when all rotors of arms that do not tilt idle."""
+    if not vehicle.has_rotors:
+        return 0.0
+    arms, rotors = vehicle.geometry()
+    fixed = ~arms.tilts[rotors.arm]
+    return float(np.sum((rotors.c_f * rotors.speed_min**2 * arms.normal_B[rotors.arm, 2])[fixed]))
 
 
 def no_reach() -> Reach:

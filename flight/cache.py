@@ -108,6 +108,8 @@ def _packed(found: Flight) -> dict[str, Any]:
 
 
 def _unpacked(file: Path, path: Path) -> Flight:
+    if not file.is_file():  # a pipe would be waited for
+        raise FileNotFoundError(file)
     with np.load(file, allow_pickle=False) as archive:
         about = json.loads(archive["about"].tobytes())
         series: dict[str, Any] = {}

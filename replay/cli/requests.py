@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 
 import typer
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli import values
 from wrenchgap.replay.cli.console import Report, console, progress
@@ -78,6 +79,7 @@ class Run:
 
     def __post_init__(self) -> None:
         self.inputs: list[Mapping[str, Any]] = []
+        self._outputs: dict[str, Path | None] = {}
         self._logs: list[tuple[OpenFlight, str]] = []
 
     def claim(self, outputs: Mapping[str, Path | None], *inputs: Path | str | None) -> None:
@@ -85,7 +87,10 @@ class Run:
         from wrenchgap.replay.present.documents import claim
 
         read = [path for path in inputs if path is not None]
-        claim({**outputs, "--json": self.json}, force=self.force, inputs=read)
+        self._outputs = {**outputs, "--json": self.json}
+        claim(self._outputs, force=self.force, inputs=read)
+        for entry in self.inputs:
+            self._keep_input(Path(entry["file"]))
 
     @contextmanager
     def progress(self, label: str, first: str = "reading logs") -> Iterator[Report]:
@@ -100,6 +105,8 @@ class Run:
         from wrenchgap.replay.present.documents import file_input
 
         found = model_file.load(name)
+        if found.path is not None:
+            self._keep_input(found.path)
         self.inputs.append(file_input(found.path, role))
         return found
 
@@ -107,7 +114,14 @@ class Run:
         """Note a file that went into the result."""
         from wrenchgap.replay.present.documents import file_input
 
+        self._keep_input(path)
         self.inputs.append(file_input(path, role))
+
+    def _keep_input(self, path: Path) -> None:
+        """Raise UsageError where an output would replace a file that is read; a model may be its own --output."""
+        for option, output in self._outputs.items():
+            if output is not None and option != "--output" and output.resolve() == path.resolve():
+                raise UsageError(f"{option} {output}: is one of the inputs; choose another name")
 
     def gp(self, path: Path | None) -> GaussianProcess | None:
         """The process of a file, where one is named."""
@@ -117,6 +131,7 @@ class Run:
         from wrenchgap.replay.present.documents import file_input
 
         found = store.load(path)
+        self._keep_input(path)
         self.inputs.append(file_input(path, "gp"))
         return found
 

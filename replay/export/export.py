@@ -133,6 +133,7 @@ def export(
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
     plan = plan._replace(reach=reach_of(kept.vehicle))
+    plan.reach.check_apart([AXES[k] for k in plan.gate.rows], kept.vehicle.name)
     pieces, (tables, macros) = _pieces(plan), numbers_of(plan, watched)
     _check_range(tables, precision)
     price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(t.numbers)) for t in tables))

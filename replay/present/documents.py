@@ -59,15 +59,16 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
     """Check, before any work, that these files may be written. `outputs` by the option that names them.
 
     Raises UsageError for a file that exists (unless `force`), a folder that does not, an output that is a folder, is
-    named twice, or is one of the inputs, and for a picture that is not called so.
+    named twice, is one of the inputs or stands in a folder of them, and for a picture that is not called so.
     """
     read = {Path(p).resolve() for p in inputs}
+    folders = {p for p in read if p.is_dir()}
     seen: dict[Path, str] = {}
     for option, path in outputs.items():
         if path is None:
             continue
         resolved = path.resolve()
-        if resolved in read:
+        if resolved in read or (path.exists() and folders & set(resolved.parents)):
             raise UsageError(f"{option} {path}: is one of the inputs; choose another name")
         if resolved in seen:
             raise UsageError(f"{option} {path}: is already the file of {seen[resolved]}; choose another name")

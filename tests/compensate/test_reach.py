@@ -50,6 +50,34 @@ def test_inside_is_what_the_allocation_makes_without_a_limit(name):
     assert told > 20
 
 
+def fixed(spins, speed_min=0.0, speed_max=900.0):
+    """The shipped quadrotor's frame of four rotors that turn so."""
+    vehicle = wg.load_model("asymmetric_quadrotor").vehicle
+    rotors = vehicle.rotors
+    limits = {"speed_min": np.full(4, speed_min), "speed_max": np.full(4, speed_max)}
+    return replace(vehicle, rotors=replace(rotors, spin=np.array(spins, dtype=float), c_f=np.full(4, 1e-5), **limits))
+
+
+def test_a_fixed_rotor_that_idles_pushes():
+    """A rotor at 400 rad/s pushes c_f 400^2 = 1.6 N: less is not made, and who weighs less cannot hover."""
+    vehicle = fixed([1, -1, 1, -1], speed_min=400.0)
+    reach = reach_of(vehicle)
+    up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    least = (Allocation(vehicle).inverse @ about_origin(vehicle.body, up[None])[0]).min()  # N of one rotor, a newton up
+    for share, made in ((0.1, False), (0.98, False), (1.02, True), (1.5, True)):
+        assert reach.inside(share * 1e-5 * 400.0**2 / least * up) is made
+    light = replace(vehicle.body, mass=4 * 1e-5 * 400.0**2 / GRAVITY * 0.9)
+    with pytest.raises(ModelError, match="speed_min"):
+        reach_of(replace(vehicle, body=light))
+
+
+def test_yaw_of_rotors_that_all_turn_one_way_is_no_axis_of_its_own():
+    assert reach_of(fixed([1, -1, 1, -1])).coupled == ()
+    assert reach_of(fixed([1, 1, 1, 1])).coupled == ("force_z", "torque_z")
+    for name in NAMES:
+        assert reach_of(wg.load_model(name).vehicle).coupled == ()
+
+
 def test_authority_of_a_star_of_tilting_arms_in_closed_form():
     """Six arms of radius L with 2 c_f Omega^2 each: all up m g; all along their tangents, T L about z plus drag of none
     (the two rotors of an arm turn against each other)."""

@@ -130,3 +130,13 @@ def test_no_link_is_followed(log, reads, tmp_path):
     cache.load(log)
     assert (tmp_path / "other").read_text() == "mine"
     assert not file.is_symlink()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no pipes with names")
+def test_a_pipe_in_the_place_of_a_kept_flight_is_not_waited_for(log, reads):
+    cache.load(log)
+    (kept,) = cache.folder().glob("*.npz")
+    kept.unlink()
+    os.mkfifo(kept)
+    cache.load(log)
+    assert len(reads) == 2

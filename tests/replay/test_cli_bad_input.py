@@ -1,5 +1,7 @@
 """Bad input of every kind: exit code 2, one line on standard error, no file left behind."""
 
+import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -50,6 +52,15 @@ CASES = {
     "add com_offset HEXA --from LOG -o kept.html": "kept.html | --force",
     "compare LOG HEXA --json kept.html": "kept.html | --force",
     "learn LOG HEXA -o LOG --force": "one of the inputs",
+    "inspect LOG -m @logs/tuned.toml --json @logs/tuned.toml --force": "one of the inputs",
+    "simulate -m @logs/tuned.toml -t hover -o s.mcap --json @logs/tuned.toml --force": "one of the inputs",
+    "simulate HEXA -t hover -o s.mcap --hide mass=0.1 --truth s.mcap": "--truth s.mcap",
+    "add com_offset -m @logs/tuned.toml -o n.toml --from LOG --json @logs/tuned.toml --force": "one of the inputs",
+    "calibrate LOG -m @logs/tuned.toml -o n.toml --json @logs/tuned.toml --force": "one of the inputs",
+    "compare @logs HEXA --json @logs/a.mcap --force": "one of the inputs",
+    "where @logs HEXA --json @logs/a.mcap --force": "one of the inputs",
+    "report @logs HEXA -o r.html --json @logs/a.mcap --force": "one of the inputs",
+    "calibrate LOG --validate @logs HEXA -o n.toml --json @logs/a.mcap --force": "one of the inputs",
     "compare LOG HEXA --json nowhere/out.json": "nowhere | does not exist",
     "inspect LOG --topic /imu": "ROLE=/TOPIC",
     "inspect LOG --topic imu=/nope --json out.json": "/nope | /imu",
@@ -150,6 +161,9 @@ def spoilt(logs, tmp_path_factory):
     ):
         assert old in text
         (folder / f"{name}.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
+    (folder / "logs").mkdir()
+    (folder / "logs" / "a.mcap").write_bytes(logs.test.read_bytes())
+    (folder / "logs" / "tuned.toml").write_text(text, encoding="utf-8")
     model = wg.load_model(MODEL)
     wg.save_model(set_by_hand(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
     few = FitSettings(points=20, restarts=0)
@@ -162,12 +176,16 @@ def test_bad_input_gets_one_line_and_leaves_nothing(case, spoilt, logs, refused,
     monkeypatch.setenv("XDG_CACHE_HOME", str(spoilt / "cache"))
     (tmp_path / "kept.html").write_text("kept")
     places = PLACES | {"LOG": str(logs.test), "TRAIN": str(logs.train)}
-    before = {path: path.read_bytes() for folder in (tmp_path, logs.folder) for path in folder.iterdir()}
+    before = {
+        path: path.read_bytes() for folder in (tmp_path, logs.folder, spoilt / "logs") for path in folder.iterdir()
+    }
     words = " ".join(places.get(word, word) for word in case.split()).replace("@", f"{spoilt}/")
     line = refused(*words.split())
     for word in CASES[case].split(" | "):
         assert word in line
-    after = {path: path.read_bytes() for folder in (tmp_path, logs.folder) for path in folder.iterdir()}
+    after = {
+        path: path.read_bytes() for folder in (tmp_path, logs.folder, spoilt / "logs") for path in folder.iterdir()
+    }
     assert after == before
 
 
@@ -175,6 +193,16 @@ def test_a_real_process_says_one_line_too(tmp_path):
     command = [sys.executable, "-m", "wrenchgap", "compare", str(tmp_path / "gone.mcap"), "-m", MODEL]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes descriptors by a shell")
+@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-", "2>&-"])
+def test_closed_streams_are_no_fault(closed, logs, tmp_path):
+    said = f"{sys.executable} -m wrenchgap inspect {logs.test} --json found.json {closed}"
+    done = subprocess.run(["sh", "-c", said], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["found.json"]
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["logs"]
 
 
 def test_a_failed_write_leaves_no_partial_file(logs, refused, tmp_path, monkeypatch):

@@ -27,9 +27,10 @@ from tests.replay.exported_c import (
 )
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.run import run as run_steps
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
@@ -179,6 +180,15 @@ def test_what_cannot_be_exported_is_refused_by_name(tmp_path, flown):
             )
     with pytest.raises(UsageError, match="nothing to export"):
         wg.export_compensator(None, MODEL, tmp_path / "d")
+
+
+def test_an_axis_that_is_made_only_with_others_is_not_corrected(tmp_path):
+    quadrotor = wg.load_model("asymmetric_quadrotor")
+    rotors = replace(quadrotor.vehicle.rotors, spin=np.ones(4))
+    one_way = replace(quadrotor, vehicle=replace(quadrotor.vehicle, rotors=rotors))
+    leaning = one_way.with_effects([make_effect(one_way.vehicle, "com_offset", OFFSET)])
+    with pytest.raises(ModelError, match=r"only together with one another: a correction of .*torque_z"):
+        wg.export_compensator(None, leaning, tmp_path / "c")
 
 
 @needs_compiler
