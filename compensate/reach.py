@@ -87,8 +87,8 @@ class Reach:
         if asked:
             raise ModelError(
                 f"{name} makes {', '.join(self.coupled)} only together with one another: a correction of "
-                f"{', '.join(asked)} would move others; check position, spin and kappa of the rotors, or leave out what "
-                "corrects it"
+                f"{', '.join(asked)} would move others; check position, spin and kappa of the rotors, or leave out "
+                "what corrects it"
             )
 
     def inside(self, wrench: Array) -> bool:
