@@ -124,7 +124,7 @@ def _parameters(found: Explanation, truth: Truth) -> list[Row]:
     """Fitted against true values, where the same quantity exists."""
     rows: list[Row] = []
     for effect, values in true_values(truth).items():
-        fitted = explanation.values_json(found.fit.values(effect))
+        fitted = plain(found.fit.values(effect))
         rows += [{"effect": effect, **v, "true": float(values[v["name"]])} for v in fitted if v["name"] in values]
     return rows
 
