@@ -193,10 +193,11 @@ def write_elsewhere(folder: Path) -> Outcome:
     unchanged = {p: (s.st_mtime_ns, s.st_size) for p, s in before.items()} == {
         p: (s.st_mtime_ns, s.st_size) for p, s in after.items()
     }
-    lines = all("\n" not in words and str(folder) not in words for words in said)
+    telling = [words for words in said if "\n" in words or str(start) in words]  # the outer folder was typed
     return Outcome(
-        unchanged and lines and len(said) == len(names),
-        f"{len(said)} of {len(names)} names refused in one line; a file was made or changed: {not unchanged}",
+        unchanged and not telling and len(said) == len(names),
+        f"{len(said)} of {len(names)} names refused in one line; a file was made or changed: {not unchanged}"
+        + (f"; told too much: {telling[0]!r}" if telling else ""),
     )
 
 
