@@ -99,11 +99,13 @@ def forward_backward(section: Array, start: Array, signal: Array, padding: int) 
     b0, b1, b2, a1, a2 = section[0], section[1], section[2], section[4], section[5]
     total = n + 2 * padding
     x = np.empty((total, columns))
+    for k in range(n):
+        for d in range(columns):
+            x[padding + k, d] = signal[k, d]
     for k in range(padding):
         for d in range(columns):
             x[k, d] = 2.0 * signal[0, d] - signal[padding - k, d]
             x[padding + n + k, d] = 2.0 * signal[n - 1, d] - signal[n - 2 - k, d]
-    x[padding : padding + n] = signal
     first, second = np.empty(columns), np.empty(columns)
     for turn in range(2):
         at = 0 if turn == 0 else total - 1

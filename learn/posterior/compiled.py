@@ -144,7 +144,9 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
             for j in range(len(inner)):
                 part[i, j] = H[inner[i], inner[j]]
         new = x.copy()
-        new[inner] = solve(factor(part), right)
+        solved = solve(factor(part), right)
+        for i in range(len(inner)):
+            new[inner[i]] = solved[i]
         crossed = False
         for own in inner:
             if new[own] < lower[own] - 1e-12 or new[own] > upper[own] + 1e-12:
@@ -249,7 +251,9 @@ def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, sc
     done = solve(U, answer * size) * size
     across = np.empty((n, total))
     for j in range(total):
-        across[:, j] = solve(U, right[:, j] * size) * size
+        column = solve(U, right[:, j] * size)
+        for i in range(n):
+            across[i, j] = column[i] * size[i]
     left = np.empty(total)
     for j in range(total):
         left[j] = whole[rows[j], fixed[0]]

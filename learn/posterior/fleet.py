@@ -267,7 +267,7 @@ def by_flight(
             likelihood[k, f] = value(left)
             if held_out:
                 theirs = problem.whole - scorer.weighed_of(own, f, problem)
-                A, b = theirs[:size, :size], theirs[:size, size:] @ w[size:]
+                A, b = np.ascontiguousarray(theirs[:size, :size]), theirs[:size, size:] @ w[size:]
                 w[:size] = -compiled.bounded(A, b, problem.low, problem.high, problem.scale)
                 left = scorer.left_of(own, f, problem, w)
             predicted[k, f] = value(left)

@@ -80,7 +80,7 @@ class FleetScorer(Scorer):
             last = value
             g = self.share / variance
             whole = own.weighed(self.count / variance, g)
-            A, b = whole[:size, :size], whole[:size, size:] @ own.fixed
+            A, b = np.ascontiguousarray(whole[:size, :size]), whole[:size, size:] @ own.fixed
             scale = compiled.relevant(A, b, own.low, own.high, scale, own.sparse, own.typical)
             theta = compiled.bounded(A, b, own.low, own.high, scale)
             trim = trims.likeliest(g[0, trims.axes], own.weights(theta), trims.scale)

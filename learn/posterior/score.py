@@ -143,7 +143,7 @@ class Scorer:
                     break
                 last = value
                 whole = products.weighed(self.count / variance)
-                A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
+                A, b = np.ascontiguousarray(whole[:size, :size]), whole[:size, size:] @ weights[size:]
                 scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
                 theta = compiled.bounded(A, b, low, high, scale)
             weights[:size] = -theta

@@ -125,7 +125,8 @@ def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
     tried, c = 0, 0
     while tried < points:
         row, gain = distance[c], 0.0
-        change[:] = loss
+        for m in range(count):
+            change[m] = loss[m]
         for o in range(points):
             new = np.float64(row[o])
             near, after = np.float64(distance[medoids[first[o]], o]), np.float64(distance[medoids[second[o]], o])

@@ -8,7 +8,7 @@ steps' JSON results and speaks of the test flight only, which no step fitted.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from json import loads
+from json import dumps, loads
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +23,9 @@ HIDDEN = ("com_offset=x:0.005,y:-0.007,z:0.004", "arm_twist=twist:0.0015")
 twist by 0.09 deg per newton of thrust."""
 ADDED = "com_offset"
 """The effect that is added by name; a Gaussian process learns the rest, as it would if the rest had no name."""
+WRITTEN = "demo-files.json"
+"""In the demo's folder: the SHA-256 of every file that a demo wrote there. A later demo replaces these files while they
+are unchanged."""
 RUNS = {
     "recorded": "recorded",
     "null_run": "re-simulated unchanged",
@@ -36,6 +39,12 @@ class Step:
 
     title: str
     arguments: tuple[str, ...]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the files that it writes."""
+        pairs = zip(self.arguments, self.arguments[1:], strict=False)
+        return [value for option, value in pairs if option in ("-o", "--json", "--csv", "--figure")]
 
 
 def _steps() -> list[Step]:
@@ -115,7 +124,8 @@ def demo(
 ) -> None:
     """Run the whole loop on two simulated flights: find hidden effects, add one, learn the residual, compensate.
 
-    The steps are command lines; each is printed, then run, on the logs alone.
+    The steps are command lines; each is printed, then run, on the logs alone. A second run replaces the files of the
+    first, unless they have been changed since.
 
     Example: `wrenchgap demo -o demo-output`
     """
@@ -123,8 +133,8 @@ def demo(
 
     if output.exists() and not output.is_dir():
         raise usage_error(f"{output}: is a file, expected a folder; choose another with -o")
-    if output.is_dir() and any(output.iterdir()) and not force:
-        raise usage_error(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
+    if not force:
+        _refuse_to_overwrite(output)
     run, root = Run(json=json, force=force), ctx.find_root()
     run.claim({})
     output.mkdir(parents=True, exist_ok=True)
@@ -134,15 +144,49 @@ def demo(
             run.line()
             run.line(step.title, style="bold")
             run.line(f"$ {' '.join(('wrenchgap', *step.arguments))}", style="cyan")
-            writes = any(word in step.arguments for word in ("-o", "--json", "--csv", "--figure"))
-            extra = ["--force"] if force and writes else []
+            extra = ["--force"] if step.outputs else []
             command = root.command.get_command(root, step.arguments[0])  # type: ignore[attr-defined]
             with command.make_context(step.arguments[0], [*step.arguments[1:], *extra], parent=root) as context:
                 command.invoke(context)
+            _note_written(step.outputs)
         found = _numbers(Path())
     _result(run, found)
     run.line(f"figures: {output / 'effect.png'}, {output / 'torque.png'}; logs and results: {output}")
     run.write("demo", found)
+
+
+def _refuse_to_overwrite(folder: Path) -> None:
+    """Raise UsageError if a demo would replace a file that was changed, or if no demo wrote into this folder."""
+    from wrenchgap.replay.present.documents import sha256
+
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    how = "choose another folder with -o, or say --force to write into it"
+    written = _written(folder)
+    if not written:
+        raise usage_error(f"{folder}: is not empty; {how}")
+    for file in (folder / name for step in _steps() for name in step.outputs):
+        if file.exists() and not (file.is_file() and sha256(file) == written.get(file.name)):
+            raise usage_error(f"{file}: was changed since the demo wrote it; {how}")
+
+
+def _written(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files that demos wrote into this folder, by name; empty if there is no record of any."""
+    try:
+        written = loads((folder / WRITTEN).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return written if isinstance(written, dict) else {}
+
+
+def _note_written(files: list[str]) -> None:
+    """Add these files of the working folder to the record of what demos wrote."""
+    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.replay.present.documents import sha256
+
+    written = _written(Path()) | {name: sha256(Path(name)) for name in files}
+    with atomic(Path(WRITTEN)) as partial:
+        partial.write_text(dumps(written, indent=1) + "\n", encoding="utf-8")
 
 
 def _result(run: Run, found: dict[str, Any]) -> None:
