@@ -12,6 +12,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
 
 from scripts.check_docs import CODE_SPAN, FENCE, LINK, ROOT
+from scripts.json_documents import schemas
 
 DOCS = ROOT / "docs"
 SOURCE = ROOT / "src" / "wrenchgap"
@@ -46,9 +48,11 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made."""
+    """Add the pages and schemas that are made."""
     for name, text in made().items():
         files.append(File.generated(config, name, content=text))
+    for command, schema in schemas().items():
+        files.append(File.generated(config, f"reference/schemas/{command}.json", content=json.dumps(schema, indent=1)))
     todo = [DOCS / file.src_uri for file in files.documentation_pages() if file.abs_src_path]
     todo += [ROOT / name for name in IN_NAVIGATION]
     seen = set(todo)
@@ -67,6 +71,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Point the links that leave `docs` to the pages made for them."""
     here = page.file.src_uri
+    if here in made():
+        return markdown
     path = DOCS / here if (DOCS / here).exists() else ROOT / here.removeprefix("source/")
     for written, target, anchor in links(markdown, path):
         if DOCS in target.parents and DOCS in path.parents:
@@ -78,9 +84,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return markdown
 
 
+@cache
 def made() -> dict[str, str]:
     """Every generated page by its place in the site."""
-    pages = {"reference/commands.md": commands()}
+    pages = {"reference/commands.md": commands(), "reference/schemas.md": schema_page()}
     for stub in sorted(SOURCE.glob("__init__.pyi")) + sorted(SOURCE.glob("*/__init__.pyi")):
         package = ".".join(("wrenchgap", *stub.parent.relative_to(SOURCE).parts))
         pages[f"reference/api/{package}.md"] = public_names(stub, package)
@@ -95,6 +102,15 @@ def public_names(stub: Path, package: str) -> str:
             for name in node.names:
                 lines.append(f"::: {package}.{node.module}.{name.name}\n    options:\n      heading: {name.name}\n")
     return "\n".join(lines)
+
+
+def schema_page() -> str:
+    """A page that links to the JSON schema of each command."""
+    head = "# JSON schemas\n\nOf what `--json FILE` writes ([what the keys mean](../json.md)); draft 2020-12."
+    rows = [f"| [{command}](schemas/{command}.json) | `{schema['$id']}` |" for command, schema in schemas().items()]
+    return "\n".join(
+        [head, "A reader should accept keys that a schema does not list.\n", "| file | `schema` |", "|---|---|", *rows]
+    )
 
 
 def commands() -> str:

@@ -5,17 +5,35 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import jsonschema
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from scripts.json_documents import schema
 from tests.replay import autopilot_logs
 from wrenchgap.learn.diagnose import budget, where
 from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli import console
 from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.present import documents
 
 Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def json_as_its_schema_says():
+    """Every JSON that a command writes has the keys and types of its schema, and no others."""
+    write = documents.write_json
+
+    def checked(path, result, *, force):
+        command = result["schema"].split(".")[1].split("/")[0]
+        jsonschema.validate(result, schema(command, strict=True))
+        write(path, result, force=force)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(documents, "write_json", checked)
+        yield
 
 
 @pytest.fixture

@@ -1,0 +1,148 @@
+"""Documents of the commands that put others together: `report` and `batch`."""
+
+from __future__ import annotations
+
+from typing import Literal, NotRequired
+
+from typing_extensions import TypedDict
+
+from scripts.json_documents.comparison import WhereBody
+from scripts.json_documents.explanation import ExplainBody, WeightedSet
+from scripts.json_documents.parts import Absorption, Document, Number, Six, Timing
+
+
+class Stair(TypedDict):
+    name: str
+    rms: Six
+    in_all: Number
+    beside: bool
+    learnt_here: bool
+
+
+class StairNoise(TypedDict):
+    rms: Six
+    in_all: Number
+
+
+class Staircase(TypedDict):
+    title: str
+    stairs: list[Stair]
+    noise: StairNoise
+
+
+class BeforeAfter(TypedDict):
+    on: str
+    before: WhereBody
+    after: WhereBody
+
+
+class NextFlight(TypedDict):
+    effects: list[str]
+    trajectory: str | None
+    why_not: NotRequired[str]
+    segments: NotRequired[list[str]]
+    separable: NotRequired[bool]
+    separation_before: NotRequired[Number]
+    separation_expected: NotRequired[Number]
+    advice: NotRequired[list[str]]
+
+
+class Report(Document):
+    page: str
+    axes: list[str]
+    unmeasured: list[str]
+    summary: str
+    explain: ExplainBody
+    staircases: list[Staircase]
+    absorbs: Absorption | None
+    where: BeforeAfter
+    next_flights: list[NextFlight]
+    fitted_model: str
+    commands: list[str]
+    options: dict[str, str]
+    packages: dict[str, str]
+    timing: list[Timing]
+
+
+Same = TypedDict("Same", {"log": str, "as": str})
+
+
+class Failure(TypedDict):
+    log: str
+    vehicle: str | None
+    reason: str
+
+
+class Row(TypedDict):
+    log: str
+    vehicle: str | None
+    date: str | None
+    flight: str | None
+    status: str
+    seconds: Number
+    verdict: str | None
+    rms: Six | None
+    cpu_s: Number
+
+
+class RankedValue(TypedDict):
+    effect: str
+    name: str
+    value: Number
+    std: Number
+    unit: str
+
+
+class RankedSet(TypedDict):
+    set: list[str]
+    effects: list[str]
+    weight: float
+    log_odds: Number
+    gain: Number
+    better: Number
+    rms: Six
+    values: list[RankedValue]
+
+
+class Probability(TypedDict):
+    effect: str
+    probability: Number
+
+
+class Group(TypedDict):
+    weight: float
+    sets: list[WeightedSet]
+
+
+class CandidateOdds(TypedDict):
+    candidate: str
+    log_odds: Number
+
+
+class Ranking(TypedDict):
+    vehicle: str | None
+    reason: str
+    sets: list[RankedSet]
+    flights: NotRequired[list[str]]
+    seconds: NotRequired[float]
+    held_out: NotRequired[bool]
+    effects: NotRequired[list[Probability]]
+    groups: NotRequired[list[Group]]
+    alone: NotRequired[list[CandidateOdds]]
+    rms: NotRequired[Six]
+    left_out: NotRequired[list[str]]
+
+
+class Batch(Document):
+    command: Literal["inspect", "compare", "explain", "changed"]
+    output: str
+    passes: int
+    settled: bool
+    logs: int
+    failed: int
+    done_now: int
+    done_before: int
+    same: list[Same]
+    failures: list[Failure]
+    rows: list[Row]
+    rankings: list[Ranking]
