@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.reader import TableReader, one_line, required, silenced
+from wrenchgap.flight.extras import needed_for
+from wrenchgap.flight.formats.reader import TableReader, one_line, silenced
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 HEADER = 3
@@ -91,7 +92,8 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
 
 def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:
     """Columns of every type of message, by its name; how many bytes are of no message."""
-    reader = required("pymavlink.DFReader", "ardupilot", "ArduPilot .bin logs", path)
+    with needed_for(f"{path}: ArduPilot .bin logs", LogError):
+        from pymavlink import DFReader as reader
     try:
         with silenced():
             # its clock is not needed, and it would look for a GPS through the whole of a log that has none

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account
-from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats.decode import UndecodableError
-from wrenchgap.flight.formats.reader import Channel, one_line, required
+from wrenchgap.flight.formats.reader import Channel, one_line
 from wrenchgap.flight.formats.table import Columns
 
 Value = float | list[float]
@@ -221,12 +221,10 @@ def encoded(channel: Channel, account: Account) -> Encoded:
 
 
 def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
-    try:
-        pb2 = required("google.protobuf.descriptor_pb2", "protobuf", "protobuf messages", Path(channel.topic))
-        pools = required("google.protobuf.descriptor_pool", "protobuf", "protobuf messages", Path(channel.topic))
-        factory = required("google.protobuf.message_factory", "protobuf", "protobuf messages", Path(channel.topic))
-    except LogError as error:
-        raise UndecodableError(str(error).partition(": ")[2]) from error
+    with needed_for("protobuf messages", UndecodableError):
+        from google.protobuf import descriptor_pb2 as pb2
+        from google.protobuf import descriptor_pool as pools
+        from google.protobuf import message_factory as factory
     try:
         files = pb2.FileDescriptorSet.FromString(base64.b64decode(channel.definition or ""))
         pool = pools.DescriptorPool()

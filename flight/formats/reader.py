@@ -14,16 +14,14 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account
-from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -191,17 +189,6 @@ class Gatherer:
         times, payloads = self.pending.pop(channel)
         self.held -= self.sizes.pop(channel) + LIMITS.message_overhead * len(times)
         return Batch(channel, times, payloads)
-
-
-def required(module: str, extra: str, what: str, path: Path) -> Any:
-    """A module of one of wrenchgap's extras; raises LogError with the command that installs it."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        raise LogError(
-            f"{path}: {what} need {package}, which is not installed; pip install 'wrenchgap[{extra}]'"
-        ) from error
 
 
 class Nowhere(io.TextIOBase):

@@ -18,6 +18,7 @@ import numpy as np
 
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.derived_topics import Stamps
 from wrenchgap.flight.formats.headers import UNITS, from_columns, listed, meaning
@@ -56,7 +57,8 @@ class CsvReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its header tells."""
-        import pandas as pd  # here and below: others need not wait for it
+        with needed_for(f"{self.path}: CSV tables", LogError):
+            import pandas as pd  # here and below: others need not wait for it
 
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
             lines = [file.readline() for _ in range(100)]
@@ -105,9 +107,10 @@ class ParquetReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its columns' names tell."""
-        import pandas as pd
-        import pyarrow
-        import pyarrow.parquet
+        with needed_for(f"{self.path}: Parquet tables", LogError):
+            import pandas as pd
+            import pyarrow
+            import pyarrow.parquet
 
         try:
             with pyarrow.parquet.ParquetFile(self.path) as file:

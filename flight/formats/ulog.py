@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.reader import TableReader, one_line, required, silenced
+from wrenchgap.flight.extras import needed_for
+from wrenchgap.flight.formats.reader import TableReader, one_line, silenced
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 LATEST = 2**63 // 1000 - 1
@@ -68,7 +69,8 @@ def _parameters(log: Any) -> dict[str, float | int]:
 
 
 def _opened(path: Path, account: Account) -> Any:
-    pyulog = required("pyulog", "px4", "PX4 .ulg logs", path)
+    with needed_for(f"{path}: PX4 .ulg logs", LogError):
+        import pyulog
     account.take(path.stat().st_size, "messages")
     try:
         with silenced():

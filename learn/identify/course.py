@@ -23,10 +23,10 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-import ruptures
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 
 FEWEST = 4
@@ -146,6 +146,9 @@ def _segmentations(
 
     A segment has the `shortest` number of flights at least; at `most` so many steps are looked for.
     """
+    with needed_for("steps of a trend"):
+        import ruptures
+
     count = len(values)
     places = count - 2 * shortest + 1
     size = max(float(np.std(values)), 1e-300)

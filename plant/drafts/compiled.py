@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.drafts.draft import Draft, Said
 from wrenchgap.plant.drafts.motor_plugins import motors_of
 from wrenchgap.plant.drafts.tree import Joint, Link, Motor, draft_of
@@ -60,10 +61,8 @@ def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
 
 
 def _mujoco(path: Path) -> Any:
-    try:
+    with needed_for(f"{path}: URDF and MJCF", ModelError):
         import mujoco
-    except ImportError:
-        raise ModelError(f"{path}: reading URDF and MJCF needs `pip install wrenchgap[mujoco]`") from None
     return mujoco
 
 

@@ -18,6 +18,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
@@ -68,11 +69,9 @@ class Batch:
 
 def dask_distributed() -> Any:
     """dask.distributed; raises UsageError where it is not installed."""
-    try:
+    with needed_for("workers of `batch`"):
         import cryptography  # noqa: F401 - of TLS
         import distributed
-    except ImportError:
-        raise UsageError("batch: dask.distributed is not installed; pip install 'wrenchgap[batch]'") from None
     return distributed
 
 

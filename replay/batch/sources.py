@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from wrenchgap.flight.errors import LogError, UsageError, WrenchgapError
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.formats.folders import SINGLE, storage
 from wrenchgap.plant.reader import text_of
@@ -145,7 +146,8 @@ def _remote(name: str, vehicle: str | None) -> Iterator[Source]:
 
 def opened(url: str) -> tuple[Any, str]:
     """The file system of an address, and the path in it; raises UsageError where nothing installed knows it."""
-    from fsspec.core import url_to_fs
+    with needed_for("addresses of logs"):
+        from fsspec.core import url_to_fs
 
     scheme = url.partition("://")[0]
     if "::" in url or scheme in CHAINED:  # file systems in one another, whose index may name any other

@@ -123,7 +123,10 @@ def to_json(result: Any) -> dict[str, Any]:
 
 def to_frame(result: Any) -> Any:
     """A result as a table of pandas."""
-    import pandas as pd
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("tables of pandas"):
+        import pandas as pd
 
     return pd.DataFrame(_module(result).frame(result))
 

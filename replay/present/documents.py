@@ -17,6 +17,7 @@ import numpy as np
 from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
 from wrenchgap.flight.atomic import atomic, check_writable
+from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:
@@ -133,6 +134,14 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def check_tables(*tables: Path | None) -> None:
+    """Raise UsageError, before any work, where a table is to be written and what writes it is not installed."""
+    if any(tables):
+        with needed_for("tables"):
+            import pandas as pd  # noqa: F401
+            import pyarrow  # noqa: F401
 
 
 def write_parquet(frame: pd.DataFrame, path: Path) -> None:

@@ -80,8 +80,9 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.present.documents import write_csv
+    from wrenchgap.replay.present.documents import check_tables, write_csv
 
+    check_tables(csv)
     run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
     process = run.gp(gp)

@@ -79,8 +79,11 @@ class Where:
 def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> None:
     """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.replay.batch import driver, sources, words
-    from wrenchgap.replay.batch.store import Store
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("batches", extra="batch"):
+        from wrenchgap.replay.batch import driver, sources, words
+        from wrenchgap.replay.batch.store import Store
 
     if run.own:
         raise UsageError("--effects: workers have the effects of the catalogue only; leave the option out")

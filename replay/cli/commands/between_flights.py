@@ -94,20 +94,23 @@ def trend(
 
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
+    from wrenchgap.flight.extras import needed_for
     from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
-    from wrenchgap.replay.present.documents import write_parquet
+    from wrenchgap.replay.present.documents import check_tables, write_parquet
     from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
     words.check_table(table)
+    check_tables(table)
     pages.check(page)
     names = parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
         if len(logs) == 1 and (logs[0] / "run.json").is_file():
-            from wrenchgap.replay.batch.fleet import trend_of_rows
-            from wrenchgap.replay.batch.store import Store
+            with needed_for("rows of a batch", extra="batch"):
+                from wrenchgap.replay.batch.fleet import trend_of_rows
+                from wrenchgap.replay.batch.store import Store
 
             found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
             run.note_input(logs[0] / "run.json", "batch")

@@ -80,12 +80,13 @@ def replay(
     from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import source_by_name
-    from wrenchgap.replay.present.documents import write_csv, write_parquet
+    from wrenchgap.replay.present.documents import check_tables, write_csv, write_parquet
     from wrenchgap.replay.present.replay import write_log
 
     if model is None or gp is None:
         missing = "--model MODEL" if model is None else "--gp GP"
         raise usage_error(f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export")
+    check_tables(csv, parquet)
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
         filter_uncertain=not no_filter,
@@ -115,11 +116,12 @@ def replay(
 def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.replay.onboard import prove_flown
-    from wrenchgap.replay.present.documents import write_csv
+    from wrenchgap.replay.present.documents import check_tables, write_csv
 
     used = ("log", "export", "csv", "budget", "own", "json", "force", "quiet")
     if idle := sorted(filter(None, run.given(lambda name: name not in used))):
         raise usage_error(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
+    check_tables(csv)
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
         found = prove_flown(log, folder, budget=budget)

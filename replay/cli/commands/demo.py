@@ -81,7 +81,7 @@ def _steps() -> list[Step]:
         ),
         step(
             "Re-run the compensation on the test flight's recorded wrenches",
-            "replay test.mcap -m fitted.toml --gp torque.gp -o replayed.mcap --csv replayed.csv --json replay.json",
+            "replay test.mcap -m fitted.toml --gp torque.gp -o replayed.mcap --json replay.json",
         ),
         step(
             "Re-simulate the test flight with the compensation in the loop",

@@ -64,8 +64,9 @@ def view(
     import threading
 
     from wrenchgap._lazy import uncollected
+    from wrenchgap.flight.extras import needed_for
 
-    with uncollected():
+    with uncollected(), needed_for("pages in the browser"):
         from wrenchgap.flight import cache
         from wrenchgap.learn.process.predictors import cutoff_of
         from wrenchgap.replay.session.log_session import LogSession
