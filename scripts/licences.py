@@ -41,13 +41,14 @@ NOTES = {
     "not copied or changed",
     "apsw": "any licence that the OSI has approved",
 }
+EXTRAS = ("tables", "viewer", "trend")
 HEAD = """# Licences of what is required
 
-Made by `python scripts/licences.py --page` from the metadata of the packages that `pip install wrenchgap` installs on
+Made by `python scripts/licences.py --page` from the metadata of the packages that `pip install 'wrenchgap[{extras}]'` installs on
 Linux; versions are those of `requirements.lock`. `make check` fails where this page is out of date, or where a licence
 is none of those accepted: {accepted}.
 
-The extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
+The other extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
 
 | package | licence | note |
 |---|---|---|
@@ -93,7 +94,7 @@ def main() -> int:
     found: dict[str, Distribution] = {}
     for line in requires("wrenchgap") or []:
         wanted = Requirement(line)
-        if wanted.marker is None or wanted.marker.evaluate({"extra": ""}):
+        if wanted.marker is None or any(wanted.marker.evaluate({"extra": extra}) for extra in ("", *EXTRAS)):
             try:
                 required(wanted.name, found)
             except PackageNotFoundError as error:
@@ -101,7 +102,7 @@ def main() -> int:
                 return 1
     said = {name: licence(package) for name, package in sorted(found.items())}
     rows = [f"| {name} | {text} | {NOTES.get(name, '')} |" for name, text in said.items()]
-    page = HEAD.format(accepted=", ".join(ACCEPTED)) + "\n".join(rows) + "\n"
+    page = HEAD.format(accepted=", ".join(ACCEPTED), extras=",".join(EXTRAS)) + "\n".join(rows) + "\n"
     if asked.page:
         PAGE.write_text(page, encoding="utf-8")
     wrong = [f"licences: {name}: {text} is not accepted; replace it, or say why in scripts/licences.py"

@@ -216,7 +216,7 @@ def test_a_message_with_a_field_that_has_no_name_is_left_out(log, autopilots, tm
 
 
 def test_without_pymavlink_one_line_names_the_extra(log, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pymavlink.DFReader", None)
+    monkeypatch.setitem(sys.modules, "pymavlink", None)
     with pytest.raises(LogError, match=r"pip install 'wrenchgap\[ardupilot\]'"):
         flight.load(log.save(tmp_path / "log.bin"))
 

@@ -156,7 +156,7 @@ def test_protobuf(protobuf, motion):
 
 
 def test_without_protobuf_the_topic_names_the_extra(protobuf, monkeypatch):
-    monkeypatch.setitem(sys.modules, "google.protobuf.descriptor_pb2", None)
+    monkeypatch.setitem(sys.modules, "google.protobuf", None)
     seen = flight.inspect(protobuf)
     assert all("pip install 'wrenchgap[protobuf]'" in topic.problem for topic in seen.topics)
 
