@@ -44,9 +44,9 @@ NOTES = {
 EXTRAS = ("tables", "viewer", "trend")
 HEAD = """# Licences of what is required
 
-Made by `python scripts/licences.py --page` from the metadata of the packages that `pip install 'wrenchgap[{extras}]'` installs on
-Linux; versions are those of `requirements.lock`. `make check` fails where this page is out of date, or where a licence
-is none of those accepted: {accepted}.
+Made by `python scripts/licences.py --page` from the metadata of the packages that
+`pip install 'wrenchgap[{extras}]'` installs on Linux; versions are those of `requirements.lock`. `make check` fails
+where this page is out of date, or where a licence is none of those accepted: {accepted}.
 
 The other extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
 
