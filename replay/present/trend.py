@@ -14,6 +14,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
+from wrenchgap.replay.present.documents import check_tables
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
@@ -234,9 +235,10 @@ def frame(found: Trend) -> list[dict[str, Any]]:
 
 
 def check_table(path: Path | None) -> None:
-    """Raise UsageError where the name of the table is not that of a Parquet file."""
+    """Raise UsageError where the name of the table is not that of a Parquet file, or what writes it is not there."""
     if path is not None and path.suffix.lower() != ".parquet":
         raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
+    check_tables(path)
 
 
 SIGMAS = 2.0

@@ -97,12 +97,11 @@ def trend(
     from wrenchgap.flight.extras import needed_for
     from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
-    from wrenchgap.replay.present.documents import check_tables, write_parquet
+    from wrenchgap.replay.present.documents import write_parquet
     from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
     words.check_table(table)
-    check_tables(table)
     pages.check(page)
     names = parse_effects(fit)
     base = run.model(model)
