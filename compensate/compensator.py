@@ -50,6 +50,10 @@ ACCEPT_SHARE = 0.02
 accept anything."""
 
 
+PERIOD_MAX = 1.0
+"""Longest control period [s]: in a second without a command a multirotor falls five metres."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """How to compensate. None asks for the default that the model suggests.
@@ -95,6 +99,8 @@ class Settings:
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise UsageError(f"compensate: {name} is {value}, expected a positive number")
+        if self.dt > PERIOD_MAX:
+            raise UsageError(f"compensate: dt is {self.dt:g} s, expected a control period of {PERIOD_MAX:g} s at most")
         if not (math.isfinite(self.regulariser) and self.regulariser >= 0):
             raise UsageError(f"compensate: regulariser is {self.regulariser}, expected zero or a positive number")
         if self.max_evaluations < 1:

@@ -61,6 +61,8 @@ CASES = {
     "where @logs HEXA --json @logs/a.mcap --force": "one of the inputs",
     "report @logs HEXA -o r.html --json @logs/a.mcap --force": "one of the inputs",
     "calibrate LOG --validate @logs HEXA -o n.toml --json @logs/a.mcap --force": "one of the inputs",
+    "export @some.gp HEXA -o c --dt 1e6": "dt is 1e+06 s | at most",
+    "export @logs/Makefile HEXA -o @logs --force": "Makefile, which is read | another folder",
     "compare LOG HEXA --json nowhere/out.json": "nowhere | does not exist",
     "inspect LOG --topic /imu": "ROLE=/TOPIC",
     "inspect LOG --topic imu=/nope --json out.json": "/nope | /imu",
@@ -166,6 +168,7 @@ def spoilt(logs, tmp_path_factory):
     (folder / "logs" / "tuned.toml").write_text(text, encoding="utf-8")
     model = wg.load_model(MODEL)
     wg.save_model(set_by_hand(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
+    (folder / "logs" / "Makefile").write_text("a process under a name that an export has")
     few = FitSettings(points=20, restarts=0)
     wg.save_gp(wg.learn_gp(wg.open_flights(logs.ideal, model), model, settings=few, guard=False), folder / "some.gp")
     return folder

@@ -83,6 +83,7 @@ def export(
     from wrenchgap.replay.onboard import export_compensator
 
     run.claim({}, model, gp)
+    _check_outside(output, model, gp)
     base, process = run.model(model), run.gp(gp)
     settings = Settings(
         dt=1.0 / base.controller.rate_hz if dt is None else dt,
@@ -111,6 +112,13 @@ def export(
     run.result(made)
     run.write("export", {**made.to_json(), "folder": str(output)}, folder=output)
     run.line(f"next: make -C {shlex.quote(str(output))} test")
+
+
+def _check_outside(folder: Path, *inputs: Path | str | None) -> None:
+    """Raise UsageError for inputs in the folder that is to be replaced."""
+    for path in inputs:
+        if path is not None and folder.resolve() in Path(path).resolve().parents:
+            raise usage_error(f"--output {folder}: holds {path}, which is read; choose another folder")
 
 
 def _bandwidth(text: str | None) -> float | Literal["log"] | None:
