@@ -62,22 +62,29 @@ def brief(result: Any, lines: int = 32) -> str:
 
 def by_axis(result: Any) -> Any:
     """What a result has of each axis of the wrench as a table of pandas: its unit, and a column for each quantity."""
-    import pandas as pd
-
     from wrenchgap.flight import AXES
     from wrenchgap.replay.present.numbers import unit_of
 
     columns = _asked(result, "of_axes", "compare, where, explain, add, calibrate, learn_gp, changed, counterfactual")
-    units = [unit_of(k) for k in range(len(AXES))]
+    units, pd = [unit_of(k) for k in range(len(AXES))], _pandas()
     return pd.DataFrame({"unit": units, **columns}, index=pd.Index(AXES, name="axis"))
 
 
 def by_parameter(result: Any) -> Any:
     """Fitted parameters as a table of pandas, by effect and parameter."""
-    import pandas as pd
-
+    pd = _pandas()
     rows = _asked(result, "of_parameters", "explain, add, calibrate, changed")
     return pd.DataFrame(rows).set_index(["effect", "parameter"]) if rows else pd.DataFrame(rows)
+
+
+def _pandas() -> Any:
+    """pandas; raises UsageError where it is not installed."""
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("tables of pandas"):
+        import pandas as pd
+
+    return pd
 
 
 def _asked(result: Any, what: str, known: str) -> Any:
@@ -123,12 +130,7 @@ def to_json(result: Any) -> dict[str, Any]:
 
 def to_frame(result: Any) -> Any:
     """A result as a table of pandas."""
-    from wrenchgap.flight.extras import needed_for
-
-    with needed_for("tables of pandas"):
-        import pandas as pd
-
-    return pd.DataFrame(_module(result).frame(result))
+    return _pandas().DataFrame(_module(result).frame(result))
 
 
 def plot(result: Any, axes: Any = None) -> Any:
