@@ -52,7 +52,7 @@ format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff format .
 	$(VENV) -m ruff check --fix .
 
-SPEED := reading_speed compensation_speed replay_speed loop_speed explain_speed learn_speed memory
+SPEED := reading_speed compensation_speed replay_speed loop_speed cold_start explain_speed learn_speed memory
 bench: setup ## the tables of docs/performance.md, their rows as JSON in build/bench; then the other benchmarks/*.py
 	@mkdir -p build/bench; set -e; for name in $(SPEED); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name --page --json build/bench/$$name.json; done

@@ -136,8 +136,8 @@ def reach_of(vehicle: Vehicle) -> Reach:
         reached[part] = np.where(none, reached[part].max(), reached[part])
     rows = np.array([row for _, pair in discs for row in pair] + singles).reshape(-1, 6)
     whole = (columns @ per_wrench) * reached / reached[:, None]  # what is made of each axis, in authorities
-    apart = np.abs(whole - np.eye(6)).max(axis=0)
-    coupled = tuple(a for a, off, made in zip(AXES, apart, np.abs(whole).max(axis=0), strict=True) if off > MADE < made)
+    others, made = np.abs(whole - np.eye(6)).max(axis=0) > MADE, np.abs(whole).max(axis=0) > MADE
+    coupled = tuple(axis for axis, own in zip(AXES, made & others, strict=True) if own)
     found = _reach(rows, [arm for arm, _ in discs], np.array(weak), np.array(idle), reached, vehicle)
     return replace(found, coupled=coupled)
 

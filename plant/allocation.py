@@ -150,7 +150,6 @@ class Allocation:
             "speed": np.zeros(len(rotors)),
             "limited": np.zeros(len(LIMITS)),
             "fresh": np.array([float(previous_tilt is None)]),
-            "stop": np.zeros(1),
         }
 
         def step(signals: Signals, wrench: Array) -> dict[str, Array]:
@@ -159,13 +158,15 @@ class Allocation:
 
         log = ("tilt", "speed", "limited")
         if count < FEW:
-            made = [first := first | step(first, wrench) for wrench in wrench_B]
-            series = [np.array([one[name] for one in made]).reshape(count, len(first[name])) for name in log]
+            made = []
+            for wrench in wrench_B:
+                first |= step(first, wrench)
+                made.append(first.copy())
+            tilt, speed, limited = (np.array([m[name] for m in made]).reshape(count, len(first[name])) for name in log)
         else:
-            loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count, "stop")
+            loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count)
             loop.run()
-            series = [loop.logged("allocation", name, count) for name in log]
-        tilt, speed, limited = series
+            tilt, speed, limited = (loop.logged("allocation", name, count) for name in log)
         saturation = dict(zip(LIMITS, limited.sum(axis=0).astype(int).tolist(), strict=True))
         return Commands(wrench_B, tilt, speed), Saturation(**saturation)
 

@@ -214,7 +214,8 @@ class _Actuators:
     def _called(self, now: Signals, row: Array) -> Signals:
         wrench, self.memory = self._wrench(self.plant, now, row, self.memory)
         numbers = np.concatenate([np.zeros(0), *(np.ravel(leaf) for leaf in leaves(self.memory))])
-        return {"wrench": wrench} | ({"effects": numbers} if len(numbers) == self.size else {})
+        whole = [np.shape(one) for one in leaves(self.memory)] == [np.shape(one) for one in leaves(self.form)]
+        return {"wrench": wrench} | ({"effects": numbers} if whole else {})
 
     def _written(self, now: Signals, row: Array) -> Signals:
         place = 0

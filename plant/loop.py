@@ -34,9 +34,9 @@ class Stage:
     """One part of a loop.
 
     act      new values of some signals, from all of them and from the row (C,) that is given
-    given    (K, C): a row for each time that the stage is due
+    given    (K, C): a row for each time that the stage is due; the caller says in which units
     every    steps from one time to the next
-    log      signals whose values the loop keeps each time, as they are behind the stage
+    log      signals whose values the loop keeps each time, as they are after the stage
     calls    steps in which `act` is called as it stands: 0, ALWAYS, or those before which it cannot be written down
     written  is written down in place of `act`, where that remembers things that are no signals
     foreign  holds a user's own code, and is called where that cannot be written down
@@ -56,7 +56,7 @@ class Stage:
 class Loop:
     """Stages that act in their order upon signals, which have their first values.
 
-    stop    the first number of this signal ends the loop where it is not zero
+    stop    the first number of this signal ends the loop where it is not zero; without one it goes on to its end
     plain   no stage is compiled
 
     `called` says of foreign stages that cannot be compiled why.
@@ -65,11 +65,12 @@ class Loop:
     signals: dict[str, Array]
     stages: Sequence[Stage]
     steps: int
-    stop: str
+    stop: str = "stop"
     plain: bool = False
     called: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.signals = {self.stop: np.zeros(1)} | self.signals
         ends = np.cumsum([len(value) for value in self.signals.values()])
         self._at = {
             name: slice(end - len(self.signals[name]), end) for name, end in zip(self.signals, ends, strict=True)
@@ -104,7 +105,7 @@ class Loop:
         raise KeyError(name)
 
     def now(self, name: str) -> Array:
-        """The present value (C,) of a signal."""
+        """The present value (C,) of a signal, a copy."""
         return self._numbers[self._at[name]].copy()
 
     def _due(self, n: int, s: int) -> bool:

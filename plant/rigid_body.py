@@ -29,7 +29,7 @@ from wrenchgap.plant.vehicle import GRAVITY, Body
 from wrenchgap.plant.wrench_model import forward_dynamics
 
 NUMBERS = 13
-"""Of a state y (13,): p_E (3), quat_EB (4), v_E (3), omega_B (3)."""
+"""Of a state y (13,): p_E [m], quat_EB (w, x, y, z), v_E [m/s], omega_B [rad/s]."""
 
 
 @dataclass(frozen=True)

@@ -142,6 +142,11 @@ def test_every_public_name_is_in_the_page_of_the_api():
         assert [public for public in module.__all__ if f"`{public}`" not in page] == [], name
 
 
+def test_the_score_in_the_readme_is_that_of_the_page_which_the_benchmark_writes():
+    share, count = re.search(r"could be told \|[^|]*\| (\d+ %) \| (\d+) \|", text_of("docs/field.md")).groups()
+    assert f"{share} of the {count} flights that could tell it" in text_of("README.md")
+
+
 def test_links_of_the_documentation_lead_somewhere():
     assert check_docs.broken_links() == []
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NotRequired
+from typing import Any, Literal
 
 from typing_extensions import TypedDict
 
-from scripts.json_documents.parts import Check, Document, Input, Number, Observer, Six, Three
+from scripts.json_documents.parts import Document, Head, Number, Observer, Six, Three
 
 
 class Quantiles(TypedDict):
@@ -184,12 +184,7 @@ class ExportObserver(TypedDict):
     loop: ExportLoop
 
 
-class Export(TypedDict):
-    schema: str
-    version: str
-    inputs: list[Input]
-    notes: NotRequired[list[str]]
-    checks: NotRequired[list[Check]]
+class Export(Head):
     folder: str
     files: list[str]
     vehicle: str

@@ -40,12 +40,15 @@ class LeftOut(TypedDict):
     why: str
 
 
-class Document(TypedDict):
+class Head(TypedDict):
     schema: str
     version: str
     inputs: list[Input]
     notes: NotRequired[list[str]]
     checks: NotRequired[list[Check]]
+
+
+class Document(Head):
     left_out: NotRequired[list[LeftOut]]
 
 
