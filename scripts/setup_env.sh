@@ -85,5 +85,7 @@ say "installing the pinned versions of requirements.lock (a few minutes the firs
 pip install --require-hashes -r scripts/pip.lock # --build-constraint needs 25.3 or newer
 pip install --require-hashes --build-constraint requirements.lock -r requirements.lock
 pip install --no-build-isolation --no-deps -e . # hatchling is among what was locked
+say "compiling what a first command would wait for (a minute; docs/decisions/0026-compiled-kernels.md)"
+"$ENV/bin/python" scripts/warm_kernels.py
 echo "$wanted" >"$STAMP"
 say "done in $((SECONDS - started)) s"
