@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 
 from benchmarks.scale.fleet import VEHICLES, make
-from wrenchgap.learn.posterior.evidence import unpacked
+from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.replay.batch import driver
 from wrenchgap.replay.batch.fleet import FleetRanking, rankings
 from wrenchgap.replay.batch.plan import Plan, model_text

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.posterior.score import bounded
+from wrenchgap.learn.posterior.kernels import bounded
 from wrenchgap.learn.posterior.spectrum import transformed
 
 
@@ -29,7 +29,9 @@ class FlightRow:
     values: dict[tuple[str, str], float]
 
 
-def rows_by_flight(pool: Pool, roles: Sequence[str], values: Sequence[dict[tuple[str, str], float]]) -> list[FlightRow]:
+def rows_by_flight(
+    pool: PooledFlights, roles: Sequence[str], values: Sequence[dict[tuple[str, str], float]]
+) -> list[FlightRow]:
     """A row for each flight of the pool."""
     left = np.where(pool.data.measured_axes, pool.given, np.nan)
     means = means_by_flight(pool.data, left)

@@ -1,7 +1,7 @@
 """What changed between healthy flights and suspect ones: the one way from opened flights to that answer.
 
-All flights are one linear problem (`learn.changed.pool`), about what the healthy ones show in common
-(`learn.changed.standing`). What the model is wrong by in all of them is there and free within typical sizes, every
+All flights are one linear problem (`learn.changed.pooled_flights`), about what the healthy ones show in common
+(`learn.changed.healthy_model`). What the model is wrong by in all of them is there and free within typical sizes, every
 flight has a trim of its own as large as healthy flights differ by, and candidates are changes: what effects add on the
 suspect flights only. Sets of changes are weighed as sets of effects are (`learn.posterior`). So a thrust scale, a trim,
 an unmodelled drag that is in all flights drops out, and a difference that healthy flights show among themselves is no
@@ -27,17 +27,17 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
-from wrenchgap.learn.changed.laws import together
-from wrenchgap.learn.changed.odd import Odd, odd_flights
+from wrenchgap.learn.changed.healthy_model import HealthyModel, healthy_model
+from wrenchgap.learn.changed.linearised_effects import over_both_sides
+from wrenchgap.learn.changed.outlier_flights import OutlierFlight, outlier_flights
 from wrenchgap.learn.changed.overlap import NotCompared, not_compared
 from wrenchgap.learn.changed.places import Place, places, where_of
-from wrenchgap.learn.changed.pool import Pool, calibrated
+from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.changed.standing import Standing, standing
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
@@ -45,9 +45,9 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.posterior import FIRM, SUREST
-from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -91,12 +91,12 @@ class Changed(Result):
     names: tuple[str, ...]
     firm: tuple[str, ...]
     nothing: float
-    classes: tuple[Class, ...]
+    classes: tuple[EquivalenceClass, ...]
     settle: tuple[Check, ...]
     parameters: tuple[Size, ...]
     places: tuple[Place, ...]
     alone: tuple[Alone, ...]
-    odd: tuple[Odd, ...]
+    odd: tuple[OutlierFlight, ...]
     not_compared: tuple[NotCompared, ...]
     rows: tuple[FlightRow, ...]
     scatter: Array
@@ -153,8 +153,8 @@ class Baseline:
         self.healthy, self.model, self.names = tuple(healthy), model, tuple(names)
         self.jobs = cores() if jobs is None else jobs
         self._timing: dict[str, FlightTiming] = {}
-        self._standing: dict[Kind, Standing] = {}
-        self._odd: dict[Kind, tuple[tuple[int, Odd], ...]] = {}
+        self._standing: dict[Kind, HealthyModel] = {}
+        self._odd: dict[Kind, tuple[tuple[int, OutlierFlight], ...]] = {}
         self._usual: dict[Kind, dict[str, Any]] = {}
 
     def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None) -> Changed:
@@ -172,7 +172,7 @@ class Baseline:
         count = len(self.healthy)
         kind = (tuple(one.name for one in pool.laws), pool.data.answering, tuple(pool.data.measured_axes.tolist()))
         if kind not in self._odd:
-            self._odd[kind] = odd_flights(pool, range(count))
+            self._odd[kind] = outlier_flights(pool, range(count))
         odd = self._odd[kind]
         gone = {number for number, _ in odd}
         good = [f for f in range(count) if f not in gone]
@@ -197,7 +197,7 @@ class Baseline:
 
     def _pooled(
         self, flights: Sequence[OpenFlight], answering: tuple[int, ...], tell: Progress
-    ) -> tuple[Pool, tuple[Untried, ...]]:
+    ) -> tuple[PooledFlights, tuple[Untried, ...]]:
         """All flights as one problem, the healthy ones first; effects that cannot be tried."""
         count = len(self.healthy)
         sides = (flights[:count], flights[count:])
@@ -207,14 +207,16 @@ class Baseline:
         tell(0.1, "effects one by one")
         kind = (tuple(chosen.tried), data.answering, tuple(data.measured_axes.tolist()))
         if kind not in self._standing:
-            self._standing[kind] = standing(dataset(calm, self.model, answering), self.model, chosen.tried, self.jobs)
+            self._standing[kind] = healthy_model(
+                dataset(calm, self.model, answering), self.model, chosen.tried, self.jobs
+            )
         usual = self._standing[kind]
         suspect = dataset(odd, self.model, answering)
-        found = together(usual.laws, chosen.tried, suspect, usual.model, data.measured_axes, self.jobs)
+        found = over_both_sides(usual.laws, chosen.tried, suspect, usual.model, data.measured_axes, self.jobs)
         untried = (*chosen.untried, *usual.failed)
         given = left_by(data, self.model)
         left = left_by(data, usual.model)
-        return Pool(data, usual.model, left, found, typical_trim(self.model), {}, {}, given), untried
+        return PooledFlights(data, usual.model, left, found, typical_trim(self.model), {}, {}, given), untried
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -241,7 +243,7 @@ def _thrust(flight: OpenFlight) -> float:
     return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
 
 
-def compared(pool: Pool, good: Sequence[int], mine: Sequence[int], jobs: int = 1) -> Changed:
+def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs: int = 1) -> Changed:
     """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number."""
     found = weigh(pool, mine, jobs)
     pool = found.pool
@@ -280,7 +282,7 @@ def compared(pool: Pool, good: Sequence[int], mine: Sequence[int], jobs: int = 1
     )
 
 
-def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
+def scatter_of_means(pool: PooledFlights, good: Sequence[int]) -> Array:
     """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
     if not pool.deviations:
         return pool.scatter
@@ -295,7 +297,7 @@ def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdic
     return Verdict.UNKNOWN if set(best) <= set(NAMELESS) else Verdict.CHANGED
 
 
-def _odd_row(pool: Pool, number: int) -> FlightRow:
+def _odd_row(pool: PooledFlights, number: int) -> FlightRow:
     return rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.diagnose.quantities import quantities
 
 COMPARED = ("thrust", "tilt", "speed", "height", "rate")
@@ -42,7 +42,7 @@ class NotCompared:
         )
 
 
-def not_compared(pool: Pool, suspects: Collection[int]) -> tuple[NotCompared, ...]:
+def not_compared(pool: PooledFlights, suspects: Collection[int]) -> tuple[NotCompared, ...]:
     """Quantities in which suspect flights went where healthy ones did not."""
     known, _ = quantities(pool.data)
     rows = pool.rows(suspects)

@@ -12,8 +12,8 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.search import Weighed
-from wrenchgap.learn.posterior.hunt import Hunt
-from wrenchgap.learn.posterior.score import bounded
+from wrenchgap.learn.posterior.kernels import bounded
+from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -72,7 +72,7 @@ def places(found: Weighed, names: tuple[str, ...], name: str) -> tuple[Place, ..
     if not find(name).sparse:
         return ()
     scored = found.scorer(tuple(sorted(names)))
-    hunt = Hunt(found.scorer, scored.variance)
+    hunt = SubsetSearch(found.scorer, scored.variance)
     others = [k for k in names if k != name]
     rest = np.concatenate([np.zeros(0, np.intp), *(space.parameters[k] for k in others)])
     fixed = np.array([0, *(space.offset[k] for k in names)])

@@ -7,35 +7,35 @@ one class where they differ by less than `NEAR` standard errors of everything th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.beside import beside
-from wrenchgap.learn.changed.laws import again
-from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.linearised_effects import relinearised_at
+from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import read
+from wrenchgap.learn.changed.relinearise import relinearised
 from wrenchgap.learn.identify.fit import MATERIAL
-from wrenchgap.learn.posterior.classes import Class, NamedSet, merged, settled
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.hunt import Hunt
+from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass, NamedSet, checks_between, merged_by_names
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
-from wrenchgap.learn.posterior.sets import (
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.scored_sets import (
     IMPLAUSIBLE,
-    Contender,
     Part,
-    adds,
+    ScoredSet,
     at_limit,
-    by_axis,
-    ordered,
-    search,
+    described,
+    pruned,
+    shares,
     weights,
 )
 from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.subset_search import SubsetSearch, ordered, searched
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -58,7 +58,7 @@ class ChangeScorer(Scorer):
 
     def __init__(self, spectrum: Spectrum, reference: Array) -> None:
         super().__init__(spectrum, reference)
-        self.bare: dict[Keys, Contender] = {}
+        self.described: dict[Keys, ScoredSet] = {}
         """Sets of which everything is said already."""
 
     def prior_of(self, keys: Keys) -> float:
@@ -74,7 +74,7 @@ class Weighed:
 
     posterior: Posterior
     scorer: ChangeScorer
-    pool: Pool
+    pool: PooledFlights
     suspects: tuple[int, ...]
     settled: bool
 
@@ -84,7 +84,7 @@ class Weighed:
         return sum(s.weight for s in self.posterior.sets if not s.names)
 
 
-def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
+def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1) -> Weighed:
     """Weigh sets of changes on these flights of a pool that was calibrated on the others.
 
     Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
@@ -92,7 +92,7 @@ def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
     """
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(ROUNDS):
-        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), jobs=jobs)
+        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), ChangeScorer, jobs)
         late, far = _late(scorer, vehicle), _moved(scorer)
         if number + 1 == ROUNDS or not (late or far):
             break
@@ -100,15 +100,17 @@ def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
         if turned:
             best = ordered(scorer)[0].theta
             changes = {n: read(vehicle, n, len(theta)) @ theta for n, theta in best.items()}
-            pool = beside(pool, suspects, changes, late, jobs)
+            pool = relinearised(pool, suspects, changes, late, jobs)
         else:
-            renewed = [again(pool.data, pool.model, o, late[o.name]) if o.name in late else o for o in pool.laws]
+            renewed = [
+                relinearised_at(pool.data, pool.model, o, late[o.name]) if o.name in late else o for o in pool.laws
+            ]
             pool = replace(pool, laws=tuple(renewed))
     log = ordered(scorer)
     kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
-    contenders = [contender(scorer, s.keys) for s in kept]
-    sets = merged(contenders, weights(contenders))
-    found = Posterior(sets, grouped(sets, scorer, vehicle), settled(sets, vehicle))
+    described_sets = [scored_set(scorer, s.keys) for s in kept]
+    sets = merged_by_names(described_sets, weights(described_sets))
+    found = Posterior(sets, grouped(sets, scorer, vehicle), checks_between(sets, vehicle))
     return Weighed(found, scorer, pool, tuple(suspects), not far)
 
 
@@ -148,80 +150,57 @@ def _far(theta: Array, column: Column, size: Array) -> bool:
     return float(np.max(np.abs(theta - column.theta) / size)) > FAR
 
 
-def searched(spectrum: Spectrum, rounds: int = 2, jobs: int = 1) -> ChangeScorer:
-    """As `learn.posterior.sets.searched`, of changes."""
-    reference, weights_left = saturated(spectrum)
-    spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
-    for _ in range(rounds):
-        scorer = ChangeScorer(spectrum, reference)
-        search(scorer, jobs=jobs)
-        reference = ordered(scorer)[0].left
-    return scorer
+def scored_set(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
+    """All that is said of a set, and what remains of it without what is not worth its price."""
+
+    def idle(some: Keys) -> list[Keys]:
+        parts = zip(some, _described(scorer, some).parts, strict=True)
+        return [tuple(k for k in some if k != gone) for gone, p in parts if p.evidence <= 0.0]
+
+    leaves = pruned(keys, idle, math.inf)
+    described = (_described(scorer, leaf) for leaf in leaves)
+    return replace(_described(scorer, keys), leaves=tuple(zip(described, shares(scorer, leaves), strict=True)))
 
 
-def contender(scorer: ChangeScorer, keys: Keys) -> Contender:
-    """All that is said of a set, and what remains of it without what it does not need."""
-    leaves = {leaf.keys: leaf for leaf in _leaves(scorer, _bare(scorer, keys), set())}
-    log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
-    share = np.exp(log - log.max())
-    return replace(_bare(scorer, keys), leaves=tuple(zip(leaves.values(), (share / share.sum()).tolist(), strict=True)))
-
-
-def _leaves(scorer: ChangeScorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
-    """Sets that are reached by taking out one part after the other that is not worth its price."""
-    if whole.keys in seen:
-        return []
-    seen.add(whole.keys)
-    idle = [k for k, p in zip(whole.keys, whole.parts, strict=True) if p.evidence <= 0.0]
-    if not idle:
-        return [whole]
-    rests = [tuple(k for k in whole.keys if k != gone) for gone in idle]
-    return [leaf for rest in rests for leaf in _leaves(scorer, _bare(scorer, rest), seen)]
-
-
-def _bare(scorer: ChangeScorer, keys: Keys) -> Contender:
-    if keys not in scorer.bare:
-        scorer.bare[keys] = _described(scorer, keys)
-    return scorer.bare[keys]
-
-
-def _described(scorer: Scorer, keys: Keys) -> Contender:
-    space, scored = scorer.spectrum, scorer(keys)
+def _described(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
+    if keys in scorer.described:
+        return scorer.described[keys]
+    scored = scorer(keys)
     parts = []
-    for key in scored.keys:
-        c, theta = space.columns[key], scored.theta[key]
-        odds = scored.log_probability - scorer(tuple(k for k in scored.keys if k != key)).log_probability
+    for key in keys:
+        c, theta = scorer.spectrum.columns[key], scored.theta[key]
+        odds = scored.log_probability - scorer(tuple(k for k in keys if k != key)).log_probability
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, stuck, odds, IMPLAUSIBLE if stuck else 1.0))
-    left = by_axis(scorer, scored.left)
-    return Contender(scored, tuple(parts), scorer.by_block(scored), adds(space, scored), left)
+    scorer.described[keys] = described(scorer, keys, tuple(parts))
+    return scorer.described[keys]
 
 
-def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:
+def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
     """Every set in the class of the heaviest set that it cannot be told from."""
-    hunt = Hunt(scorer, sets[0].contender.scored.variance)
+    search = SubsetSearch(scorer, sets[0].scored_set.scored.variance)
     groups: list[list[NamedSet]] = []
     for s in sets:
-        home = next((g for g in groups if bool(g[0].names) == bool(s.names) and apart(hunt, g[0], s) < NEAR), None)
+        home = next((g for g in groups if bool(g[0].names) == bool(s.names) and apart(search, g[0], s) < NEAR), None)
         if home is None:
             groups.append([s])
         else:
             home.append(s)
-    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]
+    found = [EquivalenceClass(sum(s.weight for s in g), tuple(g), checks_between(g, vehicle)) for g in groups]
     return tuple(sorted(found, key=lambda c: -c.weight))
 
 
-def apart(hunt: Hunt, first: NamedSet, second: NamedSet) -> float:
+def apart(search: SubsetSearch, first: NamedSet, second: NamedSet) -> float:
     """Standard errors between two sets' predictions, all that is always there being free to make up for them."""
-    weights = changes_only(hunt, first.contender.scored) - changes_only(hunt, second.contender.scored)
-    return float(np.sqrt(max(float(weights @ hunt.whole @ weights), 0.0)))
+    weights = changes_only(search, first.scored_set.scored) - changes_only(search, second.scored_set.scored)
+    return float(np.sqrt(max(float(weights @ search.whole @ weights), 0.0)))
 
 
-def changes_only(hunt: Hunt, scored: Scored) -> Array:
+def changes_only(search: SubsetSearch, scored: Scored) -> Array:
     """Weights (Q,) of a set's own columns in the stacked quantities."""
     out = np.zeros_like(scored.weights)
     for key in scored.keys:
-        mine = np.append(hunt.space.parameters[key], hunt.space.offset[key])
+        mine = np.append(search.space.parameters[key], search.space.offset[key])
         out[mine] = scored.weights[mine]
     return out

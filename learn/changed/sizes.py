@@ -22,7 +22,8 @@ from wrenchgap.learn.changed.search import Weighed, worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.posterior.score import Scored, bounded, relevant
+from wrenchgap.learn.posterior.kernels import bounded, relevant
+from wrenchgap.learn.posterior.score import Scored
 from wrenchgap.plant.effects import find
 
 LOUDER = 2.5
@@ -157,7 +158,7 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     commands answer the motion nothing is said: those leave what the air was like.
     """  # noqa: D205
     space = found.scorer.spectrum
-    best = found.posterior.classes[0].sets[0].contender.scored
+    best = found.posterior.classes[0].sets[0].scored_set.scored
     weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
     left = space.combined(weights)
     flight = found.pool.data.flight[_firsts(found)]

@@ -57,7 +57,7 @@ class ChangeSpectrum(Spectrum):
                 rows = self.starts[flight == f]
                 self.coefficients[rows, axis, 1:] = self.coefficients[rows, axis, 1:].mean(axis=0)
 
-    def loud(self, left: Array) -> Array:
+    def block_weights(self, left: Array) -> Array:
         """As there; axes that a band leaves out do not count."""
         count = np.maximum(self.count, 1.0)
         mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count

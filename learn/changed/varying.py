@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.laws import Law
+from wrenchgap.learn.changed.linearised_effects import LinearisedEffect
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.bias_and_trim import AIR, PLACE, ROTOR, WORTH, typical_trim
@@ -78,7 +78,9 @@ class Varying:
         return Column((), nothing, nothing, empty, jacobian, -FAR * size, FAR * size, size, flat, 0.0)
 
 
-def varying(data: Dataset, model: Model, laws: Sequence[Law], scales: dict[str, Array]) -> tuple[Varying, ...]:
+def varying(
+    data: Dataset, model: Model, laws: Sequence[LinearisedEffect], scales: dict[str, Array]
+) -> tuple[Varying, ...]:
     """What differs between flights of this data, with `scales` where these are known already, else typical ones."""
     out = []
     for one in laws:

@@ -1,7 +1,7 @@
 """Candidates as straight lines: what each adds to the prediction, linearised where it fits best alone.
 
 At the sizes that occur, effects are nearly linear in their parameters and nearly add up, so that the prediction of a
-set is the sum of its columns, and thousands of sets cost what one fit costs (`learn.posterior.sets`).
+set is the sum of its columns, and thousands of sets cost what one fit costs (`learn.posterior.scored_sets`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
-DULL = 0.25
+LEAST_SIZE = 0.25
 """A fitted value, in typical sizes, below which an effect that starts away from zero is linearised at its typical
 size: a derivative at no lag at all says nothing of lags."""
 
@@ -50,13 +50,13 @@ class Column:
         """What the candidate is called in a set."""
         return " + ".join(self.names)
 
-    def bare(self) -> Column:
+    def without_samples(self) -> Column:
         """The same without its samples, for where it is linearised anew: of `offset` the norms by axis (1, 6)."""
         norms = np.linalg.norm(self.offset, axis=0)[None]
         let_go(self.offset)
         return replace(self, offset=norms, jacobian=self.jacobian[:0])
 
-    def put_away(self) -> Column:
+    def spilled(self) -> Column:
         """The same in an array of its own, which waits on disk where there are `MANY` samples."""
         whole = on_disk(np.concatenate((self.jacobian, self.offset[:, :, None]), axis=2), MANY)
         return replace(self, offset=whole[:, :, -1], jacobian=whole[:, :, :-1])
@@ -73,7 +73,7 @@ def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[s
     x[part] = fitted.theta
     derivative = fitted.jacobian[:, :, part]
     parameters = [p for _, p in problem.parameters]
-    dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < DULL * p.scale]
+    dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale]
     for k in dull:
         x[k] = min(parameters[k].scale, parameters[k].high)
     point = problem.at(x)
@@ -102,7 +102,7 @@ def compatible(keys: tuple[str, ...], columns: dict[str, Column]) -> bool:
     return len(set(shared)) == len(shared) and not parts & set(names)
 
 
-def beside(key: str, others: tuple[str, ...], columns: dict[str, Column]) -> tuple[str, ...]:
+def compatible_with(key: str, others: tuple[str, ...], columns: dict[str, Column]) -> tuple[str, ...]:
     """Those of others that may stand in one set with a candidate."""
     return tuple(k for k in others if compatible((key, k), columns))
 

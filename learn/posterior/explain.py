@@ -1,8 +1,9 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
 `explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.data.candidates`), each by
-itself (`learn.posterior.table`), weights of sets of them (`learn.posterior.posterior`), the likeliest set fitted and
-its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out blocks:
+itself (`learn.posterior.single_effects`), weights of sets of them (`learn.posterior.posterior`), the likeliest set
+fitted and its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out
+blocks:
 
     energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
               sees; orders candidates and members. score = 1 - energy left / energy of the model as given
@@ -14,8 +15,8 @@ What a verdict needs (`_verdict`):
     unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
               worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
               depends on what was logged; or something is named, and a band of frequency of what is left is open
-              (`learn.posterior.open_bands`); or an oscillation is found in what is left, or all of it pushes where
-              one rotor does
+              (`learn.posterior.unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
+              where one rotor does
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else
@@ -44,14 +45,20 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
+from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
-from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
-from wrenchgap.learn.posterior.open_bands import OpenBand, open_bands
+from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
-from wrenchgap.learn.posterior.sets import LOUD
-from wrenchgap.learn.posterior.table import Candidate, Ground, Table, ground, table
-from wrenchgap.learn.posterior.undisturbed import may_be_undisturbed, unanswering, undisturbed
+from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
+from wrenchgap.learn.posterior.single_effects import (
+    Candidate,
+    ModelResidual,
+    SingleEffects,
+    model_residual,
+    single_effects,
+)
+from wrenchgap.learn.posterior.unexplained_bands import OpenBand, unexplained_bands
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
@@ -148,7 +155,7 @@ class Explanation(Result):
         return tuple(n for n in self.posterior.firm if n in named)
 
     @property
-    def classes(self) -> tuple[Class, ...]:
+    def classes(self) -> tuple[EquivalenceClass, ...]:
         """Sets of effects that these logs cannot tell apart, by class, heaviest first."""
         return self.posterior.classes
 
@@ -210,17 +217,17 @@ def search_dataset(
     """The part of `explain` that needs no flights: search, what is left, verdict; `clock` is a late IMU's."""
     tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
-    on = ground(data if some is data.records else dataset(some, model, data.answering), model)
+    on = model_residual(data if some is data.records else dataset(some, model, data.answering), model)
     on, tried, found = _searched(on, chosen, jobs, tell)
     data = data if on.data.answering else replace(data, answering=())
     found = with_clock(found, clock, model.vehicle)
     tell(0.8, "fitting what was named")
-    best, named, found = needed(on, found, jobs)
+    best, named, found = needed_members(on, found, jobs)
     every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
     own = {e.name: e.theta for e in model.effects}
     found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
     swinging = oscillation(on.data, best.left)
-    bands = open_bands(on, found, best.left) if named else ()
+    bands = unexplained_bands(on, found, best.left) if named else ()
     loud = _open(on, best.left) | np.isin(np.arange(6), [b.axis for b in bands])
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
     mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
@@ -250,29 +257,31 @@ def search_dataset(
     )
 
 
-def _searched(on: Ground, chosen: Candidates, jobs: int, tell: Progress) -> tuple[Ground, Table, Posterior]:
+def _searched(
+    on: ModelResidual, chosen: Candidates, jobs: int, tell: Progress
+) -> tuple[ModelResidual, SingleEffects, Posterior]:
     """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
     counts where a set leaves no disturbance which they could have answered.
     """  # noqa: D205
     twice = bool(on.data.answering)
-    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 * f, words), twice=twice)
+    tried = single_effects(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 * f, words), twice=twice)
     if twice:
-        free = unanswering(on)
-        if may_be_undisturbed(on, free, tried.columns):
-            again = table(
+        free = without_feedback(on)
+        if may_be_disturbance_free(on, free, tried.columns):
+            again = single_effects(
                 free, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 + 0.2 * f, words), twice=True
             )
             other = posterior(free, again.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.2 * f, words))
-            if undisturbed(on, free, other):
+            if disturbance_free(on, free, other):
                 return free, again, other
         on.data.starts.clear()
     found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.7 + 0.1 * f, words))
     return on, tried, found
 
 
-def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> tuple[Ground, Fitted]:
+def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> tuple[ModelResidual, Fitted]:
     """What was named on a part of long logs, fitted to all of them."""
-    on = ground(data, model)
+    on = model_residual(data, model)
     return on, fitted(on, names, best.fit)
 
 
@@ -293,20 +302,22 @@ def _over_noise(data: Dataset, residual: Array) -> float:
     return float(np.nanmax(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
 
 
-def _open(on: Ground, left: Array) -> NDArray[np.bool_]:
+def _open(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
     """Axes (6,) on which structure is left: those of force, or of torque, where one of the two stays well above the
     noise and above a quarter of what it was.
     """  # noqa: D205
     usual = _usual(on.data, left)
     before, after = (rms(on.data.unanswered(r)[usual]) for r in (on.given, left))
     noise = on.data.noise
-    loud = (after > LOUD * noise) & (after > UNEXPLAINED * before)
-    worse = force_and_torque(after) > np.maximum(LOUD * force_and_torque(noise), UNEXPLAINED * force_and_torque(before))
+    loud = (after > ABOVE_SENSORS * noise) & (after > UNEXPLAINED * before)
+    worse = force_and_torque(after) > np.maximum(
+        ABOVE_SENSORS * force_and_torque(noise), UNEXPLAINED * force_and_torque(before)
+    )
     return np.asarray(loud & np.repeat(worse, 3))
 
 
 def _verdict(
-    on: Ground,
+    on: ModelResidual,
     named: Sequence[Member],
     loud: NDArray[np.bool_],
     found: Oscillation | OneRotor | None,

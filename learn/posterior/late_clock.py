@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.learn.diagnose.timing import UNLIKE, FlightTiming
-from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, settled
+from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.equivalence_classes import LATE_CLOCK, EquivalenceClass, NamedSet, checks_between
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.plant.vehicle import Vehicle
 
 DELAY = "command_delay"
@@ -66,8 +66,8 @@ def with_clock(found: Posterior, clock: LateClock | None, vehicle: Vehicle) -> P
     classes = []
     for one in found.classes:
         sets = both(one.sets)
-        listed = settled(sets, vehicle)
-        classes.append(Class(one.weight, sets, (check, *listed) if len(sets) > len(one.sets) else listed))
+        listed = checks_between(sets, vehicle)
+        classes.append(EquivalenceClass(one.weight, sets, (check, *listed) if len(sets) > len(one.sets) else listed))
     return Posterior(both(found.sets), tuple(classes), (check, *found.settle))
 
 

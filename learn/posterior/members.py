@@ -21,9 +21,9 @@ from wrenchgap.learn.data.blocks import (
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.classes import NamedSet
+from wrenchgap.learn.posterior.equivalence_classes import NamedSet
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.table import Ground
+from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
@@ -99,14 +99,14 @@ class Fitted:
 
 
 def fitted(
-    on: Ground, names: Sequence[str], start: Fit | None = None, near: Mapping[str, Array] | None = None
+    on: ModelResidual, names: Sequence[str], start: Fit | None = None, near: Mapping[str, Array] | None = None
 ) -> Fitted:
     """Fit the named effects, all parameters anew, from a fit or values to start at (`learn.identify.fit.fit`)."""
     found = fit(on.data, on.model, names, start=start, near=near)
     return Fitted(found, held_out(on.data, on.model, names, found))
 
 
-def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...], Posterior]:
+def needed_members(on: ModelResidual, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...], Posterior]:
     """The likeliest set without those of its effects that are too small for a name when all are fitted together, at
     the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit, the
     members by what they take off, and the posterior without what went.
@@ -141,7 +141,9 @@ def material(fitted: Fit, model: Model, name: str) -> bool:
     return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in zip(rows, origin, strict=True))
 
 
-def members(on: Ground, found: Posterior, names: Sequence[str], best: Fitted, jobs: int = 1) -> tuple[Member, ...]:
+def members(
+    on: ModelResidual, found: Posterior, names: Sequence[str], best: Fitted, jobs: int = 1
+) -> tuple[Member, ...]:
     """Of the likeliest set, or those `names` of it, which leave `best`; that which takes off most first."""
 
     def without(name: str) -> Array:
@@ -184,6 +186,6 @@ def rivals_of(name: str, found: Posterior) -> tuple[Rival, ...]:
 
 def _rival(best: NamedSet, other: NamedSet, instead: tuple[str, ...]) -> Rival:
     odds = np.log(max(best.weight, 1e-300) / max(other.weight, 1e-300))
-    a, b = best.contender.predicted.ravel(), other.contender.predicted.ravel()
+    a, b = best.scored_set.predicted.ravel(), other.scored_set.predicted.ravel()
     alike = float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))
     return Rival(instead, float(np.sign(odds) * np.sqrt(2.0 * abs(odds))), other.weight, alike)

@@ -2,7 +2,7 @@
 
 Sets are searched with every candidate linearised by itself; those that come close are linearised anew together, lags
 and delays also in each other's place, and weighed. Sets with the same names are one; sets that predict the same on
-these flights are one class (`learn.posterior.classes`).
+these flights are one class (`learn.posterior.equivalence_classes`).
 """
 
 from __future__ import annotations
@@ -13,25 +13,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.posterior import hunt
-from wrenchgap.learn.posterior.anew import (
-    around,
-    bent,
-    doubtful,
-    holds,
-    likeliest,
-    linearised,
-    near,
-    of_time,
-    with_rests,
-)
-from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, classes, merged, one_each, same, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
+from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.equivalence_classes import (
+    LATE_CLOCK,
+    EquivalenceClass,
+    NamedSet,
+    checks_between,
+    equivalence_classes,
+    merged_by_names,
+    one_per_names,
+    predict_the_same,
+)
+from wrenchgap.learn.posterior.relinearisation import (
+    columns_hold,
+    lags_and_delays,
+    likeliest,
+    moves_when_relinearised,
+    relinearised_sets,
+    rest_holds,
+    search_around,
+    spectrum_of,
+    with_known_rests,
+    without_doubtful,
+)
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
-from wrenchgap.learn.posterior.settle import Check
-from wrenchgap.learn.posterior.table import Ground
-from wrenchgap.learn.posterior.together import spectrum_of
+from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.single_effects import ModelResidual
+from wrenchgap.learn.posterior.subset_search import ordered, searched, with_fit_discounted
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -68,9 +77,9 @@ class Posterior:
     """  # noqa: D205
 
     sets: tuple[NamedSet, ...]
-    classes: tuple[Class, ...]
+    classes: tuple[EquivalenceClass, ...]
     settle: tuple[Check, ...]
-    wholes: tuple[Contender, ...] = ()
+    wholes: tuple[ScoredSet, ...] = ()
 
     @property
     def best(self) -> NamedSet:
@@ -96,7 +105,7 @@ class Posterior:
             for s in sets:
                 kept = tuple(n for n in s.names if dict(s.stands_for).get(n, n) != name)
                 every.append(replace(s, names=kept) if rest <= set(s.names) else s)
-            return one_each(every)
+            return one_per_names(every)
 
         groups = [replace(c, sets=shorter(c.sets)) for c in self.classes]
         return self._with(shorter(self.sets), groups, vehicle)
@@ -110,9 +119,9 @@ class Posterior:
             return self
         parts = [
             replace(p, theta=np.concatenate([changes[n] for n in p.names])) if set(p.names) <= set(changes) else p
-            for p in best.contender.parts
+            for p in best.scored_set.parts
         ]
-        new = replace(best, contender=replace(best.contender, parts=tuple(parts)))
+        new = replace(best, scored_set=replace(best.scored_set, parts=tuple(parts)))
 
         def fitted(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
             return tuple(new if set(s.names) == set(best.names) else s for s in sets)
@@ -120,12 +129,12 @@ class Posterior:
         groups = [replace(c, sets=fitted(c.sets)) for c in self.classes]
         return self._with(fitted(self.sets), groups, vehicle)
 
-    def _with(self, sets: tuple[NamedSet, ...], groups: Sequence[Class], vehicle: Vehicle) -> Posterior:
+    def _with(self, sets: tuple[NamedSet, ...], groups: Sequence[EquivalenceClass], vehicle: Vehicle) -> Posterior:
         """These sets and classes, with what would settle which is true."""
 
         def checks(sets: Sequence[NamedSet], before: Sequence[Check]) -> tuple[Check, ...]:
             clock = [c for c in before if c.name == LATE_CLOCK and any(s.stands_for for s in sets)]
-            return (*clock, *settled(sets, vehicle))
+            return (*clock, *checks_between(sets, vehicle))
 
         kept = tuple(replace(c, settle=checks(c.sets, c.settle)) for c in groups)
         return Posterior(sets, kept, checks(sets, self.settle), self.wholes)
@@ -143,7 +152,7 @@ class Posterior:
 
 
 def posterior(
-    on: Ground,
+    on: ModelResidual,
     columns: Sequence[Column],
     *,
     jobs: int = 1,
@@ -152,45 +161,45 @@ def posterior(
     """Weigh the sets of these columns."""
     tell = progress or (lambda fraction, words: None)
     tell(0.0, "weighing sets of effects")
-    linear = searched(spectrum_of(on, columns), jobs=jobs)
-    anew: dict[Keys, Contender | None] = {}
-    todo = first_contenders(linear, ordered(linear))
+    linear = searched(spectrum_of(on, columns), Scorer, jobs)
+    anew: dict[Keys, ScoredSet | None] = {}
+    todo = sets_to_relinearise(linear, ordered(linear))
     scorers: dict[Keys, Scorer] = {}
     nearby: list[tuple[Scored, Scorer, Keys]] = []
     for number in range(ROUNDS + SETTLING):
         tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
-        anew |= zip(todo, linearised(on, linear, todo, jobs), strict=True)
+        anew |= zip(todo, relinearised_sets(on, linear, todo, jobs), strict=True)
         todo, centre = [], likeliest(anew) if number < ROUNDS else None
-        if centre is not None and centre.keys not in scorers and bent(linear, centre):
-            scorer = scorers[centre.keys] = around(on, linear, centre, jobs)
-            found = [s for s in ordered(scorer) if near(s.keys, centre.keys)]
-            todo = first_contenders(scorer, found)
+        if centre is not None and centre.keys not in scorers and moves_when_relinearised(linear, centre):
+            scorer = scorers[centre.keys] = search_around(on, linear, centre, jobs)
+            found = [s for s in ordered(scorer) if columns_hold(s.keys, centre.keys)]
+            todo = sets_to_relinearise(scorer, found)
             nearby = [(s, scorer, centre.keys) for s in found]
-        straight = [(s, by) for s, by, middle in nearby if holds(s.keys, middle, by, anew)]
+        straight = [(s, by) for s, by, middle in nearby if rest_holds(s.keys, middle, by, anew)]
         lines = [*straight, *((s, linear) for s in ordered(linear))]
-        kept = candidates(lines, anew)
+        kept = sets_to_weigh(lines, anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
         todo += [kept[k].keys for k in best[:3] if kept[k].keys and number < ROUNDS]
         heaviest = kept[best[0]]
-        todo += stand_ins(scorers.get(heaviest.keys, linear), heaviest)
-        todo += [rest for k in best[:WHOLES] for rest in doubtful(kept[k])]
+        todo += substitutes(scorers.get(heaviest.keys, linear), heaviest)
+        todo += [rest for k in best[:WHOLES] for rest in without_doubtful(kept[k])]
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
-    bends = with_rests(on, linear, [kept[k] for k in best if share[k] > HEAVY], anew, jobs)
-    kept = candidates(lines, anew, bends)
+    bends = with_known_rests(on, linear, [kept[k] for k in best if share[k] > HEAVY], anew, jobs)
+    kept = sets_to_weigh(lines, anew, bends)
     share = weights(kept)
     best = sorted(range(len(kept)), key=lambda k: -share[k])
     wholes = tuple(kept[k] for k in best[:WHOLES])
     for k in best[:WHOLES]:
-        kept[k] = replace(kept[k], leaves=alike_without_the_idle(linear, kept[k]))
-    sets = merged(kept, share)
+        kept[k] = replace(kept[k], leaves=equivalents_without_idle(linear, kept[k]))
+    sets = merged_by_names(kept, share)
     vehicle = on.model.vehicle
-    return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle), wholes)
+    return Posterior(sets, equivalence_classes(sets, linear, vehicle), checks_between(sets, vehicle), wholes)
 
 
-def first_contenders(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
+def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
     """Sets to linearise anew, of those scored, the likeliest first: the best, the best without each of its members, the
     plainest, and of the best and these those with lags and delays, or with what moves in the air, in each other's
     place; one effect for its parts.
@@ -206,16 +215,16 @@ def first_contenders(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
         if s.keys and len(found) < CONTENDERS:
             found.setdefault(large, s.keys)
     alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
-    by_prior = sorted(ranked, key=lambda s: -hunt.straight(s.log_probability, s.prior))
+    by_prior = sorted(ranked, key=lambda s: -with_fit_discounted(s.log_probability, s.prior))
     plain = [s.keys for s in by_prior if s.log_probability > best - FAR_BEHIND][:PLAINEST]
-    late = exchanged(ranked[0].keys, of_time(columns), columns)
-    aired = [k for s in (ranked[0].keys, *plain) for k in exchanged(s, _in_moving_air(columns), columns)]
-    near = [keys for keys in aired if linear(keys).log_probability > best - FAR_BEHIND]
-    whole = as_one(ranked[0].keys, columns)
-    return [keys for keys in dict.fromkeys([*found.values(), *alternatives, *plain, *late, *near, *whole]) if keys]
+    late = exchanges(ranked[0].keys, lags_and_delays(columns), columns)
+    aired = [k for s in (ranked[0].keys, *plain) for k in exchanges(s, _in_moving_air(columns), columns)]
+    in_air = [keys for keys in aired if linear(keys).log_probability > best - FAR_BEHIND]
+    whole = with_compounds(ranked[0].keys, columns)
+    return [keys for keys in dict.fromkeys([*found.values(), *alternatives, *plain, *late, *in_air, *whole]) if keys]
 
 
-def as_one(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
+def with_compounds(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
     """The sets with one effect in the place of its parts and of what looks like it (a payload for a mass and a centre
     of mass): products of parameters, which straight lines do not show.
     """  # noqa: D205
@@ -229,43 +238,41 @@ def as_one(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
     return out
 
 
-def stand_ins(scorer: Scorer, heaviest: Contender) -> list[Keys]:
+def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
     """The sets with another candidate in the place of one that is named, if they are about as likely, the likeliest
     first: what the heaviest set is weighed against must have been linearised as it was.
     """  # noqa: D205
     columns, keys = scorer.spectrum.columns, heaviest.keys
     named = {n for leaf, _ in heaviest.leaves for n in leaf.names}
     fixed = [k for k in keys if not named & set(columns[k].names)]
-    others = [k for k in columns if k not in of_time(columns)]
-    swapped = [s for s in exchanged(keys, others, columns) if set(fixed) <= set(s)]
+    others = [k for k in columns if k not in lags_and_delays(columns)]
+    swapped = [s for s in exchanges(keys, others, columns) if set(fixed) <= set(s)]
     close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - ALIKE]
     return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[:CONTENDERS]]
 
 
-def alike_without_the_idle(scorer: Scorer, whole: Contender) -> tuple[tuple[Contender, float], ...]:
+def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:
     """What remains of a set, where something idle was taken out shared with what does the same by itself: an idle
     member's fit (a delay of turbulence) is no reason for one name rather than another. Not where the straight lines of
     `scorer` miss what remains, so that they say nothing of what does the same (a payload behind a lag, linearised
     where it weighed nothing).
     """  # noqa: D205
     columns = scorer.spectrum.columns
-    others = [k for k in columns if k not in of_time(columns)]
-    out: list[tuple[Contender, float]] = []
+    others = [k for k in columns if k not in lags_and_delays(columns)]
+    out: list[tuple[ScoredSet, float]] = []
     for leaf, part in whole.leaves:
         alike = [leaf]
         straight = scorer(leaf.keys).log_probability
         if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - BEHIND:
             least = straight - ALIKE
-            likely = [k for k in exchanged(leaf.keys, others, columns) if scorer(k).log_probability > least]
-            found = [c for c in (contender(scorer, k) for k in likely) if all(p.named for p in c.parts)]
-            alike += [c for c in found if same(leaf, c, scorer)]
-        log = np.array([scorer(c.keys).log_probability for c in alike])
-        share = np.exp(log - log.max())
-        out += zip(alike, (part * share / share.sum()).tolist(), strict=True)
+            likely = [k for k in exchanges(leaf.keys, others, columns) if scorer(k).log_probability > least]
+            found = [c for c in (scored_set(scorer, k) for k in likely) if all(p.named for p in c.parts)]
+            alike += [c for c in found if predict_the_same(leaf, c, scorer)]
+        out += zip(alike, [part * share for share in shares(scorer, [c.keys for c in alike])], strict=True)
     return tuple(out)
 
 
-def exchanged(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:
+def exchanges(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:
     """The sets with another of these candidates in the place of one."""
     out = []
     for gone in set(alike) & set(keys):
@@ -283,11 +290,11 @@ def _size(linear: Scorer, theta: dict[str, Array], key: str) -> float:
     return float(max(abs(theta[key]) / linear.spectrum.columns[key].scale))
 
 
-def candidates(
+def sets_to_weigh(
     scored: Sequence[tuple[Scored, Scorer]],
-    anew: dict[Keys, Contender | None],
+    anew: dict[Keys, ScoredSet | None],
     bends: Mapping[str, Array] | None = None,
-) -> list[Contender]:
+) -> list[ScoredSet]:
     """The sets to weigh: those linearised anew, and of those scored the likeliest as they are, each once."""
     again = [c for c in anew.values() if c is not None]
     best = max((c.scored.log_probability for c in again), default=-1e300)
@@ -297,4 +304,4 @@ def candidates(
             first.setdefault(s.keys, (s, by))
     others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[:KEPT]
     likely = [(s, by) for s, by in others if s.log_probability > best - BEHIND or not again]
-    return [*again, *(contender(by, s.keys, bends=bends) for s, by in likely)]
+    return [*again, *(scored_set(by, s.keys, bends=bends) for s, by in likely)]

@@ -37,8 +37,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import by_threads
-from wrenchgap.learn.posterior import compiled
+from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import complexity
+from wrenchgap.learn.posterior.linear_problem import LinearProblem, quadratic
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Keys = tuple[str, ...]
@@ -62,7 +63,8 @@ class Scored:
     `theta` by column; `left` (bands, axes) are mean squares, `inexact` those that laws may be off by at most, `doubt`
     the share of that (of its root; of `DOUBTS`) which counts, `variance` that which is modelled of both.
     `log_probability` in all; `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the
-    stacked quantities of the spectrum to give what the set leaves.
+    stacked quantities of the problem to give what the set leaves; `sizes` (P,) are those of the priors of its unknowns,
+    parameters first.
     """
 
     keys: Keys
@@ -74,6 +76,7 @@ class Scored:
     log_probability: float
     prior: float
     weights: Array
+    sizes: Array
 
 
 class Scorer:
@@ -85,6 +88,7 @@ class Scorer:
         above = 1.0 - spectrum.sensor / np.maximum(reference, spectrum.sensor)
         shown = np.minimum(1.0, SHOWN * spectrum.blocks / np.maximum(spectrum.count, 1.0))
         self.count = spectrum.count * (1.0 - above + above * shown)
+        self.share = self.count / np.maximum(spectrum.count, 1.0)
         self.variance = self.pooled(reference)
         self.known: dict[Keys, Scored] = {}
         self._kinds: dict[str, int] = {}
@@ -95,8 +99,10 @@ class Scorer:
         return np.asarray((self.count * (left + space.leak) + NU * space.sensor) / (self.count + NU))
 
     def weighed(self, variance: Array) -> Array:
-        """Products (Q, Q) of all quantities over the variance (bands, axes) of the noise."""
-        return np.asarray(np.tensordot(self.count / variance, self.spectrum.products, axes=([0, 1], [0, 1])))
+        """Products (Q, Q) of all quantities over the variance (bands, axes) of the noise, trims eliminated."""
+        trims = self.spectrum.trims
+        whole = np.tensordot(self.count / variance, self.spectrum.products, axes=([0, 1], [0, 1]))
+        return trims.eliminated_from(whole, (self.share / variance)[0, trims.axes], trims.scale)
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
@@ -105,72 +111,109 @@ class Scorer:
                 self._kinds[k] = complexity(self.spectrum.columns[k].names)
         return -PRICE * sum(self._kinds[k] for k in keys)
 
-    def __call__(self, keys: Sequence[str], rounds: int = ROUNDS) -> Scored:
+    def __call__(self, keys: Sequence[str]) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
         keys = tuple(sorted(keys))
         if keys not in self.known:
-            self.known[keys] = self._scored(keys, rounds)
+            self.known[keys] = self._scored(keys)
         return self.known[keys]
 
     def many(self, sets: Iterable[Keys], jobs: int = 1) -> None:
         """Score all of these sets, by `jobs` threads."""
         new = [k for k in dict.fromkeys(tuple(sorted(k)) for k in sets) if k not in self.known]
-        self.known.update(zip(new, by_threads(lambda k: self._scored(k, ROUNDS), new, jobs), strict=True))
+        self.known.update(zip(new, by_threads(self._scored, new, jobs), strict=True))
 
-    def _scored(self, keys: Keys, rounds: int) -> Scored:
-        space = self.spectrum
-        unknown = np.concatenate([*(space.parameters[k] for k in keys), space.always])
-        fixed = np.array([0, *(space.offset[k] for k in keys)])
-        every = np.concatenate((unknown, fixed))
-        size = len(unknown)
-        weights = np.concatenate((np.zeros(size), [1.0], -np.ones(len(keys))))
-        start = [space.columns[k].theta for k in keys]
-        theta = np.concatenate([*start, np.zeros(len(space.always))])
-        low, high, sparse = space.low[unknown], space.high[unknown], space.sparse[unknown]
-        scale = space.scale[unknown]
-        owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
-        members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        products = Products(space.products, every, members, [space.columns[k].accuracy for k in keys])
-        best: tuple[float, float, Array, Array, Array, Array, float] | None = None
+    def _scored(self, keys: Keys) -> Scored:
+        own = SetRows(self.spectrum, keys)
+        theta, sizes, trims = own.start, own.typical, np.zeros(own.trims.squares.shape)
+        best: Scored | None = None
         for doubt in DOUBTS:
-            last = -np.inf
-            for _ in range(rounds):
-                weights[:size] = -theta
-                left, inexact = products.mean_squares(weights)
-                variance = self.pooled(left + doubt**2 * inexact)
-                value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
-                if abs(value - last) < 0.05:
-                    break
-                last = value
-                whole = products.weighed(self.count / variance)
-                A, b = np.ascontiguousarray(whole[:size, :size]), whole[:size, size:] @ weights[size:]
-                scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
-                theta = compiled.bounded(A, b, low, high, scale)
-            weights[:size] = -theta
-            left, inexact = products.mean_squares(weights)
-            variance = self.pooled(left + doubt**2 * inexact)
-            likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
-            prior = compiled.occam(A, theta, scale) + self.prior_of(keys)
-            if best is None or likelihood + prior > best[0]:
-                best = likelihood + prior, prior, theta.copy(), left, inexact, variance, doubt
-            if not np.any(inexact):
+            found, theta, trims = self._at(own, doubt, theta, sizes, trims)
+            sizes = found.sizes
+            if best is None or found.log_probability > best.log_probability:
+                best = found
+            if not np.any(found.inexact):
                 break
         assert best is not None
-        total, prior, theta, left, inexact, variance, doubt = best
-        weights[:size] = -theta
-        spread = np.zeros(space.low.size)
-        spread[every] = weights
-        values = {k: theta[m[:-1]] for k, m in zip(keys, members, strict=True)}
-        return Scored(keys, values, left, inexact, doubt, variance, total, prior, spread)
+        return best
+
+    def _at(self, own: SetRows, doubt: float, theta: Array, sizes: Array, trim: Array) -> tuple[Scored, Array, Array]:
+        """The set where a share `doubt` of what its laws may be off by counts, with its unknowns and trims: noise and
+        parameters in turn, from these values.
+        """  # noqa: D205
+        trims, size, last = own.trims, len(theta), -np.inf
+        for _ in range(ROUNDS):
+            left, inexact = own.mean_squares(theta, trim)
+            variance = self.pooled(left + doubt**2 * inexact)
+            fitted = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+            value = fitted - 0.5 * float(np.sum((theta / sizes) ** 2) + np.sum((trim / trims.scale) ** 2))
+            if abs(value - last) < 0.05:
+                break
+            last = value
+            g = (self.share / variance)[0, trims.axes]
+            whole = own.weighed(self.count / variance, g)
+            A, b = np.ascontiguousarray(whole[:size, :size]), whole[:size, size:] @ own.fixed
+            sizes = kernels.relevant(A, b, own.low, own.high, sizes, own.sparse, own.typical)
+            theta = kernels.bounded(A, b, own.low, own.high, sizes)
+            trim = trims.likeliest(g, own.weights(theta), trims.scale)
+        left, inexact = own.mean_squares(theta, trim)
+        variance = self.pooled(left + doubt**2 * inexact)
+        likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+        width = kernels.occam(A, theta, sizes) + trims.occam(g, trims.scale)
+        prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys)
+        weights = np.zeros(self.spectrum.scale.size)
+        weights[own.every] = own.weights(theta)
+        total, by_column = likelihood + prior, own.by_column(theta)
+        found = Scored(own.keys, by_column, left, inexact, doubt, variance, total, prior, weights, sizes)
+        return found, theta, trim
 
     def by_block(self, scored: Scored) -> Array:
         """What each block of time (blocks,) contributes to the log likelihood."""
         space = self.spectrum
         off = scored.doubt**2 * scored.inexact + space.leak
         left = space.combined(scored.weights) ** 2 + off[space.band]
-        share = (self.count / np.maximum(space.count, 1.0))[space.band]
-        variance = scored.variance[space.band]
+        share, variance = self.share[space.band], scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
+
+
+class SetRows:
+    """What a score needs of one set: its quantities out of those of the problem, unknowns before what is fixed.
+
+    `every` (R,) are rows of the problem's quantities; of the unknowns `start` (P,) is where the set was linearised,
+    `typical`, `low`, `high` and `sparse` (P,) are theirs.
+    """
+
+    def __init__(self, space: LinearProblem, keys: Keys) -> None:
+        self.keys = keys
+        unknown = np.concatenate([*(space.parameters[k] for k in keys), space.always]).astype(np.intp)
+        self.every = np.concatenate((unknown, [0], [space.offset[k] for k in keys])).astype(np.intp)
+        size = len(unknown)
+        owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
+        self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
+        self.products = Products(space.products, self.every, self.members, [space.columns[k].accuracy for k in keys])
+        self.trims, self.count = space.trims.of(self.every), space.count
+        self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
+        self.start = np.concatenate([*(space.columns[k].theta for k in keys), np.zeros(len(space.always))])
+        self.typical, self.sparse = space.scale[unknown], space.sparse[unknown]
+        self.low, self.high = space.low[unknown], space.high[unknown]
+
+    def weights(self, theta: Array) -> Array:
+        """Of the quantities (R,)."""
+        return np.concatenate((-theta, self.fixed))
+
+    def mean_squares(self, theta: Array, trim: Array) -> tuple[Array, Array]:
+        """`Products.mean_squares`, with trims (F, A) of the flights."""
+        weights = self.weights(theta)
+        left, inexact = self.products.mean_squares(weights)
+        return np.maximum(self.trims.added_to(left, trim, weights, self.count), 0.0), inexact
+
+    def weighed(self, count: Array, g: Array) -> Array:
+        """Products (R, R), mean ones weighed by `count` (bands, L), trims at precisions `g` (A,) eliminated."""
+        return self.trims.eliminated_from(self.products.weighed(count), g, self.trims.scale)
+
+    def by_column(self, theta: Array) -> dict[str, Array]:
+        """Parameters by key."""
+        return {k: theta[m[:-1]] for k, m in zip(self.keys, self.members, strict=True)}
 
 
 class Products:
@@ -222,72 +265,3 @@ def _pairs(size: int) -> _Pairs:
     place = np.empty((size, size), dtype=np.intp)
     place[one, other] = place[other, one] = np.arange(len(one))
     return _Pairs(one, other, np.where(one == other, 1.0, 2.0), place)
-
-
-def quadratic(products: Array, weights: Array) -> Array:
-    """The form w' P w (bands, axes) of products P (bands, axes, Q, Q) and weights (Q,). What numpy's indexing
-    of the last two axes returns lies in memory with them in front; so it is read in that order.
-    """  # noqa: D205
-    inner = np.ascontiguousarray(products.transpose(2, 3, 0, 1))
-    once = weights @ inner.reshape(len(weights), -1)
-    return np.asarray(weights @ once.reshape(len(weights), -1)).reshape(products.shape[:2])
-
-
-def relevant(
-    A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Array, typical: Array, rounds: int = 8
-) -> Array:
-    """The prior's sizes; of sparse parameters those that the evidence makes likely (`learn.identify.fit`)."""
-    if not sparse.any():
-        return scale
-    for _ in range(rounds):
-        posterior = np.linalg.inv(A + np.diag(scale**-2.0))
-        theta = np.clip(posterior @ b, low, high)
-        size = np.maximum(np.sqrt(theta**2 + np.diag(posterior)), 1e-2 * typical)
-        changed = np.where(sparse, size, scale)
-        done = np.max(np.abs(np.log(changed / scale))) < 0.1
-        scale = changed
-        if done:
-            break
-    return scale
-
-
-def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array, rounds: int = 40) -> Array:
-    """Where 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 is least within the bounds: an active-set method.
-
-    Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
-    """
-    size = len(scale)
-    H, g, lower, upper = A * np.outer(scale, scale) + np.eye(size), b * scale, low / scale, high / scale
-    x, free = np.zeros(size), np.ones(size, dtype=bool)
-    for _ in range(rounds):
-        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
-        new = x.copy()
-        new[inner] = np.linalg.solve(H[np.ix_(inner, inner)], g[inner] - H[np.ix_(inner, outer)] @ x[outer])
-        crossed = free & ((new < lower - 1e-12) | (new > upper + 1e-12))
-        if crossed.any():
-            x, free = np.clip(new, lower, upper), free & ~crossed
-            continue
-        x = new
-        push = g - H @ x
-        back = ~free & (((x <= lower) & (push > 1e-9)) | ((x >= upper) & (push < -1e-9)))
-        if not back.any():
-            break
-        free[np.argmax(np.where(back, np.abs(push), 0.0))] = True
-    return np.asarray(np.clip(x, lower, upper) * scale)
-
-
-def saturated(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
-    """What everything at once leaves, where the noise's spectrum starts: mean squares (bands, axes), and the weights
-    (Q,) of the stacked quantities that leave it.
-    """  # noqa: D205
-    unknown = np.concatenate([*spectrum.parameters.values(), spectrum.always])
-    left = spectrum.products[:, :, 0, 0]
-    weights = np.zeros(spectrum.low.size)
-    weights[0] = 1.0
-    for _ in range(rounds):
-        variance = np.maximum(left, spectrum.sensor)
-        whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
-        narrow = np.diag((0.5 * spectrum.scale[unknown]) ** -2.0)
-        weights[unknown] = -np.linalg.solve(whole[np.ix_(unknown, unknown)] + narrow, whole[unknown, 0])
-        left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return left, weights

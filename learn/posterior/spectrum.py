@@ -24,6 +24,7 @@ from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanne
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.linear_problem import LinearProblem
 
 SECONDS = 2.5
 """Length of the blocks [s]."""
@@ -42,12 +43,11 @@ FAR_LOUDER = 5.0
 """Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
 
-class Spectrum:
+class Spectrum(LinearProblem):
     """Products of everything linear, by band and axis.
 
-    The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
-    always there: what the model's own effects may be off by (`known`), biases and trims of flights
-    (`learn.identify.bias_and_trim`). On the axes where commands answer the motion it is of all of them what free
+    Always there are biases and trims of flights (`learn.identify.bias_and_trim`), and what the model's own effects may
+    be off by (`known`). On the axes where commands answer the motion it is of all of them what free
     responses to all commands leave (`learn.data.feedback_regressors`). `products` (bands, axes, Q, Q) are means over
     coefficients. `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one;
     `blocks` of time. `leak` (bands, axes) is the mean square below which nothing is told by what is left on an axis:
@@ -57,28 +57,13 @@ class Spectrum:
     def __init__(
         self, data: Dataset, base: Array, columns: Sequence[Column], trim: Trim, known: Sequence[Column] = ()
     ) -> None:
-        self.axes = np.flatnonzero(data.measured_axes)
-        self.columns = {c.key: c for c in columns}
         flights = int(data.flight.max()) + 1
-        bias = trim.columns(data)
-        stacked, at = [base[:, :, None]], 1
-        self.parameters: dict[str, NDArray[np.intp]] = {}
-        self.offset: dict[str, int] = {}
-        for c in columns:
-            size = len(c.theta)
-            self.parameters[c.key], self.offset[c.key] = np.arange(at, at + size), at + size
-            stacked += [c.jacobian, c.offset[:, :, None]]
-            at += size + 1
-        stacked += [bias, *(c.jacobian for c in known)]
-        nothing, one = np.zeros(1), np.ones(1)
         limit = np.concatenate((np.tile(trim.limit, flights), *(c.high for c in known)))
-        self.always = np.arange(at, at + limit.size)
-        self.low = np.concatenate([nothing, *(x for c in columns for x in (c.low, nothing)), -limit])
-        self.high = np.concatenate([nothing, *(x for c in columns for x in (c.high, nothing)), limit])
-        always = np.concatenate((np.tile(trim.scale, flights), *(c.scale for c in known)))
-        self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), always])
-        sparse = [np.zeros(1, bool), *(x for c in columns for x in (c.sparse, np.zeros(1, bool)))]
-        self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])
+        size = np.concatenate((np.tile(trim.scale, flights), *(c.scale for c in known)))
+        super().__init__(columns, -limit, limit, size)
+        self.axes = np.flatnonzero(data.measured_axes)
+        lines = [part for c in columns for part in (c.jacobian, c.offset[:, :, None])]
+        stacked = [base[:, :, None], *lines, trim.columns(data), *(c.jacobian for c in known)]
         self.coefficients, self.block, hertz = side_by_side(data.records, stacked, self.axes)
         self.hertz = hertz
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
@@ -165,7 +150,7 @@ class Spectrum:
             let_go(rows)
         return out.T
 
-    def loud(self, left: Array) -> Array:
+    def block_weights(self, left: Array) -> Array:
         """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
         hand, a gust.
         """  # noqa: D205
@@ -174,7 +159,7 @@ class Spectrum:
         size /= np.bincount(self.block)
         return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
 
-    def calm(self, factors: Array) -> None:
+    def down_weight(self, factors: Array) -> None:
         """Multiply the blocks of time by these factors (blocks,)."""
         self.factors = factors
         if np.any(factors < 1.0):

@@ -10,8 +10,8 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
-from wrenchgap.learn.posterior.evidence import Evidence, unpacked
-from wrenchgap.learn.posterior.fleet import Ranking, ranking
+from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
+from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.batch.store import Store

@@ -28,7 +28,7 @@ from wrenchgap._escaping import storable
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.budget import default_memory
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.posterior.evidence import unpacked
+from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.replay.batch.sources import opened, reached
 from wrenchgap.replay.present.stored_fit import from_fit_json
 

@@ -20,7 +20,7 @@ from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
 from wrenchgap.learn.identify.trend import flight_values, followed_flight
-from wrenchgap.learn.posterior.evidence import evidence, packed
+from wrenchgap.learn.posterior.flight_evidence import evidence, packed
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay import api, between_flights

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.posterior.fleet import RankedSet, Ranking
+from wrenchgap.learn.posterior.fleet_ranking import RankedSet, Ranking
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Batch
 from wrenchgap.replay.batch.fleet import FleetRanking

@@ -10,7 +10,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
-from wrenchgap.learn.posterior.table import Candidate
+from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style

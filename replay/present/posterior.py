@@ -10,10 +10,10 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, GRAVITY
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.identify.fit import Fit
-from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.explain import Explanation
-from wrenchgap.learn.posterior.open_bands import OpenBand
-from wrenchgap.learn.posterior.settle import Check
+from wrenchgap.learn.posterior.unexplained_bands import OpenBand
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -42,7 +42,7 @@ def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
     ]
 
 
-def class_in_words(one: Class, most: int = 5) -> str:
+def class_in_words(one: EquivalenceClass, most: int = 5) -> str:
     """The heaviest sets of a class with their weights, and on what all of them agree."""
     shown = [s for s in one.sets[:most] if s.weight >= LIGHT or s is one.sets[0]]
     listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
@@ -52,12 +52,12 @@ def class_in_words(one: Class, most: int = 5) -> str:
     return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
 
 
-def classes_in_words(classes: Sequence[Class], most: int = 3) -> list[str]:
+def classes_in_words(classes: Sequence[EquivalenceClass], most: int = 3) -> list[str]:
     """The heaviest classes, a sentence each."""
     return [class_in_words(c) for c in classes[:most] if c.weight >= LIGHT]
 
 
-def class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
+def class_json(one: EquivalenceClass, vehicle: Vehicle) -> dict[str, Any]:
     """One entry of `classes`."""
     return {
         "weight": one.weight,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.learn.posterior.classes import NamedSet
+from wrenchgap.learn.posterior.equivalence_classes import NamedSet
 from wrenchgap.replay.present.numbers import quantity, share
 
 SURE = 0.9

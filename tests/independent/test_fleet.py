@@ -7,8 +7,8 @@ import pytest
 
 import wrenchgap as wg
 from benchmarks.hidden_effects.engine import fly
-from wrenchgap.learn.posterior.evidence import evidence
-from wrenchgap.learn.posterior.fleet import ranking
+from wrenchgap.learn.posterior.fleet_ranking import ranking
+from wrenchgap.learn.posterior.flight_evidence import evidence
 
 MODEL = wg.load_model("tilt_hexarotor")
 NAMES = ("com_offset", "mass", "thrust_scale", "servo_lag", "motor_lag", "body_drag", "constant_wrench", "rotor_thrust")

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.learn.changed.beside import beside, changed_model
 from wrenchgap.learn.changed.changed import Baseline, Verdict, changed
 from wrenchgap.learn.changed.changed import _verdict as verdict_of
 from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import MOST, damaged, read
+from wrenchgap.learn.changed.relinearise import changed_model, relinearised
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
 from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
@@ -190,7 +190,7 @@ def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
 def test_changes_are_exact_where_they_are_linearised(pool):
     """All of them together, and the larger one without the other, are what the model with them predicts."""
     changes = {"com_offset": np.array([0.012, 0.0, 0.0]), "thrust_scale": np.array([-0.01])}
-    there = beside(pool, [3], changes, {})
+    there = relinearised(pool, [3], changes, {})
     rows = there.rows([3])
     assert np.array_equal(there.laws[0].bent.jacobian[~rows], pool.laws[0].bent.jacobian[~rows])
     added = {o.name: o.bent.offset + o.bent.jacobian @ changes[o.name] for o in there.laws if o.name in changes}
@@ -204,7 +204,7 @@ def test_changes_are_exact_where_they_are_linearised(pool):
 def test_other_effects_are_linearised_at_their_points_beside_what_changed(pool):
     """A lag of 30 ms of rotors that push a tenth less is exact, by itself, on top of that."""
     changes, points = {"thrust_scale": np.array([-0.1])}, {"servo_lag": np.array([0.03])}
-    mine = beside(pool, [3], changes, points).only([3])
+    mine = relinearised(pool, [3], changes, points).only([3])
     lag = next(o for o in mine.laws if o.name == "servo_lag")
     healthy, late_too = ({**changes, "servo_lag": x} for x in (np.zeros(1), points["servo_lag"]))
     weak, both = (left_by(mine.data, changed_model(pool, c)) for c in (healthy, late_too))

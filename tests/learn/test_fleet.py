@@ -10,13 +10,15 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.posterior.evidence import declared, evidence, evidence_of, packed, unpacked
-from wrenchgap.learn.posterior.fleet import by_flight, ranking, searched, shared
-from wrenchgap.learn.posterior.merging import FleetSpectrum
-from wrenchgap.learn.posterior.sets import ordered
-from wrenchgap.learn.posterior.sets import searched as searched_jointly
-from wrenchgap.learn.posterior.table import ground
-from wrenchgap.learn.posterior.together import spectrum_of
+from wrenchgap.learn.posterior.fleet_ranking import common_candidates, ranking, searched
+from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum
+from wrenchgap.learn.posterior.flight_evidence import declared, evidence, evidence_of, packed, unpacked
+from wrenchgap.learn.posterior.held_out_flights import FittedSet, by_flight
+from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.score import Scorer
+from wrenchgap.learn.posterior.single_effects import model_residual
+from wrenchgap.learn.posterior.subset_search import ordered
+from wrenchgap.learn.posterior.subset_search import searched as searched_jointly
 
 NAMES = ("com_offset", "mass", "thrust_scale", "motor_lag", "rotor_thrust", "body_drag", "wind", "accelerometer_bias")
 COUNT = 4
@@ -50,14 +52,14 @@ def joint(flights, model, parts):
     """The spectrum of all flights at once, with the same columns."""
     assert all(not one.answering and not one.calmed for one in parts)
     data = dataset([r for one in flights for r in one.records], model)
-    keys, _, _ = shared(parts)
+    keys, _, _ = common_candidates(parts)
     columns = [c for c in declared(data, model, NAMES) if c.key in keys]
-    return searched_jointly(spectrum_of(ground(data, model), columns))
+    return searched_jointly(spectrum_of(model_residual(data, model), columns), Scorer)
 
 
 @pytest.fixture(scope="module")
 def merged(parts):
-    keys, axes, _ = shared(parts)
+    keys, axes, _ = common_candidates(parts)
     return searched(FleetSpectrum(parts, keys, axes))
 
 
@@ -80,7 +82,7 @@ def test_noise_counts_and_what_leaks_add_up(joint, merged):
 
 
 def test_the_order_of_merging_changes_digits_only(parts, merged):
-    keys, axes, _ = shared(parts)
+    keys, axes, _ = common_candidates(parts)
     backwards = searched(FleetSpectrum(parts[::-1], keys, axes))
     for a, b in zip(ordered(merged)[:10], ordered(backwards)[:10], strict=True):
         assert a.keys == b.keys
@@ -149,24 +151,25 @@ def test_damaged_evidence_is_refused_and_not_unfolded_without_end(parts):
 def test_a_held_out_flight_is_predicted_by_the_fit_of_the_others(parts, merged):
     """theta without a flight: its subtraction against merging all others, at the same noise and prior's sizes."""
     best = next(s for s in ordered(merged) if s.keys)
-    whole = by_flight(merged, [best], parts, held_out=True)[1][0]
-    problem = merged.problem(best)
-    keys, axes, _ = shared(parts)
+    whole = by_flight(merged, merged.spectrum, [best], parts, held_out=True)[1][0]
+    fitted = FittedSet(merged, best)
+    keys, axes, _ = common_candidates(parts)
     for f in range(COUNT):
         rest = [p for k, p in enumerate(parts) if k != f]
         others = FleetSpectrum(rest, keys, axes)
-        g, rows = problem.g, problem.rows
+        g, rows = fitted.g, fitted.rows.every
         products = others.products[:, :, rows[:, None], rows] * others.count[:, :, None, None]
-        A = np.tensordot(g, products, axes=([0, 1], [0, 1]))
         trims = others.trims.of(rows)
-        A -= trims.eliminated(g[0, trims.axes], trims.scale)
-        n = len(problem.scale)
-        theta = np.linalg.solve(A[:n, :n] + np.diag(problem.scale**-2.0), A[:n, n:] @ problem.weights[n:])
-        moved = np.concatenate((-theta, problem.weights[n:]))
+        A = np.tensordot(g, products, axes=([0, 1], [0, 1]))
+        A = trims.eliminated_from(A, g[0, trims.axes], trims.scale)
+        n = len(fitted.sizes)
+        theta = np.linalg.solve(A[:n, :n] + np.diag(fitted.sizes**-2.0), A[:n, n:] @ fitted.weights[n:])
+        moved = np.concatenate((-theta, fitted.weights[n:]))
         own = FleetSpectrum([parts[f]], keys, axes)
         sums = own.products[:, :, rows[:, None], rows] * own.count[:, :, None, None]
-        left = merged.left_of(sums, f, problem, moved)
-        value = -0.5 * np.sum(g * (left + problem.off * own.count) + merged.share * own.count * problem.log)
+        left = fitted.left(sums, f, moved)
+        log_variance = merged.share * own.count * np.log(best.variance)
+        value = -0.5 * np.sum(g * (left + fitted.off * own.count) + log_variance)
         assert whole[f] == pytest.approx(value, rel=1e-6)
 
 
@@ -226,7 +229,7 @@ def test_flights_lacking_a_candidate_leave_it_out_of_the_ranking(flights, model,
     few = evidence_of(
         dataset(flights[0].records, model), model, declared(dataset(flights[0].records, model), model, NAMES[:3])
     )
-    keys, _, left_out = shared([few, *parts[1:]])
+    keys, _, left_out = common_candidates([few, *parts[1:]])
     assert set(keys) == set(NAMES[:3])
     assert "motor_lag" in left_out
 

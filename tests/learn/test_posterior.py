@@ -16,28 +16,27 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.fit import fit
-from wrenchgap.learn.posterior.anew import near
-from wrenchgap.learn.posterior.classes import NamedSet, merged
-from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused
+from wrenchgap.learn.posterior.columns import Column, compatible, compatible_with, complexity, confused
 from wrenchgap.learn.posterior.columns import column as linearised_column
-from wrenchgap.learn.posterior.compiled import occam
+from wrenchgap.learn.posterior.equivalence_classes import NamedSet, merged_by_names
 from wrenchgap.learn.posterior.explain import search_dataset
-from wrenchgap.learn.posterior.hunt import straight
+from wrenchgap.learn.posterior.kernels import bounded, occam
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
 from wrenchgap.learn.posterior.posterior import (
     FIRM,
     SUREST,
     Posterior,
-    alike_without_the_idle,
-    as_one,
-    exchanged,
-    stand_ins,
+    equivalents_without_idle,
+    exchanges,
+    substitutes,
+    with_compounds,
 )
-from wrenchgap.learn.posterior.score import Scorer, bounded
-from wrenchgap.learn.posterior.sets import Part, at_limit, contender, weights
+from wrenchgap.learn.posterior.relinearisation import column_beside, columns_hold
+from wrenchgap.learn.posterior.score import Scorer
+from wrenchgap.learn.posterior.scored_sets import Part, at_limit, scored_set, weights
+from wrenchgap.learn.posterior.single_effects import model_residual
 from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
-from wrenchgap.learn.posterior.table import ground
-from wrenchgap.learn.posterior.together import alongside
+from wrenchgap.learn.posterior.subset_search import with_fit_discounted
 from wrenchgap.plant.model import make_effect
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
@@ -96,13 +95,13 @@ def test_what_does_the_same_beside_a_lag_is_weighed_beside_that_lag(made):
     shapes = {"mass": push, "thrust_scale": push, "motor_lag": lag, "tether": other, "inertia": on_axis(4, other[:, 2])}
     space = made.spectrum(shapes, 30.0 * made.data.noise[2] * (push + lag) + made.noise)
     scorer = Scorer(space, space.sensor)
-    heaviest = contender(scorer, ("mass", "motor_lag"))
+    heaviest = scored_set(scorer, ("mass", "motor_lag"))
     assert set(heaviest.names) == {"mass", "motor_lag"}
-    assert stand_ins(scorer, heaviest) == [("motor_lag", "thrust_scale")]
-    assert near(("motor_lag", "thrust_scale"), heaviest.keys)
-    assert not near(("thrust_scale",), heaviest.keys)
-    assert not near(("mass", "tether"), heaviest.keys)
-    assert near(("motor_lag", "tether"), heaviest.keys)  # all were linearised behind the lag
+    assert substitutes(scorer, heaviest) == [("motor_lag", "thrust_scale")]
+    assert columns_hold(("motor_lag", "thrust_scale"), heaviest.keys)
+    assert not columns_hold(("thrust_scale",), heaviest.keys)
+    assert not columns_hold(("mass", "tether"), heaviest.keys)
+    assert columns_hold(("motor_lag", "tether"), heaviest.keys)  # all were linearised behind the lag
 
 
 def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
@@ -114,11 +113,11 @@ def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
     flown = wg.simulate(model, "multi_axis", duration=8, excitation=1, seed=3)
     (record,) = wg.open_flights([flown], model)[0].records
     data = dataset([record], model)
-    on = ground(data, model)
+    on = model_residual(data, model)
     lag, thrust = (
         linearised_column(data, model, on.left, fit(data, model, (n,)), (n,)) for n in ("motor_lag", "thrust_scale")
     )
-    behind = alongside(on, [lag], [np.array([time_constant])], thrust)
+    behind = column_beside(on, [lag], [np.array([time_constant])], thrust)
     v, u = (c.jacobian[:, 2, 0] for c in (thrust, behind))
     slope = np.gradient(v, record.dt_kept)
     terms = np.stack((v, slope, np.gradient(slope, record.dt_kept)), axis=1)[10:-10]
@@ -126,7 +125,7 @@ def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
     assert found[0] == pytest.approx(1.0, rel=0.01)
     assert found[1] == pytest.approx(-time_constant, rel=0.1)
     assert np.std(u - v) > 0.05 * np.std(v)
-    none = alongside(on, [lag], [np.zeros(1)], thrust)
+    none = column_beside(on, [lag], [np.zeros(1)], thrust)
     np.testing.assert_allclose(none.jacobian, thrust.jacobian, atol=1e-6 * np.max(np.abs(thrust.jacobian)))
 
 
@@ -140,12 +139,12 @@ def test_what_a_member_is_needed_for_is_read_off_the_rest_as_it_is(made):
     )
     scorer = Scorer(space, space.sensor)
     keys = ("motor_lag", "thrust_curve")
-    idle = contender(scorer, keys)
+    idle = scored_set(scorer, keys)
     assert max(p.evidence for p in idle.parts) < 0.01
     assert all(len(leaf.keys) == 1 for leaf, _ in idle.leaves)
     left = idle.left.copy()
     left[2] *= 16.0
-    found = contender(scorer, keys, {("motor_lag",): left})
+    found = scored_set(scorer, keys, {("motor_lag",): left})
     needed = next(p for p in found.parts if p.names == ("thrust_curve",))
     assert needed.evidence == pytest.approx(np.log(4.0), rel=0.02)
     assert [leaf.keys for leaf, _ in found.leaves] == [("thrust_curve",)]
@@ -159,12 +158,12 @@ def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
     shapes = {"mass": push, "thrust_scale": push, "command_delay": trace, "tether": on_axis(2, made.smooth[:, 1])}
     left = 30.0 * made.data.noise[2] * push + 0.3 * made.data.noise[3] * trace + made.noise
     scorer = Scorer(made.spectrum(shapes, left), made.spectrum(shapes, left).sensor)
-    leaves = alike_without_the_idle(scorer, contender(scorer, ("command_delay", "mass")))
+    leaves = equivalents_without_idle(scorer, scored_set(scorer, ("command_delay", "mass")))
     assert {leaf.keys: share for leaf, share in leaves} == {
         ("mass",): pytest.approx(0.5),
         ("thrust_scale",): pytest.approx(0.5),
     }
-    ((leaf, share),) = alike_without_the_idle(scorer, contender(scorer, ("mass",)))
+    ((leaf, share),) = equivalents_without_idle(scorer, scored_set(scorer, ("mass",)))
     assert leaf.keys == ("mass",)
     assert share == 1.0
 
@@ -182,9 +181,9 @@ def test_lines_that_miss_what_remains_put_nothing_in_its_place(made):
             made.spectrum(shapes | {"mass": on_axis(2, made.smooth[:, 1])}, left),
         )
     )
-    whole = contender(there, ("command_delay", "mass"))
+    whole = scored_set(there, ("command_delay", "mass"))
     assert elsewhere(("thrust_scale",)).log_probability > elsewhere(("mass",)).log_probability + 10.0
-    assert [(leaf.keys, share) for leaf, share in alike_without_the_idle(elsewhere, whole)] == [(("mass",), 1.0)]
+    assert [(leaf.keys, share) for leaf, share in equivalents_without_idle(elsewhere, whole)] == [(("mass",), 1.0)]
 
 
 def test_the_size_of_what_is_there_is_found_within_its_noise(made):
@@ -284,11 +283,11 @@ def test_what_may_stand_in_one_set(names, possible):
 
 def test_what_takes_anothers_place_takes_along_what_cannot_stand_beside_it():
     columns = {n: column(n, np.zeros((1, 6, 1))) for n in (*CARRIED, "motor_lag", "command_delay")}
-    assert beside("payload", ("mass", "motor_lag", "com_offset"), columns) == ("motor_lag",)
-    assert as_one(("com_offset", "mass", "motor_lag", "thrust_scale"), columns) == [("motor_lag", "payload")]
-    assert as_one(("motor_lag",), columns) == []
-    assert exchanged(("mass", "motor_lag"), ("motor_lag", "command_delay"), columns) == [("command_delay", "mass")]
-    assert exchanged(("mass", "com_offset"), ("payload", "mass"), columns) == []  # a payload is no part of its parts
+    assert compatible_with("payload", ("mass", "motor_lag", "com_offset"), columns) == ("motor_lag",)
+    assert with_compounds(("com_offset", "mass", "motor_lag", "thrust_scale"), columns) == [("motor_lag", "payload")]
+    assert with_compounds(("motor_lag",), columns) == []
+    assert exchanges(("mass", "motor_lag"), ("motor_lag", "command_delay"), columns) == [("command_delay", "mass")]
+    assert exchanges(("mass", "com_offset"), ("payload", "mass"), columns) == []  # a payload is no part of its parts
     assert set(confused("payload", columns)) <= {"mass", "com_offset", "tether", "thrust_scale"}
 
 
@@ -296,8 +295,8 @@ def test_a_plain_set_is_preferred_where_a_fit_counts_less():
     """Ten log odds of fit more for fifty of prior: better as it stands, worse where bends may have made the fit."""
     plain, rich = (100.0, -10.0), (110.0, -60.0)
     assert rich[0] > plain[0]
-    assert straight(*plain) > straight(*rich)
-    assert straight(7.0, 7.0) == 7.0
+    assert with_fit_discounted(*plain) > with_fit_discounted(*rich)
+    assert with_fit_discounted(7.0, 7.0) == 7.0
 
 
 def test_a_payload_costs_as_much_as_a_mass_and_a_shift():
@@ -328,8 +327,8 @@ def part(*names, size=1.0, evidence=3.0, trust=1.0, stuck=False):
 
 
 def named_set(weight, *parts):
-    contender = SimpleNamespace(parts=parts, names=tuple(n for p in parts if p.named for n in p.names))
-    return NamedSet(contender.names, weight, contender)
+    scored_set = SimpleNamespace(parts=parts, names=tuple(n for p in parts if p.named for n in p.names))
+    return NamedSet(scored_set.names, weight, scored_set)
 
 
 @pytest.mark.parametrize(
@@ -362,13 +361,13 @@ def test_probability_is_the_weight_of_the_sets_that_name_it():
 
 
 def test_sets_with_the_same_names_are_one():
-    def contender(*parts):
+    def scored_set(*parts):
         made = SimpleNamespace(parts=parts, names=tuple(n for p in parts if p.named for n in p.names))
         made.leaves = ((made, 1.0),)
         return made
 
-    same = [contender(part("mass")), contender(part("mass"), part("backlash", size=0.1)), contender()]
-    first, second = merged(same, np.array([0.3, 0.5, 0.2]))
+    same = [scored_set(part("mass")), scored_set(part("mass"), part("backlash", size=0.1)), scored_set()]
+    first, second = merged_by_names(same, np.array([0.3, 0.5, 0.2]))
     assert (first.names, first.weight) == (("mass",), pytest.approx(0.8))
     assert (second.names, second.weight) == ((), pytest.approx(0.2))
 
@@ -376,7 +375,10 @@ def test_sets_with_the_same_names_are_one():
 def test_of_two_effects_that_do_the_same_a_set_with_both_speaks_for_one_or_the_other():
     one, other = (SimpleNamespace(parts=(), names=(n,)) for n in ("thrust_scale", "coaxial_loss"))
     both = SimpleNamespace(leaves=((one, 0.5), (other, 0.5)))
-    assert {(s.names, s.weight) for s in merged([both], np.array([1.0]))} == {(one.names, 0.5), (other.names, 0.5)}
+    assert {(s.names, s.weight) for s in merged_by_names([both], np.array([1.0]))} == {
+        (one.names, 0.5),
+        (other.names, 0.5),
+    }
 
 
 def test_forms_that_do_equally_well_are_no_group():
@@ -422,7 +424,7 @@ def test_members_are_listed_by_what_is_lost_without_them(thin_and_turned, hexaro
     """Their shares against a fit of the rest alone."""
     found, (data, _) = thin_and_turned
     assert [m.share for m in found.members] == sorted((m.share for m in found.members), reverse=True)
-    on = ground(data, hexarotor)
+    on = model_residual(data, hexarotor)
     best = fitted(on, found.effects, near=found.posterior.best.theta(hexarotor))
     for member in found.members[:2]:
         without = fitted(on, [n for n in found.effects if n != member.name], best.fit).left

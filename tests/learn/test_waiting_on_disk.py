@@ -10,11 +10,10 @@ from wrenchgap.flight import memory
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.identify import fit
 from wrenchgap.learn.posterior import columns, spectrum
-from wrenchgap.learn.posterior import table as tables
+from wrenchgap.learn.posterior import single_effects as tables
 from wrenchgap.learn.posterior.explain import search_dataset
-from wrenchgap.learn.posterior.score import saturated
-from wrenchgap.learn.posterior.table import ground, table
-from wrenchgap.learn.posterior.together import spectrum_of, together
+from wrenchgap.learn.posterior.relinearisation import joint_columns, spectrum_of
+from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
 from wrenchgap.plant.wrench_model import WrenchModel
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="madvise is Linux's")
@@ -37,16 +36,16 @@ def large(monkeypatch):
 
 def numbers(space):
     """Products, coefficients and a sum of them, after some blocks were calmed."""
-    weights = saturated(space)[1]
-    space.calm(np.linspace(0.5, 1.0, space.blocks))
+    weights = space.saturated()[1]
+    space.down_weight(np.linspace(0.5, 1.0, space.blocks))
     return space.products, np.array(space.coefficients), space.combined(weights)
 
 
 @pytest.mark.parametrize("answering", [(), (3, 4)])
 def test_spectra_and_columns_on_disk_have_the_same_digits(plain, hexarotor, large, answering):
     def made():
-        on = ground(replace(plain, answering=answering), hexarotor)
-        found = table(on, NAMES, twice=True)
+        on = model_residual(replace(plain, answering=answering), hexarotor)
+        found = single_effects(on, NAMES, twice=True)
         starts = {names: derivative for names, (_, _, derivative) in on.data.starts.items()}
         return found, starts, spectrum_of(on, found.columns)
 
@@ -81,12 +80,12 @@ def test_a_search_on_disk_gives_the_same_answer(plain, hexarotor, large):
 
 def test_a_set_is_linearised_anew_from_columns_without_samples(plain, hexarotor):
     """Which of them bends most is all that is asked of their offsets."""
-    on = ground(replace(plain), hexarotor)
-    members = table(on, ("mass", "servo_lag")).columns
+    on = model_residual(replace(plain), hexarotor)
+    members = single_effects(on, ("mass", "servo_lag")).columns
     theta = [c.theta for c in members]
-    bare = [c.bare() for c in members]
+    bare = [c.without_samples() for c in members]
     assert all(c.jacobian.size == 0 and c.offset.shape == (1, 6) for c in bare)
-    for one, two in zip(together(on, members, theta), together(on, bare, theta), strict=True):
+    for one, two in zip(joint_columns(on, members, theta), joint_columns(on, bare, theta), strict=True):
         np.testing.assert_array_equal(one.jacobian, two.jacobian)
         np.testing.assert_array_equal(one.offset, two.offset)
 

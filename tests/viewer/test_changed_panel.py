@@ -8,7 +8,7 @@ from wrenchgap.learn.changed.by_flight import FlightRow
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.learn.posterior.classes import Class, NamedSet
+from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass, NamedSet
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.panels.changed import ChangedPanel, labels
 from wrenchgap.viewer import markup
@@ -29,7 +29,7 @@ def answer(suspect, healthy, verdict="changed"):
         names=("rotor_thrust",) if changed else (),
         firm=(),
         nothing=0.0 if changed else 1.0,
-        classes=(Class(1.0, (NamedSet(("rotor_thrust",), 1.0, None),)),),
+        classes=(EquivalenceClass(1.0, (NamedSet(("rotor_thrust",), 1.0, None),)),),
         settle=(),
         parameters=(size,) if changed else (),
         places=(Place("rotor_thrust", "rotor_2", "M<3>", 1.0),) if changed else (),

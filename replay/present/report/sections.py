@@ -12,7 +12,7 @@ from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
-from wrenchgap.learn.posterior.table import Candidate
+from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle

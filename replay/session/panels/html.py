@@ -24,7 +24,7 @@ from wrenchgap.replay.session.panels.sliders import finer
 from wrenchgap.viewer import markup
 
 if TYPE_CHECKING:
-    from wrenchgap.learn.posterior.table import Candidate
+    from wrenchgap.learn.posterior.single_effects import Candidate
 
 HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 10, 40))
 """Colours from nothing to the most, evenly spaced."""

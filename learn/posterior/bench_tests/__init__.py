@@ -7,8 +7,8 @@ neither: nothing is known of them here. Costs are our estimates, resolutions tho
 
 from __future__ import annotations
 
-from wrenchgap.learn.posterior.bench import arms, hull, rotors, wakes
-from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, Trial
+from wrenchgap.learn.posterior.bench_tests import arms, hull, rotors, wakes
+from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, Trial
 
 __all__ = ["NO_CHECK", "TRIALS", "Fitted", "Setup", "Trial"]
 

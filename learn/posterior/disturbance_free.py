@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.score import saturated
+from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
 from wrenchgap.learn.posterior.spectrum import ABOVE_NOISE, Spectrum
-from wrenchgap.learn.posterior.table import Ground, ground
-from wrenchgap.learn.posterior.together import spectrum_of
 
 LITTLE = 0.05
 """Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
@@ -30,12 +29,12 @@ CLOSE = 0.35
 """Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
 
 
-def unanswering(on: Ground) -> Ground:
+def without_feedback(on: ModelResidual) -> ModelResidual:
     """The same flights, the wrench as it is."""
-    return ground(on.data.unanswering(), on.model)
+    return model_residual(on.data.unanswering(), on.model)
 
 
-def may_be_undisturbed(on: Ground, free: Ground, columns: Sequence[Column]) -> bool:
+def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Sequence[Column]) -> bool:
     """Whether all of the candidates at once leave little on the axes where commands of `on` answer."""
     space = spectrum_of(free, columns)
 
@@ -43,10 +42,10 @@ def may_be_undisturbed(on: Ground, free: Ground, columns: Sequence[Column]) -> b
         return np.asarray(np.sum(space.count * squares, axis=0))
 
     enough = np.maximum(ABOVE_NOISE**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
-    return bool(np.all((in_all(saturated(space)[0]) < enough)[_answering(space, on)]))
+    return bool(np.all((in_all(space.saturated()[0]) < enough)[_answering(space, on)]))
 
 
-def undisturbed(on: Ground, free: Ground, found: Posterior) -> bool:
+def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -> bool:
     """Whether one of the likeliest sets on the wrench as it is leaves no disturbance."""
     space = spectrum_of(free, ())
     enough = np.maximum(ABOVE_NOISE**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
@@ -54,5 +53,5 @@ def undisturbed(on: Ground, free: Ground, found: Posterior) -> bool:
     return any(bool(np.all(cells)) for cells in little)
 
 
-def _answering(space: Spectrum, on: Ground) -> NDArray[np.bool_]:
+def _answering(space: Spectrum, on: ModelResidual) -> NDArray[np.bool_]:
     return np.isin(space.axes, on.data.answering)

@@ -1,14 +1,14 @@
 """Which effects a fleet's model is missing: the search over sets on merged evidence, and cross-validation by flight.
 
 The score of a set is that of `learn.posterior.score` on all flights together; trims are eliminated
-(`learn.posterior.merging`). Columns stay where they were linearised: sets are not linearised anew together, as
+(`learn.posterior.fleet_spectrum`). Columns stay where they were linearised: sets are not linearised anew together, as
 `explain` does on few flights. What is curved (a lag, a drag in moving air, a payload) is ranked as the straight line at
 its declared values, and nearer the truth when the evidence is made anew at the values found (`Ranking.points`).
 
-Flights, and not blocks of time, are what is held out: theta without flight f solves (A - A_f) theta = b - b_f, so
-predicting every flight from all others takes no second look at any log. Weights of sets are those of
-`learn.posterior.sets.weights`, with flights for blocks. What is predicted of held-out flights stands beside them and is
-no weight: many flights show how far laws are from exact, and there the more flexible of two equal sets predicts better.
+Flights, and not blocks of time, are what is held out (`learn.posterior.held_out_flights`). Weights of sets are those of
+`learn.posterior.scored_sets.weights`, with flights for blocks. What is predicted of held-out flights stands beside them
+and is no weight: many flights show how far laws are from exact, and there the more flexible of two equal sets predicts
+better.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.posterior import compiled
-from wrenchgap.learn.posterior.classes import NEAR
 from wrenchgap.learn.posterior.columns import Column, compatible
-from wrenchgap.learn.posterior.evidence import Evidence, Points
-from wrenchgap.learn.posterior.fleet_score import FleetScorer, saturated
-from wrenchgap.learn.posterior.merging import FleetSpectrum, chosen_rows, products_of
-from wrenchgap.learn.posterior.score import Keys, Scored, quadratic
-from wrenchgap.learn.posterior.sets import Part, bootstrapped, leaves_of, ordered, parts_of, search
+from wrenchgap.learn.posterior.equivalence_classes import NEAR
+from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum
+from wrenchgap.learn.posterior.flight_evidence import Evidence, Points
+from wrenchgap.learn.posterior.held_out_flights import FittedSet, by_flight
+from wrenchgap.learn.posterior.linear_problem import quadratic
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, parts_of, without_idle
+from wrenchgap.learn.posterior.subset_search import ordered, search_at
 from wrenchgap.plant.effects import family
 
 Read = Callable[[], Iterable[Evidence]]
@@ -38,7 +39,6 @@ RANKED = 20
 """Sets that are cross-validated, the likeliest of the search."""
 HELD_OUT = 3
 """Flights from which on flights are held out; of fewer, gains are in-sample."""
-ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -102,17 +102,18 @@ class Ranking:
 
 def ranking(read: Read) -> Ranking:
     """Rank sets of effects on the flights of one vehicle. Raises FitError where there is no flight."""
-    keys, axes, left_out = shared(read())
-    scorer = searched(FleetSpectrum(read(), keys, axes))
-    space, none = scorer.spectrum, scorer(())
+    keys, axes, left_out = common_candidates(read())
+    space = FleetSpectrum(read(), keys, axes)
+    scorer = searched(space)
+    none = scorer(())
     best = [s for s in ordered(scorer) if s.keys][:RANKED]
     ranked = {s.keys for s in best}
-    best += [s for s in in_other_words(scorer, best[0]) if s.keys not in ranked] if best else []
+    best += [s for s in equivalents(scorer, best[0]) if s.keys not in ranked] if best else []
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
-    weights = _weights(scorer, [none, *best], read)
+    weights = _weights(scorer, space, [none, *best], read)
     kept = [scorer(keys) for keys in dict.fromkeys([(), *weights])]
-    _, predicted, squares = by_flight(scorer, kept, read(), held_out=held_out)
+    _, predicted, squares = by_flight(scorer, space, kept, read(), held_out=held_out)
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
     home = grouped(scorer, sorted(kept, key=lambda s: -weights.get(s.keys, 0.0)))
@@ -126,7 +127,7 @@ def ranking(read: Read) -> Ranking:
                 keys=s.keys,
                 names=tuple(n for p in named for n in p.names),
                 theta=s.theta,
-                std=deviations(scorer, s),
+                std=FittedSet(scorer, s).deviations(),
                 parts=parts,
                 log_odds=odds,
                 weight=weights.get(s.keys, 0.0),
@@ -149,13 +150,13 @@ def ranking(read: Read) -> Ranking:
     )
 
 
-def in_other_words(scorer: FleetScorer, best: Scored) -> list[Scored]:
+def equivalents(scorer: Scorer, best: Scored) -> list[Scored]:
     """Sets that predict what the best predicts, with another candidate, or none, in the place of one of its members:
     many flights tell them apart by what no law is known to, and the search goes on with the likelier alone.
     """  # noqa: D205
     columns = scorer.spectrum.columns
     found = {}
-    for leaf in leaves_of(scorer, best.keys, {}):
+    for leaf in without_idle(scorer, best.keys, {}):
         for gone, other in itertools.product(leaf, columns):  # instead of itself: none
             keys = tuple(sorted({*leaf, other} - {gone}))
             new = other == gone or other not in leaf
@@ -164,7 +165,7 @@ def in_other_words(scorer: FleetScorer, best: Scored) -> list[Scored]:
     return list(found.values())
 
 
-def grouped(scorer: FleetScorer, sets: Sequence[Scored]) -> dict[Keys, int]:
+def grouped(scorer: Scorer, sets: Sequence[Scored]) -> dict[Keys, int]:
     """The group of each set: that of the first of them which predicts the same, or its own."""
     heads: list[Scored] = []
     out = {}
@@ -175,9 +176,9 @@ def grouped(scorer: FleetScorer, sets: Sequence[Scored]) -> dict[Keys, int]:
     return out
 
 
-def alike(scorer: FleetScorer, first: Scored, second: Scored) -> bool:
+def alike(scorer: Scorer, first: Scored, second: Scored) -> bool:
     """Whether two predictions differ by less than noise shows, or than laws are known to
-    (`learn.posterior.classes.same`).
+    (`learn.posterior.equivalence_classes.predict_the_same`).
     """  # noqa: D205
     apart = first.weights - second.weights
     used = np.flatnonzero(apart)
@@ -200,18 +201,18 @@ def by_group(sets: Sequence[RankedSet]) -> tuple[RankedSet, ...]:
     return tuple(replace(s, group=rank[s.group]) for s in sorted(sets, key=plainness))
 
 
-def _weights(scorer: FleetScorer, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:
+def _weights(scorer: Scorer, space: FleetSpectrum, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:
     """Weights of what remains of these sets without idle members: of two effects that do the same, one or the other."""
-    likelihood, _, _ = by_flight(scorer, sets, read(), held_out=False)
+    likelihood, _, _ = by_flight(scorer, space, sets, read(), held_out=False)
     share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
     out: dict[Keys, float] = {}
     for s, weight in zip(sets, share, strict=True):
-        for leaf, part in leaves_of(scorer, s.keys, {}).items():
+        for leaf, part in without_idle(scorer, s.keys, {}).items():
             out[leaf] = out.get(leaf, 0.0) + float(weight) * part
     return out
 
 
-def shared(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, ...]]:
+def common_candidates(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, ...]]:
     """Candidates that every flight has and one of them at least excites; axes that all measured; candidates without."""
     keys: dict[str, int] = {}
     excited: set[str] = set()
@@ -227,62 +228,9 @@ def shared(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, 
     return kept, sorted(axes or ()), tuple(k for k in keys if k not in kept)
 
 
-def searched(space: FleetSpectrum) -> FleetScorer:
-    """As `learn.posterior.sets.searched`; blocks far louder than others have lost their weight flight by flight."""
-    reference = saturated(space)
-    for _ in range(ROUNDS):
-        scorer = FleetScorer(space, reference)
-        search(scorer)
-        reference = ordered(scorer)[0].left
-    return scorer
-
-
-def by_flight(
-    scorer: FleetScorer, sets: Sequence[Scored], parts: Iterable[Evidence], *, held_out: bool
-) -> tuple[Array, Array, Array]:
-    """Log likelihoods (S, F) of each flight under each set; the same predicted; sums of squares (S, L) that are left.
-
-    `held_out` predicts a flight with the parameters that all others give; the trim of a flight is its own.
-    """
-    space = scorer.spectrum
-    problems = [scorer.problem(s) for s in sets]
-    likelihood, predicted = np.empty((2, len(sets), len(space.flights)))
-    squares = np.zeros((len(sets), len(space.axes)))
-    for f, one in enumerate(parts):
-        rows = chosen_rows(one, space.keys)
-        at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
-        products = products_of(one, rows, at)[space.bands]
-        count = one.count[space.bands, None]
-        for k, problem in enumerate(problems):
-            w = problem.weights.copy()
-            own = products[:, :, problem.rows[:, None], problem.rows]
-            size = len(problem.scale)
-            off = problem.off * count
-            known = scorer.share * count * problem.log
-
-            def value(left: Array, g: Array = problem.g, off: Array = off, known: Array = known) -> float:
-                return -0.5 * float(np.sum(g * (left + off) + known))
-
-            left = scorer.left_of(own, f, problem, w)
-            likelihood[k, f] = value(left)
-            if held_out:
-                theirs = problem.whole - scorer.weighed_of(own, f, problem)
-                A, b = np.ascontiguousarray(theirs[:size, :size]), theirs[:size, size:] @ w[size:]
-                w[:size] = -compiled.bounded(A, b, problem.low, problem.high, problem.scale)
-                left = scorer.left_of(own, f, problem, w)
-            predicted[k, f] = value(left)
-            squares[k] += left.sum(axis=0)
-    return likelihood, predicted, squares
-
-
-def deviations(scorer: FleetScorer, scored: Scored) -> dict[str, Array]:
-    """Standard deviations by column: the width of the posterior at the noise that the set leaves."""
-    problem = scorer.problem(scored)
-    size = len(problem.scale)
-    curvature = problem.whole[:size, :size] + np.diag(problem.scale**-2.0)
-    std = np.sqrt(np.diag(np.linalg.inv(curvature)))
-    ends = np.cumsum([0, *(len(scored.theta[k]) for k in scored.keys)])
-    return {k: std[ends[i] : ends[i + 1]] for i, k in enumerate(scored.keys)}
+def searched(space: FleetSpectrum) -> Scorer:
+    """As `learn.posterior.subset_search.searched`; blocks of time have lost their weight flight by flight."""
+    return search_at(lambda noise: Scorer(space, noise), space.saturated()[0])  # type: ignore[arg-type]
 
 
 def _six(values: Array, axes: NDArray[np.intp]) -> Array:

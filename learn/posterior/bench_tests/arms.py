@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY, Array
-from wrenchgap.learn.posterior.bench.hull import LEVEL
-from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, off, total
+from wrenchgap.learn.posterior.bench_tests.hull import LEVEL
+from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, off, total
 from wrenchgap.plant.vehicle import Vehicle
 
 PLAY = np.radians(0.1)

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.laws import ABSOLUTE, Law
+from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, seeming, varying
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.score import bounded
+from wrenchgap.learn.posterior.kernels import bounded
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
@@ -30,19 +30,20 @@ with a command is also an explanation of why two flights are commanded different
 
 
 @dataclass(frozen=True)
-class Pool:
+class PooledFlights:
     """Flights with what a model leaves, `left` (K, 6), and the `laws` of effects over all of them, about that model.
 
-    It is the model that was given with what healthy flights show in common (`learn.changed.standing`); what the given
-    one leaves is `given` (K, 6). `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation; `sizes` are
-    those of the laws' common parts, where the healthy flights say more than nothing. `deviations` are the scatters of
-    what differs between flights as parameters (`learn.changed.varying`), empty where only means are compared.
+    It is the model that was given with what healthy flights show in common (`learn.changed.healthy_model`); what the
+    given one leaves is `given` (K, 6). `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation;
+    `sizes` are those of the laws' common parts, where the healthy flights say more than nothing. `deviations` are the
+    scatters of what differs between flights as parameters (`learn.changed.varying`), empty where only means are
+    compared.
     """
 
     data: Dataset
     model: Model
     left: Array
-    laws: tuple[Law, ...]
+    laws: tuple[LinearisedEffect, ...]
     scatter: Array
     sizes: dict[str, Array]
     deviations: dict[str, Array]
@@ -57,7 +58,7 @@ class Pool:
         """Samples (K,) of some flights."""
         return np.isin(self.data.flight, list(flights))
 
-    def only(self, flights: Collection[int]) -> Pool:
+    def only(self, flights: Collection[int]) -> PooledFlights:
         """The same with some of the flights, in their order."""
         kept, names = self.rows(flights), self.names
         records = [r for r in self.data.records if names.index(r.flight) in flights]
@@ -66,9 +67,9 @@ class Pool:
         return replace(self, data=data, left=self.left[kept], given=self.given[kept], laws=kept_laws)
 
     @property
-    def shared_laws(self) -> tuple[Law, ...]:
+    def shared_laws(self) -> tuple[LinearisedEffect, ...]:
         """Of effects with several forms the first: one is enough to be in all flights."""
-        first: dict[str, Law] = {}
+        first: dict[str, LinearisedEffect] = {}
         for one in self.laws:
             first.setdefault(family(one.name), one)
         return tuple(first.values())
@@ -165,7 +166,7 @@ class Pool:
         return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
 
 
-def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
+def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
     """The pool with the scatters of its healthy flights and the sizes of what is common to them.
 
     Sizes by automatic relevance (`learn.identify.fit`) from what happens within the flights, from `ABSOLUTE` of the
@@ -201,11 +202,11 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
 def solved(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
     """The always-there unknowns by themselves, and their variances; axes and bands weighed by what they leave."""
     low = np.full(len(spectrum.always), -np.inf)
-    theta, covariance, _ = held(spectrum, low, -low, rounds)
+    theta, covariance, _ = within_bounds(spectrum, low, -low, rounds)
     return theta, np.diag(covariance)
 
 
-def held(spectrum: Spectrum, low: Array, high: Array, rounds: int = 3) -> tuple[Array, Array, Array]:
+def within_bounds(spectrum: Spectrum, low: Array, high: Array, rounds: int = 3) -> tuple[Array, Array, Array]:
     """The always-there unknowns (Q,) within bounds, their covariance without any, and the mean squares (bands, axes)
     that are left.
     """  # noqa: D205

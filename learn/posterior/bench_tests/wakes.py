@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY, Array
-from wrenchgap.learn.posterior.bench.rotors import STAND, at_rest, hover_speed, hover_thrust, thrust_ratio
-from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, off, per_cent, total
+from wrenchgap.learn.posterior.bench_tests.rotors import STAND, at_rest, hover_speed, hover_thrust, thrust_ratio
+from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, off, per_cent, total
 from wrenchgap.plant.effects import Context, WrenchEffect, find
 from wrenchgap.plant.vehicle import Vehicle
 

@@ -61,7 +61,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Ground:
+class ModelResidual:
     """What effects are tried on: flights and a model; what it leaves (K, 6), and on held-out time but for the
     accelerometers' biases; the model's own effects that are uncertain, with their standard deviations as sizes.
     """  # noqa: D205
@@ -78,11 +78,11 @@ class Ground:
         return tuple(e.name for e in self.model.effects)
 
 
-def ground(data: Dataset, model: Model) -> Ground:
+def model_residual(data: Dataset, model: Model) -> ModelResidual:
     """What the model leaves on these flights."""
     left = left_by(data, model)
     known = tuple(uncertain(data, model, e) for e in model.effects if e.std is not None and np.any(e.std > 0.0))
-    return Ground(data, model, left, held_out(data, model, (), fit(data, model, ())), known)
+    return ModelResidual(data, model, left, held_out(data, model, (), fit(data, model, ())), known)
 
 
 def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
@@ -108,7 +108,7 @@ def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class SingleEffects:
     """Candidates, best first; their columns; effects that could not be fitted, with the reason."""
 
     candidates: tuple[Candidate, ...]
@@ -116,9 +116,9 @@ class Table:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def table(
-    on: Ground, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None, twice: bool = False
-) -> Table:
+def single_effects(
+    on: ModelResidual, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None, twice: bool = False
+) -> SingleEffects:
     """Try every effect of `names` by itself, air that moves together with each drag that it acts through. `twice` says
     that the same is asked of these data and of those `unanswering`: fits begin where the other's did.
     """  # noqa: D205
@@ -142,10 +142,10 @@ def table(
             continue
         one, lines = found
         candidates.append(replace(one, fit=with_effects(on, one.fit, one.names)))
-        columns += [c.put_away() for c in lines if np.any(c.jacobian)]
+        columns += [c.spilled() for c in lines if np.any(c.jacobian)]
     on.data.forget()
     candidates.sort(key=lambda c: (bool(c.implausible), -c.score))
-    return Table(_put_away(candidates), tuple(columns), failed)
+    return SingleEffects(_put_away(candidates), tuple(columns), failed)
 
 
 def _put_away(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -159,7 +159,7 @@ def _put_away(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     return tuple(replace(c, residual=own) for c, own in zip(candidates, kept, strict=True))
 
 
-def with_effects(on: Ground, fitted: Fit, names: Sequence[str]) -> Fit:
+def with_effects(on: ModelResidual, fitted: Fit, names: Sequence[str]) -> Fit:
     """A fit of `names` with its effects, made anew from its values."""
     effects, at = [], 0
     for name in names:
@@ -170,7 +170,9 @@ def with_effects(on: Ground, fitted: Fit, names: Sequence[str]) -> Fit:
     return replace(fitted, effects=tuple(effects))
 
 
-def _attempt(on: Ground, name: str, names: Sequence[str], starts: Starts | None) -> tuple[Candidate, list[Column]]:
+def _attempt(
+    on: ModelResidual, name: str, names: Sequence[str], starts: Starts | None
+) -> tuple[Candidate, list[Column]]:
     """`name` by itself and with what comes with it: the better of them by held-out time, and the columns of all."""
     best, line = _candidate(on, (name,), starts)
     columns = [line]
@@ -184,7 +186,7 @@ def _attempt(on: Ground, name: str, names: Sequence[str], starts: Starts | None)
     return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
 
 
-def _candidate(on: Ground, added: tuple[str, ...], starts: Starts | None) -> tuple[Candidate, Column]:
+def _candidate(on: ModelResidual, added: tuple[str, ...], starts: Starts | None) -> tuple[Candidate, Column]:
     found = fit(on.data, on.model, added, starts=starts)
     left = held_out(on.data, on.model, added, found, exact=False)
     weights = on.data.weights

@@ -6,7 +6,7 @@ these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,21 +14,17 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
 from wrenchgap.learn.identify.fit import MATERIAL
-from wrenchgap.learn.posterior.hunt import Hunt
-from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, quadratic, saturated
+from wrenchgap.learn.posterior.linear_problem import quadratic
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
-TOP = 30
-"""Best sets of a hunt that are scored with the spectrum unknown."""
-PLAIN = 4
-"""Plainest sets that are."""
 DRAWS = 1000
 SEED = 0
 MANY = 12
 """Sets from which on what remains of a set is followed along the likeliest way only."""
 IMPLAUSIBLE = 0.6
 """Trust in an effect that others push to the limit of what is plausible: something else is pushing."""
-LOUD = 2.5
+ABOVE_SENSORS = 2.5
 """Rms over that of the sensors from which on what a set leaves is structure: something else may be making it, and with
 it the difference that one of the members makes."""
 ROUGH, FAR_OFF = 0.05, 3.0
@@ -62,7 +58,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Contender:
+class ScoredSet:
     """A set as scored. `by_block` (blocks,) is its log likelihood; `predicted` (K, L) the cosine coefficients of what
     it adds to the prediction; `left` (L,) mean squares by axis. `leaves` are the sets that remain of it when all that
     it does not need is taken out, with their shares of it: of two effects that do the same, one or the other. `bends`
@@ -74,7 +70,7 @@ class Contender:
     by_block: Array
     predicted: Array
     left: Array
-    leaves: tuple[tuple[Contender, float], ...] = ()
+    leaves: tuple[tuple[ScoredSet, float], ...] = ()
     bends: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -89,12 +85,12 @@ class Contender:
         return tuple(n for p in parts for n in p.names)
 
 
-def contender(
+def scored_set(
     scorer: Scorer,
     keys: Keys,
     rests: Mapping[Keys, Array] | None = None,
     bends: Mapping[str, Array] | None = None,
-) -> Contender:
+) -> ScoredSet:
     """All that is said of a set, and of what remains of it. `rests` are mean squares (L,) by axis that sets without one
     of its members leave, where they are known better than by the straight lines of the whole set; `bends` those of
     other sets, for members of which no rest is known.
@@ -104,41 +100,68 @@ def contender(
         rest = tuple(k for k in sorted(keys) if k != key)
         if rests and rest in rests:
             known[key] = rests[rest] / by_axis(scorer, scorer(rest).left)
-    leaves = tuple((_bare(scorer, leaf, known), share) for leaf, share in leaves_of(scorer, keys, known).items())
-    return replace(_bare(scorer, keys, known), leaves=leaves, bends=known)
+
+    def describe(some: Keys) -> ScoredSet:
+        return described(scorer, some, parts_of(scorer, scorer(some), known))
+
+    leaves = tuple((describe(leaf), share) for leaf, share in without_idle(scorer, keys, known).items())
+    return replace(describe(keys), leaves=leaves, bends=known)
 
 
-def leaves_of(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> dict[Keys, float]:
-    """What remains of a set when all that it does not need is taken out, with shares of it (`Contender.leaves`).
-    `bends` are those of a contender.
+def described(scorer: Scorer, keys: Keys, parts: tuple[Part, ...]) -> ScoredSet:
+    """A set, whatever remains of it, with what is said of its members."""
+    scored = scorer(keys)
+    left = by_axis(scorer, scored.left)
+    return ScoredSet(scored, parts, scorer.by_block(scored), adds(scorer.spectrum, scored), left)
+
+
+def without_idle(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> dict[Keys, float]:
+    """What remains of a set when all that it does not need is taken out, with shares of it (`ScoredSet.leaves`).
+    `bends` are those of a scored set.
     """  # noqa: D205
-    leaves = list(dict.fromkeys(_leaves(scorer, scorer(keys).keys, bends, set())))
-    log = np.array([scorer(leaf).log_probability for leaf in leaves])
+
+    def idle(some: Keys) -> list[Keys]:
+        """Without each member that hardly shows: the likeliest first; once `MANY` sets were seen, that alone."""
+        left = by_axis(scorer, scorer(some).left)
+        rests = {gone: tuple(k for k in some if k != gone) for gone in some}
+        found = [r for g, r in rests.items() if _evidence(left, _without(scorer, r, g, bends)) <= LEAST_EVIDENCE]
+        return sorted(found, key=lambda rest: -scorer(rest).log_probability)
+
+    leaves = pruned(scorer(keys).keys, idle, MANY)
+    return dict(zip(leaves, shares(scorer, leaves), strict=True))
+
+
+def pruned(keys: Keys, idle: Callable[[Keys], list[Keys]], many: float) -> list[Keys]:
+    """The sets that remain of one when what `idle` takes out of each, one member after the other, is gone; where
+    `many` were seen, along the first way only.
+    """  # noqa: D205
+    seen: set[Keys] = set()
+    leaves: dict[Keys, None] = {}
+
+    def follow(some: Keys) -> bool:
+        """Whether a set was reached in which nothing is idle."""
+        if some in seen:
+            return False
+        seen.add(some)
+        rests = idle(some)
+        if not rests:
+            leaves[some] = None
+            return True
+        reached = False
+        for rest in rests:
+            if not reached or len(seen) < many:
+                reached = follow(rest) or reached
+        return reached
+
+    follow(keys)
+    return list(leaves)
+
+
+def shares(scorer: Scorer, sets: Sequence[Keys]) -> list[float]:
+    """Of these sets, by their probabilities."""
+    log = np.array([scorer(keys).log_probability for keys in sets])
     share = np.exp(log - log.max())
-    return dict(zip(leaves, (share / share.sum()).tolist(), strict=True))
-
-
-def _leaves(scorer: Scorer, keys: Keys, bends: Mapping[str, Array], seen: set[Keys]) -> list[Keys]:
-    """Sets without anything idle that can be reached by taking out one idle part after the other, the likeliest ways
-    first; once `MANY` sets were seen, only the likeliest way further.
-    """  # noqa: D205
-    if keys in seen:
-        return []
-    seen.add(keys)
-    left = by_axis(scorer, scorer(keys).left)
-    idle = []
-    for gone in keys:
-        rest = tuple(k for k in keys if k != gone)
-        if _evidence(left, _without(scorer, rest, gone, bends)) <= LEAST_EVIDENCE:
-            idle.append(rest)
-    if not idle:
-        return [keys]
-    idle.sort(key=lambda rest: -scorer(rest).log_probability)
-    out: list[Keys] = []
-    for rest in idle:
-        if not out or len(seen) < MANY:
-            out += _leaves(scorer, rest, bends, seen)
-    return out
+    return [float(x) for x in share / share.sum()]
 
 
 def _without(scorer: Scorer, rest: Keys, gone: str, bends: Mapping[str, Array]) -> Array:
@@ -151,13 +174,6 @@ def _evidence(left: Array, without: Array) -> float:
     return 0.5 * float(np.sum(np.log(without) - np.log(left)))
 
 
-def _bare(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> Contender:
-    space, scored = scorer.spectrum, scorer(keys)
-    predicted = adds(space, scored)
-    left = by_axis(scorer, scored.left)
-    return Contender(scored, parts_of(scorer, scored, bends), scorer.by_block(scored), predicted, left)
-
-
 def adds(space: Spectrum, scored: Scored) -> Array:
     """Coefficients (K, L) of what the candidates of a set add to the prediction."""
     used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
@@ -167,7 +183,7 @@ def adds(space: Spectrum, scored: Scored) -> Array:
 
 
 def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tuple[Part, ...]:
-    """What is said of each candidate of a set; `bends` are those of a contender."""
+    """What is said of each candidate of a set; `bends` are those of a scored set."""
     space = scorer.spectrum
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
@@ -177,7 +193,7 @@ def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tupl
         c, theta = space.columns[key], scored.theta[key]
         without = _without(scorer, tuple(k for k in scored.keys if k != key), key, bends)
         returns = np.maximum(without / left - 1.0, 0.0)
-        above = np.maximum(1.0 - LOUD**2 * sensor / left, 0.0) * returns / (returns + 1.0)
+        above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > ROUGH]
         law = sum((FAR_OFF * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
         own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
@@ -209,36 +225,7 @@ def by_axis(scorer: Scorer, squares: Array) -> Array:
     return np.asarray(np.maximum(np.sum(count * squares, axis=0) / np.sum(count, axis=0), least))
 
 
-def searched(spectrum: Spectrum, rounds: int = 2, jobs: int = 1) -> Scorer:
-    """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves."""
-    reference, weights_left = saturated(spectrum)
-    spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
-    for _ in range(rounds):
-        scorer = Scorer(spectrum, reference)
-        search(scorer, jobs=jobs)
-        reference = ordered(scorer)[0].left
-    return scorer
-
-
-def search(scorer: Scorer, rounds: int = 4, jobs: int = 1) -> None:
-    """Score what hunts find, with the spectrum that the best leaves, until the best stays the best."""
-    scorer(())
-    variance, last = scorer.variance, None
-    for _ in range(rounds):
-        hunt = Hunt(scorer, variance)
-        scorer.many((*hunt.run()[:TOP], *hunt.plain()[:PLAIN]), jobs)
-        best = ordered(scorer)[0]
-        if best.keys == last:
-            break
-        last, variance = best.keys, best.variance
-
-
-def ordered(scorer: Scorer) -> list[Scored]:
-    """Scored sets, the likeliest first."""
-    return sorted(scorer.known.values(), key=lambda s: -s.log_probability)
-
-
-def weights(sets: Sequence[Contender]) -> Array:
+def weights(sets: Sequence[ScoredSet]) -> Array:
     """Weights (S,) of sets by their blocks of time."""
     return bootstrapped(np.array([c.by_block for c in sets]), np.array([c.scored.prior for c in sets]))
 

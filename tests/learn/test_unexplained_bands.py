@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from wrenchgap.learn.posterior.open_bands import FAR, open_bands
+from wrenchgap.learn.posterior.unexplained_bands import FAR, unexplained_bands
 
 FORCE_Y, TORQUE_X = 1, 3
 
@@ -38,14 +38,14 @@ def found(data, inexact=0.0):
     """A likeliest set whose laws may be off by this mean square in every band, on every axis."""
     count = len(np.unique(np.digitize(np.arange(0.0, 0.5 / data.records[0].dt_kept, 0.2), EDGES)))
     scored = SimpleNamespace(inexact=np.broadcast_to(inexact, (count, 6)))
-    return SimpleNamespace(best=SimpleNamespace(contender=SimpleNamespace(scored=scored)))
+    return SimpleNamespace(best=SimpleNamespace(scored_set=SimpleNamespace(scored=scored)))
 
 
 EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 
 
 def bands(data, given, left, inexact=0.0):
-    return open_bands(SimpleNamespace(data=data, given=given), found(data, inexact), left)
+    return unexplained_bands(SimpleNamespace(data=data, given=given), found(data, inexact), left)
 
 
 @pytest.mark.parametrize("seed", range(4))

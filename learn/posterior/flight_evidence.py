@@ -1,9 +1,9 @@
 """What one flight says about all candidates, kept small enough to be stored, and exact enough to be merged.
 
-A search over sets (`learn.posterior.sets`) needs of the flights only products of linear columns, by band of frequency
-and axis. Where the columns of two flights are derivatives at the same values, the products of both together are their
-sum: ranking a fleet costs one pass over each log, and leaving a flight out is a subtraction. So columns are linearised
-at declared values (`declared`), the same for every flight, and not where they fit one flight best.
+A search over sets (`learn.posterior.subset_search`) needs of the flights only products of linear columns, by band of
+frequency and axis. Where the columns of two flights are derivatives at the same values, the products of both together
+are their sum: ranking a fleet costs one pass over each log, and leaving a flight out is a subtraction. So columns are
+linearised at declared values (`declared`), the same for every flight, and not where they fit one flight best.
 
 Products P = C'C of coefficients C (n, Q) are kept as a root R with R'R = P: C itself where it has few rows, else the
 triangle of its QR decomposition; that takes min(n, Q) Q numbers for a band and axis, and loses no digits to squaring.
@@ -33,10 +33,9 @@ from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
-from wrenchgap.learn.posterior.columns import DULL, Column
-from wrenchgap.learn.posterior.score import saturated
+from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
+from wrenchgap.learn.posterior.single_effects import uncertain
 from wrenchgap.learn.posterior.spectrum import EDGES, Spectrum, noise_shapes, transformed
-from wrenchgap.learn.posterior.table import uncertain
 from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import Model
@@ -143,7 +142,7 @@ def _column(data: Dataset, model: Model, base: Array, names: tuple[str, ...], po
     x = problem.start(None).x.copy()
     parameters = [p for _, p in problem.parameters]
     for k, p in enumerate(parameters):
-        if p.start != 0.0 and x[k] < DULL * p.scale:
+        if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale:
             x[k] = min(p.scale, p.high)
     key = " + ".join(names)
     if key in points:
@@ -168,7 +167,7 @@ def evidence_of(
     trim = trim_of(model)
     base = left_by(data, model)
     space = Spectrum(data, base, columns, trim, known)
-    space.calm(space.loud(space.combined(saturated(space)[1])))
+    space.down_weight(space.block_weights(space.combined(space.saturated()[1])))
     trims, axes = space.always[: len(trim.axes)], space.axes
     here = np.flatnonzero(data.measured_axes[trim.axes])
     where = np.searchsorted(axes, trim.axes[here])

@@ -12,9 +12,9 @@ import pytest
 
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.posterior.disturbance_free import may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.explain import search_dataset
-from wrenchgap.learn.posterior.table import ground, table
-from wrenchgap.learn.posterior.undisturbed import may_be_undisturbed, unanswering
+from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
 
 ANSWERING = (2, 3, 4, 5)
 NAMES = ("servo_lag", "command_delay", "arm_reaction", "mass", "thrust_scale")
@@ -49,12 +49,12 @@ def test_a_lag_is_evidence_where_nothing_but_noise_is_left(late, hexarotor):
 
 def test_fits_that_begin_where_others_did_are_the_same(late, hexarotor):
     """The derivatives where a fit begins do not depend on what answers: a second table takes those of the first."""
-    on = ground(replace(late, answering=ANSWERING), hexarotor)
-    free = unanswering(on)
-    alone = table(free, NAMES)
-    first = table(on, NAMES, twice=True)
+    on = model_residual(replace(late, answering=ANSWERING), hexarotor)
+    free = without_feedback(on)
+    alone = single_effects(free, NAMES)
+    first = single_effects(on, NAMES, twice=True)
     assert set(on.data.starts) == {(name,) for name in NAMES}
-    again = table(free, NAMES, twice=True)
+    again = single_effects(free, NAMES, twice=True)
     assert not on.data.starts
     for one, other in zip(alone.candidates, again.candidates, strict=True):
         np.testing.assert_array_equal(one.fit.theta, other.fit.theta)
@@ -77,5 +77,5 @@ def test_unanswering_data_share_what_was_worked_out(late):
 
 def test_it_is_none_where_something_else_is_left(late, hexarotor):
     data = blown_about(replace(late, answering=ANSWERING), hexarotor)
-    on = ground(data, hexarotor)
-    assert not may_be_undisturbed(on, unanswering(on), table(on, NAMES).columns)
+    on = model_residual(data, hexarotor)
+    assert not may_be_disturbance_free(on, without_feedback(on), single_effects(on, NAMES).columns)

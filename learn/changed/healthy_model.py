@@ -15,8 +15,8 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.laws import Law, laws
-from wrenchgap.learn.changed.pool import Pool, calibrated, held
+from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, linearised_effects
+from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated, within_bounds
 from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.candidates import Untried
@@ -39,24 +39,24 @@ for healthy flights than its own line is, and for suspect flights, where it may 
 
 
 @dataclass(frozen=True)
-class Standing:
+class HealthyModel:
     """What healthy flights show in common, as a `model`; the `laws` of effects about it; those that have none."""
 
     model: Model
-    laws: dict[str, Law]
+    laws: dict[str, LinearisedEffect]
     failed: tuple[Untried, ...]
 
 
-def standing(healthy: Dataset, given: Model, names: Sequence[str], jobs: int = 1) -> Standing:
+def healthy_model(healthy: Dataset, given: Model, names: Sequence[str], jobs: int = 1) -> HealthyModel:
     """What healthy flights show of the effects `names`; where only means are compared, the model as given."""
-    here = Standing(given, *laws(healthy, given, names, jobs))
+    here = HealthyModel(given, *linearised_effects(healthy, given, names, jobs))
     if answered(healthy):
         return here
     pool, theta, worth = _solved(healthy, here)
     for _ in range(ROUNDS):
         try:
             model = replace(here.model, effects=_effects(pool, theta))
-            better = Standing(model, *laws(healthy, model, names, jobs))
+            better = HealthyModel(model, *linearised_effects(healthy, model, names, jobs))
             pool, theta, now = _solved(healthy, better)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             break
@@ -68,12 +68,14 @@ def standing(healthy: Dataset, given: Model, names: Sequence[str], jobs: int = 1
     return here
 
 
-def _solved(healthy: Dataset, about: Standing) -> tuple[Pool, Array, float]:
+def _solved(healthy: Dataset, about: HealthyModel) -> tuple[PooledFlights, Array, float]:
     """The healthy flights by themselves about a model: all that is common and by flight, within the bounds of physics;
     the log likelihood.
     """  # noqa: D205
     left = left_by(healthy, about.model)
-    pool = Pool(healthy, about.model, left, tuple(about.laws.values()), typical_trim(about.model), {}, {}, left)
+    pool = PooledFlights(
+        healthy, about.model, left, tuple(about.laws.values()), typical_trim(about.model), {}, {}, left
+    )
     pool = calibrated(pool, range(len(pool.names)))
     spectrum = pool.spectrum()
     low, high = spectrum.low[spectrum.always].copy(), spectrum.high[spectrum.always].copy()
@@ -82,13 +84,13 @@ def _solved(healthy: Dataset, about: Standing) -> tuple[Pool, Array, float]:
         size = len(one.reference)
         low[at : at + size], high[at : at + size] = one.line.low, one.line.high
         at += column.jacobian.shape[2]
-    theta, _, remains = held(spectrum, low, high)
+    theta, _, remains = within_bounds(spectrum, low, high)
     variance = np.maximum(remains, spectrum.sensor)
     likelihood = -0.5 * float(np.sum(spectrum.count * (np.log(variance) + remains / variance)))
     return pool, theta, likelihood
 
 
-def _effects(pool: Pool, theta: Array) -> tuple[ModelEffect, ...]:
+def _effects(pool: PooledFlights, theta: Array) -> tuple[ModelEffect, ...]:
     """Those of the model, at their new values, and those that show on some axis beside what is left of all."""
     found = {e.name: e for e in pool.model.effects}
     left = pool.left - pool.shared(theta) - pool.apart(theta)

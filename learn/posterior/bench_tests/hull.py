@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY, Array
-from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, digits, off, total
+from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, digits, off, total
 from wrenchgap.plant.effects import BodyEffect, find
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.vehicle import Body, Vehicle

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.laws import Law, beyond, linearised
-from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, beyond, linearised
+from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column
@@ -24,9 +24,13 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
 
-def beside(
-    pool: Pool, suspects: Collection[int], changes: Mapping[str, Array], points: Mapping[str, Array], jobs: int = 1
-) -> Pool:
+def relinearised(
+    pool: PooledFlights,
+    suspects: Collection[int],
+    changes: Mapping[str, Array],
+    points: Mapping[str, Array],
+    jobs: int = 1,
+) -> PooledFlights:
     """The pool with all laws linearised anew on the suspect flights, where these effects have changed by `changes`
     (each (P,)), and other effects by themselves at `points` or where they are; as it was where no vehicle can be so.
 
@@ -51,7 +55,7 @@ def beside(
     return replace(pool, laws=laws)
 
 
-def changed_model(pool: Pool, changes: Mapping[str, Array]) -> Model:
+def changed_model(pool: PooledFlights, changes: Mapping[str, Array]) -> Model:
     """The pool's model with these effects changed, within what they can be."""
     laws = {one.name: one for one in pool.laws}
     effects = {e.name: e for e in pool.model.effects}
@@ -61,7 +65,7 @@ def changed_model(pool: Pool, changes: Mapping[str, Array]) -> Model:
     return replace(pool.model, effects=tuple(effects[n] for n in sorted(effects)))
 
 
-def _offsets(mine: Pool, found: Mapping[str, Column], changes: Mapping[str, Array]) -> dict[str, Array]:
+def _offsets(mine: PooledFlights, found: Mapping[str, Column], changes: Mapping[str, Array]) -> dict[str, Array]:
     """What each change adds (K, 6) besides its derivatives times its size, on top of the larger ones; all from what
     these effects are on healthy flights.
     """  # noqa: D205
@@ -83,7 +87,7 @@ def _offsets(mine: Pool, found: Mapping[str, Column], changes: Mapping[str, Arra
     return out
 
 
-def _with(one: Law, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> Law:
+def _with(one: LinearisedEffect, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> LinearisedEffect:
     """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`.
 
     What it is in all flights has the same derivatives there: lines from two points, one against the other, would be a

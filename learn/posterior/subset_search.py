@@ -8,15 +8,17 @@ to their number but the evidence.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.posterior import compiled
-from wrenchgap.learn.posterior.columns import beside, compatible, confused
-from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior import kernels
+from wrenchgap.learn.posterior.columns import compatible, compatible_with, confused
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Rows = NDArray[np.intp]
 
@@ -25,19 +27,23 @@ WIDTH = 7
 PROMISING = 5
 """Effects that are tried in the place of another, or beside the others."""
 ROUNDS = 30
+TOP = 30
+"""Best sets of a search that are scored with the spectrum unknown."""
+PLAIN = 4
+"""Plainest sets that are."""
 TRUSTED = 0.2
 """Share of a fit that counts where the bend of effects may have taken the rest."""
 
 
-def straight(log_probability: float, prior: float) -> float:
+def with_fit_discounted(log_probability: float, prior: float) -> float:
     """The log probability of a set where straight lines are not to be trusted: what bends costs a plain set some of its
     fit, and more effects than there are make up for it. Fits count `TRUSTED` therefore.
     """  # noqa: D205
     return prior + TRUSTED * (log_probability - prior)
 
 
-class Hunt:
-    """Scores of sets at fixed variances of the noise."""
+class SubsetSearch:
+    """Scores of sets at fixed variances of the noise, and the search over them."""
 
     def __init__(self, scorer: Scorer, variance: Array) -> None:
         space = self.space = scorer.spectrum
@@ -49,7 +55,7 @@ class Hunt:
         self.whole = whole - across.T @ np.linalg.solve(inner, across)
         names = tuple(space.columns)
         self.alone = {n for n in names if compatible((n,), space.columns)}
-        self.others = {n: frozenset(beside(n, names, space.columns)) for n in names}
+        self.others = {n: frozenset(compatible_with(n, names, space.columns)) for n in names}
         self.scores: dict[Keys, float] = {(): 0.0}
         self.priors: dict[Keys, float] = {(): 0.0}
 
@@ -69,7 +75,7 @@ class Hunt:
         space = self.space
         unknown, fixed, sizes, accuracy = self._rows(keys)
         limits = space.low[unknown], space.high[unknown], space.scale[unknown], space.sparse[unknown]
-        fitted, width = compiled.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
+        fitted, width = kernels.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
         self.priors[keys] = width + self.scorer.prior_of(keys)
         return float(fitted + self.priors[keys])
 
@@ -104,8 +110,8 @@ class Hunt:
         return sorted((k for k, v in self.scores.items() if np.isfinite(v)), key=lambda k: -self.scores[k])
 
     def plain(self) -> list[Keys]:
-        """Sets that would be best if fits counted less (`straight`)."""
-        return sorted(self.best(), key=lambda k: -straight(self.scores[k], self.priors[k]))
+        """Sets that would be best if fits counted less (`with_fit_discounted`)."""
+        return sorted(self.best(), key=lambda k: -with_fit_discounted(self.scores[k], self.priors[k]))
 
     def _change(self, keys: Keys) -> None:
         """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most and
@@ -127,5 +133,44 @@ class Hunt:
         unknown, fixed, _, _ = self._rows(keys)
         starts = np.cumsum([0, *(len(rows) for rows in others.values())])
         rows = np.concatenate(list(others.values()))
-        gained = compiled.gains(self.whole, unknown, fixed, rows, starts, space.scale)
+        gained = kernels.gains(self.whole, unknown, fixed, rows, starts, space.scale)
         return [n for _, n in sorted(zip(-gained, others, strict=True))][:PROMISING]
+
+
+S = TypeVar("S", bound=Scorer)
+
+
+def searched(spectrum: Spectrum, scorer: Callable[[Spectrum, Array], S], jobs: int = 1) -> S:
+    """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves; blocks of
+    time that are far louder than others have lost weight.
+    """  # noqa: D205
+    reference, weights = spectrum.saturated()
+    spectrum.down_weight(spectrum.block_weights(spectrum.combined(weights)))
+    return search_at(lambda noise: scorer(spectrum, noise), reference, jobs)
+
+
+def search_at(scorer: Callable[[Array], S], reference: Array, jobs: int = 1) -> S:
+    """The search at a reference spectrum (bands, axes) of the noise, and again at what its best set leaves."""
+    first = scorer(reference)
+    search(first, jobs)
+    second = scorer(ordered(first)[0].left)
+    search(second, jobs)
+    return second
+
+
+def search(scorer: Scorer, jobs: int = 1, rounds: int = 4) -> None:
+    """Score what searches find, with the spectrum that the best leaves, until the best stays the best."""
+    scorer(())
+    variance, last = scorer.variance, None
+    for _ in range(rounds):
+        found = SubsetSearch(scorer, variance)
+        scorer.many((*found.run()[:TOP], *found.plain()[:PLAIN]), jobs)
+        best = ordered(scorer)[0]
+        if best.keys == last:
+            break
+        last, variance = best.keys, best.variance
+
+
+def ordered(scorer: Scorer) -> list[Scored]:
+    """Scored sets, the likeliest first."""
+    return sorted(scorer.known.values(), key=lambda s: -s.log_probability)

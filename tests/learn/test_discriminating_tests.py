@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.learn.posterior.bench import NO_CHECK, TRIALS
-from wrenchgap.learn.posterior.settle import MOST, settle, typical
+from wrenchgap.learn.posterior.bench_tests import NO_CHECK, TRIALS
+from wrenchgap.learn.posterior.discriminating_tests import MOST, discriminating_tests, typical
 from wrenchgap.plant import effects, model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.replay.present import posterior as words
@@ -31,7 +31,7 @@ def checks(vehicle):
 
     def made(*sets, weights=None, on=None):
         values = [{name: v for name, v in one.items() if v is not None} for one in sets]
-        return settle([tuple(one) for one in sets], weights or [1.0] * len(sets), values, on or vehicle)
+        return discriminating_tests([tuple(one) for one in sets], weights or [1.0] * len(sets), values, on or vehicle)
 
     return made
 
@@ -302,7 +302,7 @@ def test_nothing_missing_is_an_explanation(checks):
 
 def test_frozensets_are_named_in_alphabetical_order(vehicle):
     sets = [frozenset(("thrust_scale", "com_offset")), frozenset(("mass", "com_offset"))]
-    found = settle(sets, [0.5, 0.5], [{}, {}], vehicle)
+    found = discriminating_tests(sets, [0.5, 0.5], [{}, {}], vehicle)
     assert found[0].separates == ((("com_offset", "thrust_scale"),), (("com_offset", "mass"),))
 
 
@@ -320,7 +320,7 @@ def test_the_list_is_short_ordered_without_padding_and_ends_in_a_flight(vehicle,
     sets = list(
         dict.fromkeys(tuple(sorted(rng.choice(CATALOGUE, rng.integers(1, 4), replace=False))) for _ in range(6))
     )
-    found = settle(sets, rng.dirichlet(np.ones(len(sets))), [{} for _ in sets], vehicle)
+    found = discriminating_tests(sets, rng.dirichlet(np.ones(len(sets))), [{} for _ in sets], vehicle)
     cost = {trial.name: trial.minutes for trial in TRIALS}
     listed = [c.name for c in found[:-1]]
     assert len(listed) <= MOST
@@ -409,7 +409,7 @@ def test_any_pair_of_effects_that_a_vehicle_can_have_gets_an_answer(model):
     assert len(possible) > 10
     for one, other in itertools.combinations(possible, 2):
         for values in ([one, other], [{}, {}]):
-            found = settle([tuple(one), tuple(other)], [0.6, 0.4], values, vehicle)
+            found = discriminating_tests([tuple(one), tuple(other)], [0.6, 0.4], values, vehicle)
             assert found[-1].kind == "flight"
             assert all(c.what.endswith(".") and "\n" not in c.what and "nan" not in c.what for c in found)
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY, Array
-from wrenchgap.learn.posterior.bench.arms import FRAME, step
-from wrenchgap.learn.posterior.bench.trial import Fitted, Setup, off, per_cent, total
+from wrenchgap.learn.posterior.bench_tests.arms import FRAME, step
+from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, off, per_cent, total
 from wrenchgap.plant.effects import Context, ThrustEffect, find
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.state import Actuation, State

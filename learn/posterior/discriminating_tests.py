@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.posterior.bench import NO_CHECK, TRIALS, Setup, Trial
+from wrenchgap.learn.posterior.bench_tests import NO_CHECK, TRIALS, Setup, Trial
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Vehicle
@@ -83,7 +83,7 @@ class _Candidate:
     apart: Flags
 
 
-def settle(
+def discriminating_tests(
     sets: Sequence[frozenset[str] | Sequence[str]],
     weights: Sequence[float],
     values: Sequence[Values],

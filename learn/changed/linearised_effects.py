@@ -24,7 +24,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.columns import DULL, Column
+from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
 from wrenchgap.plant.air import is_air
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
@@ -37,7 +37,7 @@ BEYOND = 2.0
 
 
 @dataclass(frozen=True)
-class Law:
+class LinearisedEffect:
     """One effect over all flights.
 
     `line` is what it adds, on all rows, to the model as given, its parameters counted from those that the model has;
@@ -68,7 +68,7 @@ class Law:
             scale=size,
         )
 
-    def rows(self, kept: NDArray[np.bool_]) -> Law:
+    def rows(self, kept: NDArray[np.bool_]) -> LinearisedEffect:
         """The law on some of its rows (K,)."""
         line, bent = (replace(c, offset=c.offset[kept], jacobian=c.jacobian[kept]) for c in (self.line, self.bent))
         return replace(self, line=line, bent=bent, torque=None if self.torque is None else self.torque[kept])
@@ -94,19 +94,19 @@ def beyond(line: Column) -> tuple[Array, Array]:
     return low - line.origin, high - line.origin
 
 
-def laws(
+def linearised_effects(
     healthy: Dataset, model: Model, names: Sequence[str], jobs: int = 1
-) -> tuple[dict[str, Law], tuple[Untried, ...]]:
+) -> tuple[dict[str, LinearisedEffect], tuple[Untried, ...]]:
     """The laws of these effects over healthy flights; those that have no line."""
     alone = [n for n in names if not is_air(n) or any(find(e.name).aerodynamic for e in model.effects)]
 
-    def attempt(name: str) -> Law | str:
+    def attempt(name: str) -> LinearisedEffect | str:
         try:
-            return law(healthy, model, name)
+            return linearised_effect(healthy, model, name)
         except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
             return str(error).removeprefix(f"effect {name}: ")
 
-    found: dict[str, Law] = {}
+    found: dict[str, LinearisedEffect] = {}
     failed = [Untried(n, Lack.AIR) for n in names if n not in alone]
     for name, one in zip(alone, each(attempt, alone, jobs, (healthy, model)), strict=True):
         if isinstance(one, str):
@@ -116,14 +116,14 @@ def laws(
     return found, tuple(failed)
 
 
-def together(
-    healthy: dict[str, Law],
+def over_both_sides(
+    healthy: dict[str, LinearisedEffect],
     names: Sequence[str],
     suspect: Dataset,
     model: Model,
     axes: NDArray[np.bool_],
     jobs: int = 1,
-) -> tuple[Law, ...]:
+) -> tuple[LinearisedEffect, ...]:
     """Those of the `healthy` laws that are among `names`, over healthy flights and then the suspect ones, linearised
     where they are for the healthy ones, on the `axes` (6,) that all flights measured; without what adds nothing.
     """  # noqa: D205
@@ -147,7 +147,9 @@ def together(
     return tuple(found)
 
 
-def _stacked(one: Law, line: Column, bent: Column, torque: Array | None, axes: NDArray[np.bool_]) -> Law:
+def _stacked(
+    one: LinearisedEffect, line: Column, bent: Column, torque: Array | None, axes: NDArray[np.bool_]
+) -> LinearisedEffect:
     """A law with more rows at its end, and nothing on axes that one side did not measure."""
 
     def both(first: Array, second: Array) -> Array:
@@ -171,7 +173,7 @@ def torque_of(data: Dataset, model: Model, name: str, line: Column) -> Array | N
     return np.asarray(line.jacobian - lifting.jacobian)
 
 
-def law(data: Dataset, model: Model, name: str) -> Law:
+def linearised_effect(data: Dataset, model: Model, name: str) -> LinearisedEffect:
     """Of one effect over healthy flights, linearised at what it is in them, or at its typical size where they say
     nothing.
     """  # noqa: D205
@@ -183,11 +185,11 @@ def law(data: Dataset, model: Model, name: str) -> Law:
         if blind.any():  # the place of a mass shows once there is a mass
             there = np.array([p.scale if p.low >= 0.0 else 0.0 for p in parameters])
             line = linearised(data, model, name, origin, np.maximum(origin, there))
-        return Law(name, origin, line, line, torque_of(data, model, name, line))
+        return LinearisedEffect(name, origin, line, line, torque_of(data, model, name, line))
     reference = fit(data, model, (name,)).theta
-    dull = [r < DULL * p.scale for r, p in zip(reference, parameters, strict=True)]
+    dull = [r < LEAST_SIZE * p.scale for r, p in zip(reference, parameters, strict=True)]
     there = np.where(dull, [p.scale for p in parameters], reference)
-    return Law(
+    return LinearisedEffect(
         name,
         reference,
         linearised(data, model, name, origin, there),
@@ -195,7 +197,7 @@ def law(data: Dataset, model: Model, name: str) -> Law:
     )
 
 
-def again(data: Dataset, model: Model, one: Law, theta: Array) -> Law:
+def relinearised_at(data: Dataset, model: Model, one: LinearisedEffect, theta: Array) -> LinearisedEffect:
     """The same law, linearised where it has changed by `theta` (P,)."""
     return replace(one, bent=linearised(data, model, one.name, one.reference, one.reference + theta))
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior.discriminating_tests import Check, discriminating_tests
 from wrenchgap.learn.posterior.score import Scorer
-from wrenchgap.learn.posterior.sets import Contender
-from wrenchgap.learn.posterior.settle import Check, settle
+from wrenchgap.learn.posterior.scored_sets import ScoredSet
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -29,26 +29,26 @@ NEAR = 3.0
 class NamedSet:
     """A set by the names of its effects, with the weight of all sets that name the same.
 
-    `contender` is the heaviest of those; `trust` says for each name how much of its evidence what is left unexplained
+    `scored_set` is the heaviest of those; `trust` says for each name how much of its evidence what is left unexplained
     could not have made. `stands_for` are names of what is no effect of the catalogue, with the effect that was fitted.
     """
 
     names: tuple[str, ...]
     weight: float
-    contender: Contender
+    scored_set: ScoredSet
     stands_for: tuple[tuple[str, str], ...] = ()
 
     @property
     def trust(self) -> dict[str, float]:
         """By name."""
-        found = {n: p.trust for p in self.contender.parts if p.named for n in p.names}
+        found = {n: p.trust for p in self.scored_set.parts if p.named for n in p.names}
         return found | {name: found[effect] for name, effect in self.stands_for}
 
     def theta(self, model: Model) -> dict[str, Array]:
         """Parameters of the named effects, where the set fits best, by effect."""
         own = {e.name: e.theta for e in model.effects}
         out: dict[str, Array] = {}
-        for part in self.contender.parts:
+        for part in self.scored_set.parts:
             at = 0
             for name in part.names:
                 size = len(find(name).parameters(model.vehicle))
@@ -59,7 +59,7 @@ class NamedSet:
     def values(self, vehicle: Vehicle) -> dict[str, dict[str, float]]:
         """Fitted parameters by effect and name; of an effect that the model has already, their changes."""
         out: dict[str, dict[str, float]] = {}
-        for part in self.contender.parts:
+        for part in self.scored_set.parts:
             left = list(part.theta)
             for name in part.names:
                 known = find(name).parameters(vehicle)
@@ -69,7 +69,7 @@ class NamedSet:
 
 
 @dataclass(frozen=True)
-class Class:
+class EquivalenceClass:
     """Sets that these flights cannot tell apart, heaviest first, and their weight together; what would tell them."""
 
     weight: float
@@ -83,10 +83,10 @@ class Class:
         return tuple(n for n in self.sets[0].names if n in common)
 
 
-def merged(contenders: Sequence[Contender], share: Array) -> tuple[NamedSet, ...]:
+def merged_by_names(scored_sets: Sequence[ScoredSet], share: Array) -> tuple[NamedSet, ...]:
     """Sets with the same names put together, heaviest first."""
-    together: dict[frozenset[str], list[tuple[float, Contender]]] = {}
-    for whole, weight in zip(contenders, share, strict=True):
+    together: dict[frozenset[str], list[tuple[float, ScoredSet]]] = {}
+    for whole, weight in zip(scored_sets, share, strict=True):
         for leaf, part in whole.leaves:
             together.setdefault(frozenset(leaf.names), []).append((float(weight) * part, leaf))
     heaviest = [max(listed, key=lambda pair: pair[0])[1] for listed in together.values()]
@@ -96,39 +96,41 @@ def merged(contenders: Sequence[Contender], share: Array) -> tuple[NamedSet, ...
     return tuple(s for k, s in enumerate(sets) if k == 0 or s.weight >= LIGHT)
 
 
-def one_each(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
+def one_per_names(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
     """Sets with the same names put together, heaviest first."""
     by_names: dict[frozenset[str], list[NamedSet]] = {}
     for s in sets:
         by_names.setdefault(frozenset(s.names), []).append(s)
     joined = [
-        replace(max(same, key=lambda s: s.weight), weight=sum(s.weight for s in same)) for same in by_names.values()
+        replace(max(alike, key=lambda s: s.weight), weight=sum(s.weight for s in alike)) for alike in by_names.values()
     ]
     return tuple(sorted(joined, key=lambda s: -s.weight))
 
 
-def classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:
+def equivalence_classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
     """Put every set into the class of the heaviest set that predicts the same, or begin a new one."""
     groups: list[list[NamedSet]] = []
     for s in sets:
-        home = next((g for g in groups if same(g[0].contender, s.contender, scorer)), None)
+        home = next((g for g in groups if predict_the_same(g[0].scored_set, s.scored_set, scorer)), None)
         if home is None:
             groups.append([s])
         else:
             home.append(s)
-    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]
+    found = [EquivalenceClass(sum(s.weight for s in g), tuple(g), checks_between(g, vehicle)) for g in groups]
     return tuple(sorted(found, key=lambda c: -c.weight))
 
 
-def settled(sets: Sequence[NamedSet], vehicle: Vehicle) -> tuple[Check, ...]:
+def checks_between(sets: Sequence[NamedSet], vehicle: Vehicle) -> tuple[Check, ...]:
     """What would settle which of several sets is true; nothing where there is one."""
     shown = [s for s in sets if s.names and s.weight >= WORTH_SETTLING and not s.stands_for]
     if len(shown) < 2:
         return ()
-    return settle([s.names for s in shown], [s.weight for s in shown], [s.values(vehicle) for s in shown], vehicle)
+    return discriminating_tests(
+        [s.names for s in shown], [s.weight for s in shown], [s.values(vehicle) for s in shown], vehicle
+    )
 
 
-def same(first: Contender, second: Contender, scorer: Scorer) -> bool:
+def predict_the_same(first: ScoredSet, second: ScoredSet, scorer: Scorer) -> bool:
     """Whether two predictions differ by less than noise shows, or than laws are known to."""
     space = scorer.spectrum
     weight = scorer.count / np.maximum(space.count, 1.0) / np.minimum(first.scored.variance, second.scored.variance)

@@ -8,10 +8,10 @@ from scipy.stats import multivariate_normal
 
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.identify.bias_and_trim import trim_of
-from wrenchgap.learn.posterior import compiled, score
+from wrenchgap.learn.posterior import kernels, score
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.hunt import Hunt
 from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.subset_search import SubsetSearch
 
 RNG = np.random.default_rng
 
@@ -29,20 +29,30 @@ def problem(seed, size=9):
 def test_bounded_least_squares_is_scipys(seed):
     """|R x - y|^2 + |x / scale|^2 within bounds: against lsq_linear's stacked problem in units of the sizes."""
     root, y, low, high, scale, _ = problem(seed)
-    found = compiled.bounded(root.T @ root, root.T @ y, low, high, scale)
+    found = kernels.bounded(root.T @ root, root.T @ y, low, high, scale)
     stacked = np.vstack((root * scale, np.eye(len(scale))))
     best = lsq_linear(stacked, np.append(y, np.zeros(len(scale))), (low / scale, high / scale), method="bvls")
     np.testing.assert_allclose(found / scale, best.x, atol=1e-9)
 
 
+def log_evidence(root, y, sizes):
+    """Of y = root theta + noise of one, theta_p normal with standard deviation `sizes` (P,)."""
+    return multivariate_normal.logpdf(y, cov=np.eye(len(y)) + (root * sizes**2) @ root.T)
+
+
 @pytest.mark.parametrize("seed", range(6))
-def test_sizes_and_widths_are_those_of_the_plain_form(seed):
-    root, y, low, high, scale, sparse = problem(seed)
+def test_sizes_of_sparse_parameters_are_those_that_raise_the_evidence(seed):
+    """Expectation maximisation (Tipping 2001, eq. 17): never less likely, and a fixed point unless it was cut short."""
+    root, y, _, _, typical, sparse = problem(seed)
+    wide = np.full(len(typical), np.inf)
     A, b = root.T @ root, root.T @ y
-    sizes = compiled.relevant(A, b, low, high, scale, sparse, scale)
-    np.testing.assert_allclose(sizes, score.relevant(A, b, low, high, scale, sparse, scale), rtol=1e-9)
-    theta = compiled.bounded(A, b, low, high, sizes)
-    np.testing.assert_allclose(theta, score.bounded(A, b, low, high, sizes), atol=1e-9 * scale.max())
+    sizes = kernels.relevant(A, b, -wide, wide, typical, sparse, typical)
+    np.testing.assert_array_equal(sizes[~sparse], typical[~sparse])
+    assert log_evidence(root, y, sizes) > log_evidence(root, y, typical)
+    covariance = np.linalg.inv(A + np.diag(sizes**-2.0))
+    mean = covariance @ b
+    fixed = np.maximum(np.sqrt(mean**2 + np.diag(covariance)), 1e-2 * typical)
+    assert np.all(np.abs(np.log(fixed / sizes))[sparse] < 0.1)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -53,11 +63,11 @@ def test_an_occam_factor_is_what_the_integral_over_parameters_adds(seed):
     theta = np.linalg.solve(A + np.diag(scale**-2.0), root.T @ y)
     whole = multivariate_normal.logpdf(y, cov=np.eye(len(y)) + (root * scale**2) @ root.T)
     left = multivariate_normal.logpdf(y - root @ theta, cov=np.eye(len(y)))
-    assert compiled.occam(A, theta, scale) == pytest.approx(whole - left, rel=1e-8)
+    assert kernels.occam(A, theta, scale) == pytest.approx(whole - left, rel=1e-8)
 
 
 @pytest.fixture
-def hunt(plain, hexarotor):
+def search(plain, hexarotor):
     """On a flight's grid, four effects of two to three parameters each, two of them the same but for a little."""
     rng = RNG(5)
     smooth = np.cumsum(rng.normal(size=(len(plain.measured), 12)), axis=0)
@@ -73,22 +83,22 @@ def hunt(plain, hexarotor):
     left = sum(c.jacobian @ [0.4, -0.8, 0.1] for c in columns[:3]) + plain.noise * rng.normal(size=(len(smooth), 6))
     space = Spectrum(plain, left, columns, trim_of(hexarotor))
     scorer = score.Scorer(space, space.sensor)
-    return Hunt(scorer, scorer.variance)
+    return SubsetSearch(scorer, scorer.variance)
 
 
 @pytest.mark.parametrize(
     "keys", [("mass",), ("com_offset", "mass"), ("inertia", "tether"), ("com_offset", "inertia", "mass", "tether")]
 )
-def test_the_score_of_a_set_is_its_gaussian_evidence_less_what_its_laws_may_be_off_by(hunt, keys):
-    """Without bounds in reach, of signals whose products are those of the hunt; the empty set's evidence is zero."""
-    space = hunt.space
-    values, vectors = np.linalg.eigh(hunt.whole)
+def test_the_score_of_a_set_is_its_gaussian_evidence_less_what_its_laws_may_be_off_by(search, keys):
+    """Without bounds in reach, of signals whose products are those of the search; the empty set's evidence is zero."""
+    space = search.space
+    values, vectors = np.linalg.eigh(search.whole)
     signals = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     rows = [space.parameters[k] for k in keys]
     unknown, offsets = np.concatenate(rows), [space.offset[k] for k in keys]
     J, left = signals[:, unknown], signals[:, 0] - signals[:, offsets].sum(axis=1)
     usual, limits = space.scale[unknown], (space.low[unknown], space.high[unknown])
-    size = score.relevant(J.T @ J, J.T @ left, *limits, usual, space.sparse[unknown], usual)
+    size = kernels.relevant(J.T @ J, J.T @ left, *limits, usual, space.sparse[unknown], usual)
     theta = np.linalg.solve(J.T @ J + np.diag(size**-2.0), J.T @ left)
     assert np.all((limits[0] < theta) & (theta < limits[1]))
     one = np.eye(len(signals))
@@ -99,15 +109,15 @@ def test_the_score_of_a_set_is_its_gaussian_evidence_less_what_its_laws_may_be_o
         for r, o in zip(rows, offsets, strict=True)
     ]
     doubt = sum(space.columns[k].accuracy * np.linalg.norm(m) for k, m in zip(keys, made, strict=True))
-    assert hunt.score(keys) == pytest.approx(evidence - 0.5 * doubt**2 + hunt.scorer.prior_of(keys), rel=1e-8)
+    assert search.score(keys) == pytest.approx(evidence - 0.5 * doubt**2 + search.scorer.prior_of(keys), rel=1e-8)
 
 
-def test_what_promises_most_is_what_raises_the_score_most(hunt):
+def test_what_promises_most_is_what_raises_the_score_most(search):
     """Without bounds in reach: the order of gains beside a set is the order of the scores with each added."""
     for keys in ((), ("mass",), ("inertia", "mass")):
-        beside = [n for n in hunt.space.columns if n not in keys]
-        by_score = sorted(beside, key=lambda n: -hunt.score((*keys, n)))
-        assert hunt._promising(keys)[0] == by_score[0]
+        beside = [n for n in search.space.columns if n not in keys]
+        by_score = sorted(beside, key=lambda n: -search.score((*keys, n)))
+        assert search._promising(keys)[0] == by_score[0]
 
 
 @pytest.mark.parametrize("shape", [(400,), (3000, 3), (60, 6)])

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.sets import LOUD
+from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
+from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.spectrum import EDGES, LEAK, leaking, sensor_spectrum, transformed
-from wrenchgap.learn.posterior.table import Ground
 
 UNEXPLAINED = 0.4
 """Share of the rms in a band that a set which explains the band does not leave; in one band of many a law that is
@@ -52,7 +52,7 @@ class OpenBand:
     over_noise: float
 
 
-def open_bands(on: Ground, found: Posterior, left: Array) -> tuple[OpenBand, ...]:
+def unexplained_bands(on: ModelResidual, found: Posterior, left: Array) -> tuple[OpenBand, ...]:
     """Bands that the likeliest set, which leaves `left` (K, 6) on held-out time, does not explain; loudest first."""
     if on.data.answering:
         return ()
@@ -70,11 +70,13 @@ def open_bands(on: Ground, found: Posterior, left: Array) -> tuple[OpenBand, ...
     coefficients, band = coefficients[usual], band[usual]
     before, after = (_means(coefficients[:, :, k], band, kept) for k in range(2))
     adds = _means(coefficients[:, :, 0] - coefficients[:, :, 1], band, kept)
-    inexact = found.best.contender.scored.inexact
+    inexact = found.best.scored_set.scored.inexact
     anywhere = np.average(inexact, axis=0, weights=kept)
     there = np.maximum(before - noise, 0.0)
     off = inexact + leaking(there, axes) + _levers(there, axes, on.data.weights[axes])
-    loud = after > np.maximum.reduce([LOUD**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)])
+    loud = after > np.maximum.reduce(
+        [ABOVE_SENSORS**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)]
+    )
     loud &= (after > np.minimum(each.max(axis=0) / BENDS**2, 4.0 * adds)) & (present > 0)[:, None]
     edges = (0.0, *EDGES, float(hertz.max()))
     rows = [

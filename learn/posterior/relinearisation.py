@@ -1,0 +1,275 @@
+"""Sets linearised anew where they fit best together, and the search repeated around them.
+
+Columns are linearised each by itself. A lag beside another lag, a centre of mass beside a weak rotor, are not quite
+what they are alone: sets that come close get a few Gauss-Newton steps with derivatives of the whole set. Of a set in
+which a lag is large those straight lines say little: what is late of the others changes, and the lag itself bends.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.identify.bias_and_trim import trim_of
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.parallel import each
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set
+from wrenchgap.learn.posterior.single_effects import ModelResidual
+from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.subset_search import search
+from wrenchgap.plant.effects import find
+
+BENT = 5.0
+"""Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
+DOUBTED = 0.25
+"""Share of the least evidence for a name from which on a member is asked for with the rest linearised anew."""
+STEPS = 5
+MOVED = 0.1
+"""Change of a parameter in one step, in typical sizes, that calls for another."""
+CHORD = 0.5
+"""Change up to which the next step keeps the derivatives of the last."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What sets are scored against: the `reference` of `learn.posterior.score.Scorer`, the `factors` of blocks."""
+
+    reference: Array
+    factors: Array
+
+
+def spectrum_of(ground: ModelResidual, columns: Sequence[Column]) -> Spectrum:
+    """Of these columns."""
+    return Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known)
+
+
+def relinearised_set(
+    ground: ModelResidual,
+    columns: Sequence[Column],
+    theta: Sequence[Array],
+    noise: Noise,
+    rests: Mapping[Keys, Array] | None = None,
+    bends: Mapping[str, Array] | None = None,
+) -> ScoredSet | None:
+    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`. None where the
+    model refuses it there. `rests` and `bends` as in `learn.posterior.scored_sets.scored_set`.
+    """  # noqa: D205
+    with threadpool_limits(1, user_api="blas"):
+        try:
+            scorer, keys = _improved(ground, columns, theta, noise)
+            return scored_set(scorer, keys, rests, bends)
+        except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+            return None
+
+
+def _improved(
+    ground: ModelResidual, columns: Sequence[Column], theta: Sequence[Array], noise: Noise
+) -> tuple[Scorer, Keys]:
+    keys: Keys = tuple(c.key for c in columns)
+    largest = np.inf
+    for _ in range(STEPS):
+        columns = joint_columns(ground, columns, theta, anew=largest > CHORD)
+        spectrum = spectrum_of(ground, columns)
+        spectrum.down_weight(noise.factors)
+        scorer = Scorer(spectrum, noise.reference)
+        found = [scorer(keys).theta[k] for k in keys]
+        largest = max(np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True))
+        theta = found
+        if largest < MOVED:
+            break
+    return scorer, keys
+
+
+def joint_columns(
+    ground: ModelResidual, columns: Sequence[Column], theta: Sequence[Array], *, anew: bool = True
+) -> list[Column]:
+    """Columns of the members at their values in the set. Every member has the offset that makes it what it would be
+    alone; what their sum is off by goes to the most curved of them. Not `anew`, they keep their derivatives.
+    """  # noqa: D205
+    problem = Problem(ground.data, ground.model, tuple(n for c in columns for n in c.names))
+    values = np.concatenate(theta)
+    origin = np.concatenate([c.origin for c in columns])
+    ends = np.cumsum([0, *(len(c.theta) for c in columns)])
+    parts = [slice(first, last) for first, last in itertools.pairwise(ends)]
+
+    def added(members: slice) -> Array:
+        """What these members alone take off (K, 6)."""
+        x = np.zeros(problem.low.size)
+        x[: len(values)] = origin
+        x[members] += values[members]
+        return ground.left - problem.at(np.clip(x, problem.low, problem.high)).residual
+
+    x = np.zeros(problem.low.size)
+    x[: len(values)] = values + origin
+    point = problem.at(np.clip(x, problem.low, problem.high))
+    if anew:
+        derivative = problem.jacobian(point)[:, :, : len(values)]
+    else:
+        derivative = np.concatenate([c.jacobian for c in columns], axis=2)
+    bends = [bool(np.any(c.offset)) for c in columns]
+    own = [
+        added(part) - derivative[:, :, part] @ values[part] if bent else np.zeros_like(point.residual)
+        for part, bent in zip(parts, bends, strict=True)
+    ]
+    rest = ground.left - point.residual - derivative @ values - sum(own)
+    curved = int(np.argmax([np.linalg.norm(c.offset) for c in columns]))
+    own[curved] = own[curved] + rest
+    return [
+        replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=offset)
+        for c, part, offset in zip(columns, parts, own, strict=True)
+    ]
+
+
+def column_beside(ground: ModelResidual, columns: Sequence[Column], theta: Sequence[Array], other: Column) -> Column:
+    """Another candidate, linearised where it was, but beside these members at their values: a thrust curve beside
+    motors that lag changes what comes late.
+    """  # noqa: D205
+    problem = Problem(ground.data, ground.model, tuple(n for c in (*columns, other) for n in c.names))
+    members = sum(len(c.theta) for c in columns)
+    own = slice(members, members + len(other.theta))
+    x = np.zeros(problem.low.size)
+    x[:members] = np.concatenate([c.origin + values for c, values in zip(columns, theta, strict=True)])
+    x[own] = other.origin
+    x = np.clip(x, problem.low, problem.high)
+    without = problem.at(x)
+    x[own] = np.clip(other.origin + other.theta, problem.low[own], problem.high[own])
+    point = problem.at(x)
+    derivative = problem.jacobian(point, first=members)[:, :, own]
+    return replace(other, jacobian=derivative, offset=without.residual - point.residual - derivative @ other.theta)
+
+
+def relinearised_sets(on: ModelResidual, linear: Scorer, sets: Sequence[Keys], jobs: int) -> list[ScoredSet | None]:
+    """`linearised_together` of these sets, by `jobs` processes."""
+    bare = {c: linear.spectrum.columns[c].without_samples() for c in dict.fromkeys(c for k in sets for c in k)}
+    lines = {k: ([bare[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
+    by_name = {" | ".join(k): k for k in sets}
+    noise = Noise(linear.reference, linear.spectrum.factors)
+
+    def work(name: str) -> ScoredSet | None:
+        columns, theta = lines[by_name[name]]
+        return relinearised_set(on, columns, theta, noise)
+
+    return list(each(work, list(by_name), jobs, (on.data.root, on.model)))
+
+
+def likeliest(anew: dict[Keys, ScoredSet | None]) -> ScoredSet | None:
+    """Of the sets that were linearised anew."""
+    known = [c for c in anew.values() if c is not None]
+    return max(known, key=lambda c: c.scored.log_probability, default=None)
+
+
+def moves_when_relinearised(linear: Scorer, contender: ScoredSet) -> bool:
+    """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
+    return abs(contender.scored.log_probability - linear(contender.keys).log_probability) > BENT
+
+
+def columns_hold(keys: Keys, centre: Keys) -> bool:
+    """Whether columns that were linearised in a set hold in another: it has its lags and delays, behind which all were;
+    of a set without any it lacks one member at most, and has two of them.
+    """  # noqa: D205
+    if late := set(lags_and_delays(centre)):
+        return late <= set(keys)
+    missing, shared = set(centre) - set(keys), set(centre) & set(keys)
+    return len(missing) <= 1 and len(shared) >= 2
+
+
+def rest_holds(keys: Keys, centre: Keys, scorer: Scorer, anew: dict[Keys, ScoredSet | None]) -> bool:
+    """Whether straight lines around a set may be trusted without the member of it that another set lacks: not where the
+    rest, linearised anew, turned out less likely than they had it.
+    """  # noqa: D205
+    rest = tuple(k for k in centre if k in keys)
+    found = anew.get(rest) if len(rest) < len(centre) else None
+    return found is None or found.scored.log_probability > scorer(rest).log_probability - BENT
+
+
+def search_around(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int) -> Scorer:
+    """The search again, with the members of a set linearised where they fit best together, at the same noise. Beside a
+    lag all others are linearised anew, too: what comes late of them is not what they are beside none.
+    """  # noqa: D205
+    on.data.forget()
+    columns = linear.spectrum.columns
+    bare = {k: c.without_samples() for k, c in columns.items()}
+    members = [bare[k] for k in centre.keys]
+    theta = [centre.scored.theta[k] for k in centre.keys]
+    moved = {c.key: c.spilled() for c in joint_columns(on, members, theta)}
+    if lags_and_delays(centre.keys):
+        others = [k for k in columns if k not in centre.keys and k not in lags_and_delays(columns)]
+
+        def work(key: str) -> Column | None:
+            try:
+                return column_beside(on, members, theta, bare[key])
+            except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+                return None
+
+        moved |= {c.key: c.spilled() for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
+    on.data.forget()
+    spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
+    spectrum.down_weight(linear.spectrum.factors)
+    scorer = Scorer(spectrum, linear.reference)
+    search(scorer, jobs=jobs)
+    scorer(centre.keys)
+    return scorer
+
+
+def without_doubtful(heavy: ScoredSet) -> list[Keys]:
+    """A set without each of the members that it hardly needs, as far as straight lines can tell."""
+    columns = {" + ".join(p.names): p for p in heavy.parts}
+    doubted = [k for k in heavy.keys if DOUBTED * LEAST_EVIDENCE < columns[k].evidence <= LEAST_EVIDENCE]
+    return [rest for gone in doubted if (rest := tuple(k for k in heavy.keys if k != gone))]
+
+
+def with_known_rests(
+    on: ModelResidual, linear: Scorer, heavy: Sequence[ScoredSet], anew: dict[Keys, ScoredSet | None], jobs: int
+) -> dict[str, Array]:
+    """Take into heavy sets, the heaviest first, what they leave without each of their members, as it is where those
+    rests were linearised anew: straight lines of lags, far from where they were taken, can bend into what the member
+    did. Where a set's own rest was not, by as much more as of the heaviest whose was. `anew` has them then; returns
+    those factors by member (`ScoredSet.bends`).
+    """  # noqa: D205
+    rests = {keys: c.left for keys, c in anew.items() if c is not None}
+    bends: dict[str, Array] = {}
+    noise = Noise(linear.reference, linear.spectrum.factors)
+    columns = {k: linear.spectrum.columns[k].without_samples() for k in dict.fromkeys(k for c in heavy for k in c.keys)}
+
+    def again(sets: Sequence[ScoredSet], known: Mapping[str, Array]) -> None:
+        by_name = {" | ".join(c.keys): c for c in sets}
+
+        def work(name: str) -> ScoredSet | None:
+            c = by_name[name]
+            theta = [c.scored.theta[k] for k in c.keys]
+            return relinearised_set(on, [columns[k] for k in c.keys], theta, noise, rests, known)
+
+        found = each(work, list(by_name), jobs, (on.data.root, on.model))
+        anew.update((c.keys, new) for c, new in zip(sets, found, strict=True) if new is not None)
+
+    mine = [c for c in heavy if c.keys in anew and rest_known(c, rests, bends, own=True)]
+    again(mine, {})
+    for c in reversed(mine):
+        bends |= (anew[c.keys] or c).bends
+    done = {c.keys for c in mine}
+    theirs = [c for c in heavy if c.keys in anew and c.keys not in done and rest_known(c, rests, bends, own=False)]
+    again(theirs, dict(bends))
+    return bends
+
+
+def rest_known(heavy: ScoredSet, rests: Mapping[Keys, Array], bends: Mapping[str, Array], *, own: bool) -> bool:
+    """Whether more is known of a doubtful member of a set: its own rest, or, not `own`, how that of another bends."""
+    for rest in without_doubtful(heavy):
+        gone = next(k for k in heavy.keys if k not in rest)
+        if (rest in rests) if own else (rest not in rests and gone in bends):
+            return True
+    return False
+
+
+def lags_and_delays(columns: Iterable[str]) -> list[str]:
+    """Lags and delays: far from straight lines, so that they are tried in each other's place."""
+    return [k for k in columns if all(find(n).place == "commands" for n in k.split(" + "))]
