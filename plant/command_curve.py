@@ -73,6 +73,10 @@ def _interpolated(at: Array, known: Array, values: Array) -> Array:
     return np.interp(at, known[order], values[order])
 
 
+LEAST_CHARGE = 0.1
+"""Share of the nominal voltage below which no motor turns: a reading below it is no battery's."""
+
+
 @dataclass(frozen=True, eq=False)
 class CommandCurve:
     """What a model file says of its logs' rotor commands: their unit, and the curve to thrust or speed.
@@ -96,7 +100,7 @@ class CommandCurve:
         made = np.maximum(self.law(at, voltage), 0.0)
         if self.voltage is not None and voltage is not None:
             nominal, exponent = self.voltage
-            made = made * ((voltage / nominal) ** exponent)[:, None]
+            made = made * (np.maximum(voltage / nominal, LEAST_CHARGE) ** exponent)[:, None]
         return made if self.gives == "speed" else np.asarray(np.sqrt(made / rotors.c_f))
 
     @property

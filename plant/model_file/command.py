@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import itertools
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import tomlkit
+from annotated_types import Interval, Len
 from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
@@ -22,6 +24,12 @@ COLUMNS = {
     "rpm": ("speed", RPM),
 }
 """Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
+MOST_ROWS, MOST_COEFFICIENTS = 2000, 8
+"""Of a bench table (a thrust stand's has some hundred) and of a polynomial (thrust has three)."""
+MOST_EXPONENT = 10.0
+"""Of the voltage, to either side; physics has one or two."""
+DISTINCT = 1e-6
+"""By how much the commands at no and at full throttle must differ, or by that share of their size."""
 LAWS = ("thrust_max", "thrust", "speed", "table")
 
 
@@ -32,6 +40,11 @@ def _unit(value: str) -> str:
 
 
 Numbers = Annotated[tuple[Number, ...], expected("a list of numbers")]
+Coefficients = Annotated[
+    tuple[Number, ...],
+    Len(1, MOST_COEFFICIENTS),
+    expected(f"a list of 1 to {MOST_COEFFICIENTS} coefficients, that of u^0 first"),
+]
 Unit = Annotated[str, AfterValidator(_unit), expected('"normalised" (0 to 1) or "pwm" (pulse widths in us)')]
 Ends = Annotated[tuple[Number, Number], expected("two numbers: the commands at no and at full throttle")]
 
@@ -70,7 +83,9 @@ class VoltageTable(Table):
     """What the battery does: thrust (or speed) goes with (V / nominal)^exponent."""
 
     nominal: Positive
-    exponent: Number
+    exponent: Annotated[
+        Number, Interval(ge=-MOST_EXPONENT, le=MOST_EXPONENT), expected(f"-{MOST_EXPONENT:g} to {MOST_EXPONENT:g}")
+    ]
 
 
 def _bench(value: Any) -> Any:
@@ -86,8 +101,8 @@ class CommandTable(Table):
     range: Ends | None = None
     thrust_max: Positive | None = None
     factor: Number | None = None
-    thrust: Numbers | None = None
-    speed: Numbers | None = None
+    thrust: Coefficients | None = None
+    speed: Coefficients | None = None
     table: Annotated[BenchTable, BeforeValidator(_bench)] | None = None
     voltage: VoltageTable | None = None
     source: Text = ""
@@ -101,7 +116,7 @@ class CommandTable(Table):
             raise broken(f"factor: got {self.factor:g}, expected 0 to 1, beside thrust_max")
         if self.unit == "pwm" and self.range is None and self.table is None:
             raise broken("range: is missing; expected the pulse widths at no and at full throttle, e.g. [1000, 2000]")
-        if self.range is not None and self.range[0] == self.range[1]:
+        if self.range is not None and abs(self.range[1] - self.range[0]) <= DISTINCT * max(1.0, *map(abs, self.range)):
             raise broken(f"range: got {list(self.range)}, expected two different commands")
         return self
 
@@ -148,9 +163,8 @@ def with_bench(text: str, folder: Path) -> str:
     if not isinstance(named, dict) or not isinstance(named.get("table"), str):
         return text
     file = str(named["table"])
-    rows = tomlkit.inline_table()
-    rows.update(read_bench(beside(folder, file, ".csv", "command.table")))
-    named["table"] = rows
+    columns = read_bench(beside(folder, file, ".csv", "command.table"))
+    named["table"] = tomlkit.value("{" + ", ".join(f"{head} = {values}" for head, values in columns.items()) + "}")
     named.setdefault("source", f"bench table {Path(file).name}")
     return tomlkit.dumps(document)
 
@@ -160,19 +174,34 @@ def read_bench(path: Path) -> dict[str, list[float]]:
 
     Raises ModelError, which repeats nothing of the file: it may be another one.
     """
-    lines = list(csv.DictReader(text_of(path, "as a bench table").splitlines(), skipinitialspace=True))
-    heads = [h.strip() for h in (lines[0] if lines else {}) if h is not None]
-    wanted = ("command", *COLUMNS, "voltage")
-    if "command" not in heads or not set(heads) <= set(wanted):
-        raise ModelError(
-            f"{path}: its first line does not have the columns command, one of {', '.join(COLUMNS)}, perhaps voltage, "
-            "and no others"
-        )
-    out: dict[str, list[float]] = {head: [] for head in heads}
-    for number, line in enumerate(lines, 2):
-        for head, value in line.items():
-            try:
-                out[head.strip()].append(float(value))
-            except (TypeError, ValueError, AttributeError):
-                raise ModelError(f"{path}, line {number}: expected a number as {head.strip()}") from None
+    text = text_of(path, "as a bench table")
+    rows = csv.reader(text.splitlines(), skipinitialspace=True)
+    try:
+        heads = [head.strip() for head in next(rows, [])]
+        wanted = ("command", *COLUMNS, "voltage")
+        if "command" not in heads or not set(heads) <= set(wanted) or len(set(heads)) < len(heads):
+            raise ModelError(
+                f"{path}: its first line does not have the columns command, one of {', '.join(COLUMNS)}, perhaps "
+                "voltage, each once and no others"
+            )
+        out: dict[str, list[float]] = {head: [] for head in heads}
+        for row in rows:
+            if len(out["command"]) == MOST_ROWS:
+                raise ModelError(f"{path}: has more than {MOST_ROWS} rows; expected a curve, not the log of a stand")
+            for head, value in zip(heads, _numbers(path, rows.line_num, heads, row), strict=True):
+                out[head].append(value)
+    except csv.Error:
+        raise ModelError(f"{path}, line {rows.line_num}: expected {len(heads)} numbers, got no table") from None
     return out
+
+
+def _numbers(path: Path, line: int, heads: list[str], row: list[str]) -> list[float]:
+    """The cells of a row, one for each column."""
+    if len(row) > len(heads):
+        raise ModelError(f"{path}, line {line}: expected {len(heads)} numbers, got {len(row)} cells")
+    for head, value in itertools.zip_longest(heads, row):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            raise ModelError(f"{path}, line {line}: expected a number as {head}") from None
+    return [float(value) for value in row]

@@ -138,6 +138,13 @@ def test_a_model_made_in_code_keeps_its_curve(command):
         ('unit = "normalised"\nthrust_max = 6.0\nspeed = [1.0]', r"command: got thrust_max and speed, expected one of"),
         ('unit = "normalised"\nthrust_max = 6.0\nfactor = 2.0', r"command: factor: got 2, expected 0 to 1"),
         ('unit = "normalised"\nthrust_max = 6.0\nexpo = 0.6', r"command.expo: is not a known key"),
+        ('unit = "normalised"\nthrust = []', r"command.thrust: got \[\], expected a list of 1 to 8 coefficients"),
+        ('unit = "normalised"\nspeed = [0, 1, 2, 3, 4, 5, 6, 7, 8]', r"expected a list of 1 to 8 coefficients"),
+        ('unit = "normalised"\nrange = [0.0, 1e-300]\nspeed = [1.0]', r"command: range: got"),
+        (
+            'unit = "normalised"\nthrust_max = 6.0\nvoltage = { nominal = 1e-15, exponent = 1e12 }',
+            r"exponent: got .*expected -10 to 10",
+        ),
         ('unit = "normalised"\ntable = { command = [0.0, 1.0], thrust = [1.0] }', r"got 2 of command, 1 of thrust"),
         (
             'unit = "normalised"\ntable = { command = [0.0, 1.0] }',
@@ -158,6 +165,10 @@ def test_says_what_is_wrong_in_one_line(command, message):
         ("", r"bench.csv: its first line does not have the columns"),
         ("command,thrust\n0.0,0.0\n1.0,lots\n", r"bench.csv, line 3: expected a number as thrust"),
         ("command,thrust\n0.0,0.0\n1.0\n", r"bench.csv, line 3: expected a number as thrust"),
+        ("command,thrust\n0.0,0.0\n1.0,5.0,7.0\n", r"bench.csv, line 3: expected 2 numbers, got 3 cells"),
+        ("command,thrust,thrust\n0.0,0.0,1.0\n", r"bench.csv: .* each once"),
+        ("command,thrust\n0.0," + 200_000 * "1" + "\n", r"bench.csv, line 2: expected 2 numbers, got no table"),
+        ("command,thrust\n" + 2001 * "0.0,0.0\n", r"bench.csv: has more than 2000 rows"),
     ],
 )
 def test_a_bad_bench_file_is_told_by_line(tmp_path, text, message):
