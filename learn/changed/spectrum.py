@@ -18,7 +18,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.spectrum import FAR_LOUDER, Spectrum
+from wrenchgap.learn.posterior.spectrum import Spectrum
 
 EXCITED = 0.1
 """Standard deviation of the commanded force over its size from which on a flight is no hover."""
@@ -36,11 +36,10 @@ class ChangeSpectrum(Spectrum):
         sensor = np.concatenate((self.sensor[:1], self.sensor))
         self.band = self.band + 1
         self.band[self.starts] = 0
-        per_band = np.bincount(self.band)
-        filled = np.flatnonzero(per_band)
+        filled = np.flatnonzero(np.bincount(self.band))
         self.band = np.searchsorted(filled, self.band)
         self.sensor, self.leak = sensor[filled], np.zeros((len(filled), len(self.axes)))
-        self.count = np.repeat(per_band[filled][:, None], len(self.axes), axis=1).astype(float)
+        self.count = self.counted()
         self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)], data)
 
     def _means_alone(self, answering: Sequence[int], data: Dataset) -> None:
@@ -56,14 +55,6 @@ class ChangeSpectrum(Spectrum):
             for f in np.unique(flight):
                 rows = self.starts[flight == f]
                 self.coefficients[rows, axis, 1:] = self.coefficients[rows, axis, 1:].mean(axis=0)
-
-    def block_weights(self, left: Array) -> Array:
-        """As there; axes that a band leaves out do not count."""
-        count = np.maximum(self.count, 1.0)
-        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
-        size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
-        size /= np.bincount(self.block)
-        return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
 
 
 def answered(data: Dataset) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +15,7 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
 from wrenchgap.learn.data.feedback_regressors import answerable
+from wrenchgap.learn.data.input_errors import EDGES, untrusted
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -81,15 +83,54 @@ class Dataset:
         return {}
 
     def unanswered(self, values: Array) -> Array:
-        """Values (K, 6, ...) without what commands that answer the motion could explain, on the axes where they do."""
+        """What derivatives, or residuals, (K, 6, ...) say of the vehicle: `informative`, without what commands that
+        answer the motion could explain on the axes where they do; and where slow commands are not known either, the
+        mean of a flight.
+        """  # noqa: D205
+        out = self.remaining(values)
+        for axis in np.flatnonzero(self.untrusted[0]):
+            for flight in np.unique(self.flight):
+                rows = self.flight == flight
+                out[rows, axis] = out[rows, axis].mean(axis=0)
+        return out
+
+    def remaining(self, values: Array) -> Array:
+        """The same of residuals (K, 6, ...) as they scatter: their means over blocks of time as they are."""
+        out = self.informative(values)
         if not self.answering:
-            return values
-        out = values.copy()
+            return out
+        out = values.copy() if out is values else out
         basis = self.answerable
         for axis in self.answering:
-            out[:, axis] -= np.tensordot(basis, basis.T @ values[:, axis].reshape(len(values), -1), 1).reshape(
-                values[:, axis].shape
-            )
+            flat = out[:, axis].reshape(len(values), -1)
+            out[:, axis] -= np.tensordot(basis, basis.T @ flat, 1).reshape(values[:, axis].shape)
+        return out
+
+    @cached_property
+    def untrusted(self) -> NDArray[np.bool_]:
+        """Bands of frequency and axes (bands, 6) in which commands say nothing (`learn.data.input_errors`)."""
+        return untrusted([r.input_error for r in self.records])
+
+    def informative(self, values: Array) -> Array:
+        """Values (K, 6, ...) without the bands of frequency in which commands say nothing, block by block of time; the
+        means over blocks are left in.
+        """  # noqa: D205
+        axes = np.flatnonzero(self.untrusted.any(axis=0))
+        if not axes.size:
+            return values
+        from scipy.fft import dct, idct  # here: others need not wait for it
+
+        out = values.copy()
+        starts = np.flatnonzero(np.diff(self.block, prepend=-1))
+        dt = self.records[0].dt_kept
+        for first, last in itertools.pairwise((*starts, len(self.block))):
+            band = np.digitize(np.arange(last - first) / (2 * (last - first) * dt), EDGES)
+            for axis in axes:
+                said = ~self.untrusted[band, axis]
+                said[0] = True
+                amplitude = dct(values[first:last, axis], axis=0, norm="ortho")
+                amplitude[~said] = 0.0
+                out[first:last, axis] = idct(amplitude, axis=0, norm="ortho")
         return out
 
     @property

@@ -52,7 +52,8 @@ class Record:
     (`learn.data.measured_axes`).
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
-    nominal allocation) or "none".
+    nominal allocation) or "none". `input_error` (bands, 6) is the share of error in what they nominally make
+    (`learn.data.input_errors`), None where they are taken as exact.
     """
 
     flight: str
@@ -71,6 +72,7 @@ class Record:
     has_pose: bool
     has_voltage: bool
     has_imu: bool = True
+    input_error: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time)

@@ -165,3 +165,11 @@ def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:
     circle = 1 << max(int(np.ceil(np.log2(8 * lags))), 10)
     _, response = sosfreqz(sections, worN=np.arange(circle // 2 + 1) * 2.0 * np.pi / circle)
     return np.asarray(np.fft.irfft(np.abs(response) ** 4)[:lags])  # forward and backward
+
+
+def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
+    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz]: white, filtered
+    forward and backward, for torques differentiated once.
+    """  # noqa: D205
+    low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
+    return np.stack((low_pass, low_pass * hertz**2), axis=1)

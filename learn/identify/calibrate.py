@@ -3,9 +3,10 @@
 Tried is what a model file usually has slightly wrong of a vehicle that is in order (`TRIMMED`): thrust, its curve over
 the command, the torque ratio, centre of mass, tilt and place of the IMU, lags and delays; moments of inertia where the
 file says that they are not sure. Of those the one that helps most on blocks of time which its fit did not see is taken,
-then the next beside it, until none helps; what another made superfluous goes again (stepwise selection with held-out
-error, Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 2nd ed., 3.3 and 7.10). With several
-flights each has to hold besides when whole flights are left out, so that the loading of one flight is no calibration.
+then the next beside it, until none helps; not what ends at the limit of what is plausible; what another made
+superfluous goes again (stepwise selection with held-out error, Hastie, Tibshirani and Friedman, "The Elements of
+Statistical Learning", 2nd ed., 3.3 and 7.10). With several flights each has to hold besides when whole flights are left
+out, so that the loading of one flight is no calibration.
 
 Standard deviations are those of the fit (`learn.identify.fit`), the scatter of the flights' own values beyond their
 errors, and of the thrust the tolerance of the mass: a later flight may differ as much as these did among themselves.
@@ -48,6 +49,7 @@ class Fate(StrEnum):
     KEPT = "kept"
     NO_HELP = "no help"  # on held-out time
     ONE_FLIGHT = "one flight"  # helps within flights, not on flights that were left out whole
+    AT_LIMIT = "at its limit"  # with it a parameter ends at the limit of what is plausible
     UNTRIED = "not tried"
 
 
@@ -168,6 +170,7 @@ class _Search:
         self.left = held_out(data, model, (), self.fit)
         self.t: dict[str, float] = {}
         self.single: set[str] = set()
+        self.stuck: set[str] = set()
         self.steps = 0
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
@@ -197,6 +200,10 @@ class _Search:
                 one = fit(self.data, self.model, [*kept, name], base=self.fit)
             except FitError:
                 continue
+            if one.stuck:
+                self.stuck.add(name)
+                continue
+            self.stuck.discard(name)
             left = held_out(self.data, self.model, [*kept, name], one, exact=False)
             gain = contrast(self.data, self.left, left)
             self.t[name] = gain.t
@@ -242,7 +249,8 @@ def contrast_of(data: Dataset, rows: Array, before: Array, after: Array) -> floa
 def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | None) -> Tried:
     if reason is not None:
         return Tried(name, Fate.UNTRIED, None, reason)
-    fate = Fate.KEPT if name in chosen else Fate.ONE_FLIGHT if name in search.single else Fate.NO_HELP
+    fates = {Fate.KEPT: chosen, Fate.AT_LIMIT: search.stuck, Fate.ONE_FLIGHT: search.single}
+    fate = next((fate for fate, names in fates.items() if name in names), Fate.NO_HELP)
     return Tried(name, fate, search.t.get(name))
 
 

@@ -101,10 +101,10 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
     """The passes of `fit`."""
     data = problem.data
     known = data.measured_axes
-    size = np.sqrt(np.mean((data.unanswered(point.residual) * data.weights)[:, known] ** 2))
+    size = np.sqrt(np.mean((data.remaining(point.residual) * data.weights)[:, known] ** 2))
     weights = data.weights / max(float(size), 1e-30)
     point, jacobian, first = problem.minimise(point, jacobian, weights, iterations)
-    left = np.sqrt(np.mean(data.unanswered(point.residual) ** 2, axis=0))
+    left = np.sqrt(np.mean(data.remaining(point.residual) ** 2, axis=0))
     weights = np.where(known, 1.0 / np.where(known, np.maximum(left, data.noise), 1.0), 0.0)
     point, jacobian, second = problem.minimise(point, jacobian, weights, iterations)
     if problem.sparse.any():
@@ -147,8 +147,8 @@ def held_out(
 
     Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
     from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; with `exact` off,
-    linearised where the step changes it by less than `small` of the residual. Not a number on axes that were not
-    measured.
+    linearised where the step changes it by less than `small` of the residual. Without what commands say nothing of
+    (`Dataset.informative`); not a number on axes that were not measured.
     """
     problem = Problem(data, model, tuple(names))
     problem.scale = fitted.scale
@@ -170,6 +170,7 @@ def held_out(
             out[test] = point.residual[test] - change
         else:
             out[test] = problem.at(point.x + step).residual[test]
+    out = data.informative(out)
     out[:, ~data.measured_axes] = np.nan
     return out
 

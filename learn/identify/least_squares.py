@@ -56,6 +56,11 @@ class Fit:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     @property
+    def stuck(self) -> frozenset[str]:
+        """Effects with a parameter at a plausible limit: their law, or what they are fitted to, is another one."""
+        return frozenset(name.split(".")[0] for name in self.at_bound)
+
+    @property
     def snapshot(self) -> tuple[Snapshot, ...]:
         """The effects as plain values, in the order in which they were named."""
         rows: dict[str, list[Value]] = {}
@@ -264,7 +269,7 @@ class Problem:
         """
         prior = 1.0 / (self.data.independence * self.typical**2)
         A = self.data.unanswered(jacobian) * weights[:, None]
-        scores = np.einsum("klp,kl->kp", A, self.data.unanswered(point.residual) * weights)
+        scores = np.einsum("klp,kl->kp", A, self.data.remaining(point.residual) * weights)
         blocks = np.stack([np.bincount(self.data.block, weights=column) for column in scores.T], axis=1)
         flat = A.reshape(-1, point.x.size)
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))

@@ -16,7 +16,7 @@ What a verdict needs (`_verdict`):
               worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
               depends on what was logged; or something is named, and a band of frequency of what is left is open
               (`learn.posterior.unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
-              where one rotor does
+              where one rotor does; or what explains most is at the limit of what is plausible
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else
@@ -24,7 +24,7 @@ What a verdict needs (`_verdict`):
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -145,13 +145,14 @@ class Explanation(Result):
     @property
     def firm(self) -> tuple[str, ...]:
         """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family; none that
-        another stands in the place of (`Member.alike`), that one rotor makes which comes and goes, or whose evidence is
-        all on axes that are open: what is left there may have made it.
+        another stands in the place of (`Member.alike`), that is at the limit of what is plausible, that one rotor makes
+        which comes and goes, or whose evidence is all on axes that are open: what is left there may have made it.
         """  # noqa: D205
         if self.named_there:
             return ()
         shown = ~self.open if self.verdict is Verdict.UNKNOWN else np.ones(6, dtype=bool)
-        named = {family(m.name) for m in self.members if not m.alike and m.by_axis[shown].sum() > LEAST_EVIDENCE}
+        sure = [m for m in self.members if not m.alike and m.name not in self.fit.stuck]
+        named = {family(m.name) for m in sure if m.by_axis[shown].sum() > LEAST_EVIDENCE}
         return tuple(n for n in self.posterior.firm if n in named)
 
     @property
@@ -232,7 +233,7 @@ def search_dataset(
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
     mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
     depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
-    verdict = _verdict(on, named, loud, swinging or pushing, depends)
+    verdict = _verdict(on, named, loud, swinging or pushing, depends, at_limit=best.fit.stuck)
     failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
     return Explanation(
         verdict,
@@ -307,7 +308,7 @@ def _open(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
     noise and above a quarter of what it was.
     """  # noqa: D205
     usual = _usual(on.data, left)
-    before, after = (rms(on.data.unanswered(r)[usual]) for r in (on.given, left))
+    before, after = (rms(on.data.remaining(r)[usual]) for r in (on.given, left))
     noise = on.data.noise
     loud = (after > ABOVE_SENSORS * noise) & (after > UNEXPLAINED * before)
     worse = force_and_torque(after) > np.maximum(
@@ -322,13 +323,18 @@ def _verdict(
     loud: NDArray[np.bool_],
     found: Oscillation | OneRotor | None,
     depends: Relevance | None,
+    *,
+    at_limit: Collection[str] = (),
 ) -> Verdict:
     """Unknown where something was found in what is left, or structure is left; where commands answer the motion, and
-    with it turbulence, only structure that can be predicted is one.
+    with it turbulence, only structure that can be predicted is one. Unknown, too, where what explains most is
+    `at_limit` of what is plausible: that says that its law is another one.
     """  # noqa: D205
     turbulent = bool(on.data.answering) and (depends is None or depends.driven < PREDICTABLE)
     if found is not None or (loud.any() and not turbulent):
         return Verdict.UNKNOWN
     if not named:
         return Verdict.NOTHING
+    if named[0].name in at_limit:
+        return Verdict.UNKNOWN
     return Verdict.GROUP if named[0].alike else Verdict.EFFECT

@@ -28,14 +28,16 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.sensor_noise import noise_shapes
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
 from wrenchgap.learn.posterior.single_effects import uncertain
-from wrenchgap.learn.posterior.spectrum import EDGES, Spectrum, noise_shapes, transformed
+from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
 from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import Model

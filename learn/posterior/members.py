@@ -115,11 +115,11 @@ def needed_members(on: ModelResidual, found: Posterior, jobs: int = 1) -> tuple[
     best = fitted(on, names, near=found.best.theta(on.model))
     while True:
         listed = members(on, found, names, best, jobs)
-        stuck = {b.split(".")[0] for b in best.fit.at_bound}
         idle = [
             m
             for m in listed
-            if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR_SHARE)
+            if not (material(best.fit, on.model, m.name) and m.needed)
+            or (m.name in best.fit.stuck and m.share < MAJOR_SHARE)
         ]
         if not idle:
             on.data.forget()
@@ -151,11 +151,11 @@ def members(
 
     left = dict(zip(names, each(without, names, jobs, (on.data.root, on.model)), strict=True))
     weights = on.data.weights
-    after = on.data.unanswered(best.left)
+    after = on.data.remaining(best.left)
     out = []
     for name in names:
         lost = energy(left[name], weights) - energy(best.left, weights)
-        before = on.data.unanswered(left[name])
+        before = on.data.remaining(left[name])
         rivals = rivals_of(name, found)
         alike = {n for r in rivals if r.alike for n in r.names}
         out.append(

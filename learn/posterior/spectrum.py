@@ -21,15 +21,15 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanned
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.sensor_noise import noise_shapes
 from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
 
 SECONDS = 2.5
 """Length of the blocks [s]."""
-EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
-"""Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 ABOVE_NOISE = 2.5
 """Ratio to the sensors' noise from which on motion that no command explains is a disturbance."""
 LEAK = 0.02
@@ -69,10 +69,11 @@ class Spectrum(LinearProblem):
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
         self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
         self.blocks = len(self.starts)
-        per_band = np.bincount(self.band)
-        self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
+        self.silent = data.untrusted[np.digitize(hertz, EDGES)][:, self.axes] & (hertz > 0.0)[:, None]
+        self.count = self.counted()
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
         self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes)
+        self._silence(data)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
 
@@ -80,6 +81,29 @@ class Spectrum(LinearProblem):
     def products(self) -> Array:
         """Means over coefficients (bands, axes, Q, Q), worked out when they are asked for."""
         return self._products()
+
+    def counted(self) -> Array:
+        """Coefficients (bands, A) that say something of the vehicle."""
+        return np.stack([np.bincount(self.band, weights=~silent) for silent in self.silent.T], axis=1)
+
+    def _silence(self, data: Dataset) -> None:
+        """Of all but what the model leaves: nothing where commands say nothing, and the mean of a flight where they do
+        not say what changes slowly. What they may err by elsewhere nobody can tell from a law (`leak`).
+        """  # noqa: D205
+        shares = [r.input_error for r in data.records if r.input_error is not None]
+        if not shares:
+            return
+        for axis in np.flatnonzero(self.silent.any(axis=0)):
+            self.coefficients[self.silent[:, axis], axis, 1:] = 0.0
+        for axis in np.flatnonzero(data.untrusted[0, self.axes]):
+            for flight in np.unique(data.flight):
+                rows = self.starts[data.flight[self.starts] == flight]
+                size = np.sqrt(np.bincount(self.block)[self.block[rows]])[:, None]
+                self.coefficients[rows, axis, 1:] = size * (self.coefficients[rows, axis, 1:] / size).mean(axis=0)
+        sent = np.concatenate([r.commanded for r in data.records])
+        power = mean_squares(transformed(data.records, sent[:, self.axes, None])[0][:, :, 0], self.band)
+        error = np.max(shares, axis=0)[np.unique(np.digitize(self.hertz, EDGES))][:, self.axes]
+        self.leak = self.leak + np.where(self.count > 0.0, error * power, 0.0)
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
@@ -96,7 +120,7 @@ class Spectrum(LinearProblem):
         moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]
         slow = self._slow_answers(data)
         for k in answering:
-            power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / self.count[:, k]
+            power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
             weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
             basis = spanned(free * weight)
             part = self.coefficients[:, k] * weight
@@ -113,7 +137,7 @@ class Spectrum(LinearProblem):
         noise: it moved with what disturbed it.
         """  # noqa: D205
         left = moved - basis @ (basis.T @ moved)
-        power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / self.count[:, k]
+        power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
         disturbed = power > ABOVE_NOISE**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])
 
@@ -137,7 +161,7 @@ class Spectrum(LinearProblem):
         for axis, each in enumerate(rows):
             for k, own in enumerate(bands):
                 x = each[:, own]
-                np.divide(x @ x.T, len(own), out=out[k, axis])
+                np.divide(x @ x.T, max(self.count[k, axis], 1.0), out=out[k, axis])
             let_go(rows)
         return out
 
@@ -154,7 +178,8 @@ class Spectrum(LinearProblem):
         """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
         hand, a gust.
         """  # noqa: D205
-        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / self.count
+        count = np.maximum(self.count, 1.0)
+        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
         size /= np.bincount(self.block)
         return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
@@ -234,14 +259,6 @@ def leaking(power: Array, axes: NDArray[np.intp]) -> Array:
     for own in (forces, ~forces):
         out[:, own] = LEAK**2 * power[:, own].sum(axis=1, keepdims=True)
     return out
-
-
-def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
-    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz]: white, filtered
-    forward and backward, for torques differentiated once.
-    """  # noqa: D205
-    low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
-    return np.stack((low_pass, low_pass * hertz**2), axis=1)
 
 
 def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:

@@ -26,10 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
 from wrenchgap.learn.posterior.single_effects import ModelResidual
-from wrenchgap.learn.posterior.spectrum import EDGES, LEAK, leaking, sensor_spectrum, transformed
+from wrenchgap.learn.posterior.spectrum import LEAK, leaking, sensor_spectrum, transformed
 
 UNEXPLAINED = 0.4
 """Share of the rms in a band that a set which explains the band does not leave; in one band of many a law that is

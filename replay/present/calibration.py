@@ -20,6 +20,7 @@ FATES = {
     Fate.KEPT: "kept",
     Fate.NO_HELP: "no help on held-out time",
     Fate.ONE_FLIGHT: "helps within flights, not on flights left out whole",
+    Fate.AT_LIMIT: "left out: a value at the limit of what is plausible says that the cause is another one",
     Fate.UNTRIED: "not tried",
 }
 LEGEND = (

@@ -1,0 +1,121 @@
+"""What a sampled command does not say of the command that was sent.
+
+A logged command is a snapshot, taken at the rate of the log, of a loop that may be faster. What the loop does beyond
+half the rate of the log is folded into what is below it, and looks like slow commands that were never sent. A
+regression on them attenuates: of a command u with an error e, independent of u, a gain of one is found as
+S_u / (S_u + S_e), and every parameter that shrinks the prediction (a lag, a lost torque) seems to explain what is left.
+Source: errors in variables, Fuller, "Measurement Error Models", 1987, 1.1.
+
+The spectrum of the error is not known, but bounded. S is that of the wrench that the commands nominally make, S_m that
+of the measured wrench, S_n that of the sensors' noise, all one-sided [N^2/Hz, (Nm)^2/Hz]:
+
+    S_e <= L                 L the level of S just below half the rate of the log: what had not fallen by then goes on
+                             beyond it, and a spectrum that falls folds less of itself at lower frequencies
+    S_e <= S - (S_m - S_n)   of what was really sent the vehicle made a wrench
+    S_e <= S_r               S_r of what the nominal model leaves: the error is in it
+
+The least of these over S is the share of error, by band of frequency and axis. In a band in which it exceeds `SHARE` an
+axis says nothing of the vehicle; where the slowest band is such, it keeps the mean of a flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
+from wrenchgap.learn.data.measurement import Record, from_actuators
+from wrenchgap.learn.data.sensor_noise import noise_shapes
+from wrenchgap.plant.vehicle import Vehicle
+
+EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
+"""Between the bands [Hz] in which spectra are taken to be level: wider where those of vehicles and turbulence are
+smoother."""
+SHARE = 0.1
+"""Share of error in a band from which on it is not used: gains are wanted to 10 %, and attenuate by as much."""
+SEGMENT = 10.0
+"""Length [s] of the pieces whose spectra are averaged: three periods of the slowest band."""
+FEWEST_COMMANDS = 32
+"""Commands below which nothing is said of their spectrum."""
+TAIL = 0.7
+"""Share of half the log's rate from which on the spectrum is that of what is folded."""
+
+
+def density(signal: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies (F,) [Hz] and one-sided densities (F, C) of signals (N, C), without their mean."""
+    from scipy.signal import welch  # here: others need not wait for it
+
+    pieces = min(len(signal), max(8, round(SEGMENT / dt)))
+    f, power = welch(signal, 1.0 / dt, nperseg=pieces, axis=0)
+    return f, np.asarray(power)
+
+
+def by_band(f: Array, power: Array) -> Array:
+    """Means (bands, C) of densities (F, C); NaN for a band without a frequency. The mean over all time is left out."""
+    band = np.digitize(f[1:], EDGES)
+    out = np.full((len(EDGES) + 1, power.shape[1]), np.nan)
+    for k in np.unique(band):
+        out[k] = power[1:][band == k].mean(axis=0)
+    return out
+
+
+def share_of_error(sent: Array, period: float, measured: Array, left: Array, seen: Seen) -> Array:
+    """Share of error (bands, 6), zero to one, of commands that make a wrench `sent` (N, 6), `period` [s] apart.
+
+    `measured` and `left` (K, 6) are the measured wrench and what the nominal model leaves of it. A band above half the
+    rate of the log has no command: all of it is error.
+    """
+    f, power = density(sent, period)
+    level = np.median(power[f > TAIL * 0.5 / period], axis=0)
+    behind_filter = noise_shapes(f, seen.cutoff_hz)[:, :1]
+    commanded, folded = by_band(f, power * behind_filter), by_band(f, level * behind_filter)
+    f, response = density(measured, seen.dt)
+    shapes = np.repeat(noise_shapes(f, seen.cutoff_hz), 3, axis=1)
+    noise = by_band(f, shapes * seen.noise**2 / np.trapezoid(shapes, f, axis=0))
+    real = np.maximum(by_band(f, response) - noise, 0.0)
+    bounds = np.stack((folded, np.maximum(commanded - real, 0.0), by_band(*density(left, seen.dt))))
+    share = np.min(np.where(np.isfinite(bounds), bounds, np.inf), axis=0) / np.maximum(commanded, 1e-300)
+    return np.asarray(np.where(np.isfinite(commanded), np.clip(share, 0.0, 1.0), 1.0))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How a wrench was measured: samples `dt` [s] apart, behind a filter, with sensor `noise` (6,)."""
+
+    dt: float
+    cutoff_hz: float
+    noise: Array
+
+
+def input_error(record: Record, played: Flight, vehicle: Vehicle) -> Array | None:
+    """Share of error (bands, 6) in what the commands of a record make (`learn.data.input_errors`); None where there are
+    too few of them.
+    """  # noqa: D205
+    series = played.actuators if record.source == "logged" else played.commanded
+    if series is None:
+        return None
+    rows = (series.time >= record.time[0]) & (series.time <= record.time[-1])
+    if rows.sum() < FEWEST_COMMANDS:
+        return None
+    if isinstance(series, ActuatorSeries):
+        sent = from_actuators(played.name, vehicle, series.tilt[rows], series.rotor_speed[rows]).wrench_B
+    else:
+        sent = series.wrench_B[rows]
+    left = record.measured - record.commanded
+    return share_of_error(
+        sent, series.period, record.measured, left, Seen(record.dt_kept, record.cutoff_hz, record.noise)
+    )
+
+
+def untrusted(shares: Sequence[Array | None]) -> NDArray[np.bool_]:
+    """Bands and axes (bands, 6) that say nothing, of the shares of error (bands, 6) of several records.
+
+    Flights are compared in what all of them say. None is of a record whose commands are taken as exact.
+    """
+    known = [share for share in shares if share is not None]
+    return (
+        np.asarray(np.any([share > SHARE for share in known], axis=0)) if known else np.zeros((len(EDGES) + 1, 6), bool)
+    )
