@@ -106,6 +106,8 @@ class Model:
 def make_effect(vehicle: Vehicle, name: str, values: Mapping[str, float] | Iterable[float]) -> ModelEffect:
     """An effect of the catalogue with values, by parameter name (the rest are zero) or in order."""
     effect = find(name)
+    if effect.needs_rotors and not vehicle.has_rotors:
+        raise ModelError(f"effect {name}: this needs arms and rotors, and the model file has none")
     parameters = effect.parameters(vehicle)
     names = [p.name for p in parameters]
     if isinstance(values, Mapping):

@@ -14,7 +14,6 @@ import copy
 import hashlib
 import importlib.util
 import inspect
-import math
 import re
 import sys
 import traceback
@@ -41,10 +40,11 @@ from wrenchgap.plant.effects import (
     sources,
 )
 from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
-from wrenchgap.plant.reader import text_of
+from wrenchgap.plant.reader import LEAST, MOST, text_of
 from wrenchgap.plant.vehicle import Vehicle
 
 PAGE = "see docs/effects/your-own.md"
+LONGEST_UNIT = 20
 _PREFIX = "wrenchgap_own_effect_"
 
 
@@ -160,7 +160,7 @@ class _File:
             raise
         except Wrong as error:
             self.fail(str(error), method)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             said = blame(error)
             if said is None:
                 self.fail(f"raised {type(error).__name__}: {_first_line(error)}", method)
@@ -172,6 +172,9 @@ class _File:
             if not isinstance(value, str) or not re.fullmatch(pattern, value):
                 wanted = "text like my_effect" if attribute == "name" else "a few words on what shows it"
                 self.fail(f"has no valid {attribute!r}: got {value!r}, expected {wanted}")
+        alike = getattr(self.cls, "confused_with", ())
+        if not (isinstance(alike, tuple) and all(isinstance(name, str) for name in alike)):
+            self.fail(f"has no valid 'confused_with': got {alike!r}, expected a tuple of names of effects")
         effect = cast(AnyEffect, self.call("__init__", lambda: self.cls()))
         tried = 0
         for vehicle in vehicles():
@@ -213,16 +216,18 @@ class _File:
                 self.fail(
                     f"names a parameter {p.name!r}; expected different names of letters, digits and _", "parameters"
                 )
+            if not (isinstance(p.unit, str) and len(p.unit) <= LONGEST_UNIT and p.unit.isprintable()):
+                self.fail(f"parameter {p.name}: got unit {p.unit!r}, expected one short line of text", "parameters")
             numbers = (p.low, p.high, p.scale, p.start)
-            if not all(isinstance(v, int | float | np.floating) and math.isfinite(v) for v in numbers):
-                self.fail(f"parameter {p.name}: low, high, scale and start must be finite numbers", "parameters")
+            if not all(isinstance(v, int | float | np.floating) and -MOST <= v <= MOST for v in numbers):
+                said = f"low, high, scale and start must be numbers of a size up to {MOST:g}"
+                self.fail(f"parameter {p.name}: {said}", "parameters")
             if not p.low <= p.start <= p.high or p.low == p.high:
                 said = f"got low {p.low:g}, high {p.high:g}, start {p.start:g}; the start must lie between the others"
                 self.fail(f"parameter {p.name}: {said}", "parameters")
-            if p.scale <= 0.0:
-                self.fail(
-                    f"parameter {p.name}: got scale {p.scale:g}, expected a typical size above zero", "parameters"
-                )
+            if not min(p.scale, p.high - p.low) >= LEAST:
+                said = f"got scale {p.scale:g} and a range of {p.high - p.low:g}, expected {LEAST:g} at least of both"
+                self.fail(f"parameter {p.name}: {said}", "parameters")
 
     def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:
         """The arrays that `apply` returns, of the right shapes and finite; nothing it was given has changed."""

@@ -109,7 +109,7 @@ class Dataset:
     @cached_property
     def untrusted(self) -> NDArray[np.bool_]:
         """Bands of frequency and axes (bands, 6) in which commands say nothing (`learn.data.input_errors`)."""
-        return untrusted([r.input_error for r in self.records])
+        return untrusted(self.records)
 
     def informative(self, values: Array) -> Array:
         """Values (K, 6, ...) without the bands of frequency in which commands say nothing, block by block of time; the

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
+from wrenchgap.flight.flight import AXES, ActuatorSeries, Array, Flight
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.learn.data.sensor_noise import noise_shapes
 from wrenchgap.plant.vehicle import Vehicle
@@ -37,7 +37,7 @@ smoother."""
 SHARE = 0.1
 """Share of error in a band from which on it is not used: gains are wanted to 10 %, and attenuate by as much."""
 SEGMENT = 10.0
-"""Length [s] of the pieces whose spectra are averaged: three periods of the slowest band."""
+"""Length [s] of the pieces whose spectra are averaged, three periods of the slowest band; of short flights a third."""
 FEWEST_COMMANDS = 32
 """Commands below which nothing is said of their spectrum."""
 TAIL = 0.7
@@ -48,18 +48,30 @@ def density(signal: Array, dt: float) -> tuple[Array, Array]:
     """Frequencies (F,) [Hz] and one-sided densities (F, C) of signals (N, C), without their mean."""
     from scipy.signal import welch  # here: others need not wait for it
 
-    pieces = min(len(signal), max(8, round(SEGMENT / dt)))
+    pieces = max(8, min(len(signal) // 3, round(SEGMENT / dt)))
     f, power = welch(signal, 1.0 / dt, nperseg=pieces, axis=0)
     return f, np.asarray(power)
 
 
 def by_band(f: Array, power: Array) -> Array:
-    """Means (bands, C) of densities (F, C); NaN for a band without a frequency. The mean over all time is left out."""
+    """Means (bands, C) of densities (F, C), the mean over all time left out; NaN for a band beyond the last frequency.
+    A band that is too narrow or too slow to be seen has the density of the next frequency.
+    """  # noqa: D205
     band = np.digitize(f[1:], EDGES)
     out = np.full((len(EDGES) + 1, power.shape[1]), np.nan)
-    for k in np.unique(band):
-        out[k] = power[1:][band == k].mean(axis=0)
+    for k in range(band[-1] + 1):
+        rows = band == k if np.any(band == k) else [np.argmax(band > k)]
+        out[k] = power[1:][rows].mean(axis=0)
     return out
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How a wrench was measured: samples `dt` [s] apart, behind a filter, with sensor `noise` (6,)."""
+
+    dt: float
+    cutoff_hz: float
+    noise: Array
 
 
 def share_of_error(sent: Array, period: float, measured: Array, left: Array, seen: Seen) -> Array:
@@ -81,15 +93,6 @@ def share_of_error(sent: Array, period: float, measured: Array, left: Array, see
     return np.asarray(np.where(np.isfinite(commanded), np.clip(share, 0.0, 1.0), 1.0))
 
 
-@dataclass(frozen=True)
-class Seen:
-    """How a wrench was measured: samples `dt` [s] apart, behind a filter, with sensor `noise` (6,)."""
-
-    dt: float
-    cutoff_hz: float
-    noise: Array
-
-
 def input_error(record: Record, played: Flight, vehicle: Vehicle) -> Array | None:
     """Share of error (bands, 6) in what the commands of a record make (`learn.data.input_errors`); None where there are
     too few of them.
@@ -105,17 +108,30 @@ def input_error(record: Record, played: Flight, vehicle: Vehicle) -> Array | Non
     else:
         sent = series.wrench_B[rows]
     left = record.measured - record.commanded
-    return share_of_error(
-        sent, series.period, record.measured, left, Seen(record.dt_kept, record.cutoff_hz, record.noise)
-    )
+    seen = Seen(record.dt_kept, record.cutoff_hz, record.noise)
+    return share_of_error(sent, series.period, record.measured, left, seen)
 
 
-def untrusted(shares: Sequence[Array | None]) -> NDArray[np.bool_]:
-    """Bands and axes (bands, 6) that say nothing, of the shares of error (bands, 6) of several records.
+def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:
+    """Bands and axes (bands, 6) in which the commands of any of these records say nothing: flights are compared in what
+    all of them say.
+    """  # noqa: D205
+    shares = [r.input_error for r in records if r.input_error is not None]
+    nothing = np.zeros((len(EDGES) + 1, 6), dtype=bool)
+    return np.asarray(np.any([nothing, *(share > SHARE for share in shares)], axis=0))
 
-    Flights are compared in what all of them say. None is of a record whose commands are taken as exact.
-    """
-    known = [share for share in shares if share is not None]
-    return (
-        np.asarray(np.any([share > SHARE for share in known], axis=0)) if known else np.zeros((len(EDGES) + 1, 6), bool)
-    )
+
+def unsaid(name: str, records: Sequence[Record]) -> list[str]:
+    """A sentence on the axes of a flight of which commands say its mean alone, or less than half of the bands."""
+    if not records:
+        return []
+    lost = untrusted(records) & np.all([r.measured_axes for r in records], axis=0)
+    below = np.array((0.0, *EDGES)) < records[0].cutoff_hz
+    means = [axis for k, axis in enumerate(AXES) if lost[0, k]]
+    rest = [axis for k, axis in enumerate(AXES) if not lost[0, k] and lost[below, k].mean() > 0.5]
+    parts = [f"of {', '.join(means)} nothing but the mean is used"] if means else []
+    parts += [f"of {', '.join(rest)} less than half of the frequencies"] if rest else []
+    if not parts:
+        return []
+    why = "the logged commands are snapshots of faster ones, and look like commands that were never sent"
+    return [f"{name}: {' and '.join(parts)}: {why}; log them at the rate of the loop to see more."]

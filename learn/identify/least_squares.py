@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of
@@ -153,6 +154,8 @@ class Problem:
         residual -= trims[self.data.flight] if self.flights > 1 else trims[0]
         if not self.all_measured:
             residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
+        if self.names and not np.isfinite(residual).all():
+            raise ModelError(f"effect {', '.join(self.names)}: what it adds is not finite within its plausible range")
         return Point(x, residual)
 
     def jacobian(self, point: Point, first: int = 0) -> Array:

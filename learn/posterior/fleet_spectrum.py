@@ -39,10 +39,12 @@ class FleetSpectrum(LinearProblem):
             products = products_of(one, rows, at)
             if first is None:
                 first, summed = one, np.zeros_like(products)
-                count, power, shapes = np.zeros(BANDS), np.zeros((BANDS, len(at))), np.zeros((BANDS, 2))
+                count, shapes = np.zeros(BANDS), np.zeros((BANDS, 2))
+                power, said, error = np.zeros((3, BANDS, len(at)))
                 noise, total = np.zeros(len(AXES)), 0.0
             summed += products
             count, power, shapes = count + one.count, power + one.power[:, at], shapes + one.shapes
+            said, error = said + one.said[:, at], error + one.error[:, at]
             noise, total = noise + one.count.sum() * np.nan_to_num(one.noise) ** 2, total + one.count.sum()
             trimmed = [list(one.axes[one.trim_axes]).index(a) for a in self._trim_axes(one)]
             sums.append(one.trimmed[trimmed][:, rows])
@@ -58,13 +60,14 @@ class FleetSpectrum(LinearProblem):
         ]
         super().__init__([by_key[k] for k in self.keys], *always)
         self.bands = np.flatnonzero(count)
-        self.count = np.repeat(count[self.bands, None], len(self.axes), axis=1)
-        self._products = summed[self.bands] / self.count[:, :, None, None]
+        self.count = said[self.bands]
+        self._products = summed[self.bands] / np.maximum(self.count, 1.0)[:, :, None, None]
         on = self._trim_axes(first)
         scale = first.trim_scale[[list(first.axes[first.trim_axes]).index(a) for a in on]]
         where = np.searchsorted(self.axes, on).astype(np.intp)
         self.trims = Trims(np.array(sums), np.array(squares), where, scale)
-        self.leak = leaking(power[self.bands] / self.count, self.axes)
+        self.leak = leaking(power[self.bands] / count[self.bands, None], self.axes)
+        self.leak += error[self.bands] / np.maximum(self.count, 1.0)
         self.sensor = self._sensor(shapes, count, noise / total)
 
     @property

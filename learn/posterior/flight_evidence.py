@@ -44,7 +44,7 @@ from wrenchgap.plant.model import Model
 
 BANDS = len(EDGES) + 1
 """Bands of frequency, whether a flight has coefficients in all of them or not."""
-FORMAT = 1
+FORMAT = 2
 """Version of what `packed` writes."""
 LARGEST_HEAD = 2**24
 """Bytes of the part that is text; that of all effects is 44 kB."""
@@ -58,10 +58,12 @@ class Evidence:
     """Of one flight; L axes, Q quantities: what the model leaves, parameters and offset of each column, known effects.
 
     `columns` and `known` (the model's own uncertain effects) have no samples. `roots` (L, N, Q) are the roots of all
-    bands below one another, `rows` (bands,) how many belong to each. `count` (bands,) are coefficients, `power`
-    (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor noise of forces and
-    torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the quantities, `trims` (A,)
-    of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone would not try.
+    bands below one another, `rows` (bands,) how many belong to each. `count` (bands,) are coefficients, `said` (bands,
+    L) those that say something of the vehicle, `error` (bands, L) the sum of squares that their commands may err by,
+    `power` (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor noise of
+    forces and torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the quantities,
+    `trims` (A,) of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone would not
+    try.
     """
 
     flight: str
@@ -73,7 +75,9 @@ class Evidence:
     roots: Array
     rows: NDArray[np.intp]
     count: Array
+    said: Array
     power: Array
+    error: Array
     shapes: Array
     noise: Array
     trimmed: Array
@@ -190,7 +194,9 @@ def evidence_of(
         roots=np.concatenate(roots, axis=1),
         rows=np.array([r.shape[1] for r in roots]),
         count=np.bincount(band, minlength=BANDS).astype(float),
+        said=_by_band((~space.silent).astype(float), band),
         power=_by_band(given**2, band),
+        error=_by_band(space.error * ~space.silent, band),
         shapes=_by_band(shapes, band),
         noise=data.noise,
         trimmed=np.array(sums).reshape(len(here), len(kept)),
@@ -260,7 +266,8 @@ def _check(found: Evidence) -> None:
     axes, trims = len(found.axes), len(found.trims)
     shapes = {
         "axes": (axes,), "roots": (axes, int(np.sum(found.rows)), quantities), "rows": (BANDS,), "count": (BANDS,),
-        "power": (BANDS, axes), "shapes": (BANDS, 2), "noise": (len(AXES),), "trimmed": (trims, quantities),
+        "power": (BANDS, axes), "said": (BANDS, axes), "error": (BANDS, axes),
+        "shapes": (BANDS, 2), "noise": (len(AXES),), "trimmed": (trims, quantities),
         "trims": (trims,), "trim_axes": (trims,), "trim_scale": (trims,),
     }  # fmt: skip
     for name, shape in shapes.items():

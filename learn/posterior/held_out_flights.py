@@ -37,7 +37,7 @@ class FittedSet:
         return np.maximum(trims.added_to(quadratic(products, weights), likeliest, weights, np.ones_like(self.g)), 0.0)
 
     def log_likelihood(self, left: Array, count: Array) -> float:
-        """Of a flight of which the set leaves these sums of squares (bands, L), `count` (bands, 1) coefficients."""
+        """Of a flight of which the set leaves these sums of squares (bands, L), of `count` (bands, L)."""
         return -0.5 * float(np.sum(self.g * (left + self.off * count) + self.log * count))
 
     def without(self, products: Array, flight: int) -> Array:
@@ -70,7 +70,7 @@ def by_flight(
     for f, one in enumerate(parts):
         at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
         products = products_of(one, chosen_rows(one, space.keys), at)[space.bands]
-        count = one.count[space.bands, None]
+        count = one.said[space.bands][:, at]
         for k, each in enumerate(fitted):
             own = products[:, :, each.rows.every[:, None], each.rows.every]
             left = each.left(own, f, each.weights)
@@ -78,5 +78,5 @@ def by_flight(
             if held_out:
                 left = each.left(own, f, each.without(own, f))
             predicted[k, f] = each.log_likelihood(left, count)
-            squares[k] += left.sum(axis=0)
+            squares[k] += (left * (count > 0.0)).sum(axis=0)
     return likelihood, predicted, squares

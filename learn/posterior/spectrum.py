@@ -90,9 +90,6 @@ class Spectrum(LinearProblem):
         """Of all but what the model leaves: nothing where commands say nothing, and the mean of a flight where they do
         not say what changes slowly. What they may err by elsewhere nobody can tell from a law (`leak`).
         """  # noqa: D205
-        shares = [r.input_error for r in data.records if r.input_error is not None]
-        if not shares:
-            return
         for axis in np.flatnonzero(self.silent.any(axis=0)):
             self.coefficients[self.silent[:, axis], axis, 1:] = 0.0
         for axis in np.flatnonzero(data.untrusted[0, self.axes]):
@@ -100,10 +97,9 @@ class Spectrum(LinearProblem):
                 rows = self.starts[data.flight[self.starts] == flight]
                 size = np.sqrt(np.bincount(self.block)[self.block[rows]])[:, None]
                 self.coefficients[rows, axis, 1:] = size * (self.coefficients[rows, axis, 1:] / size).mean(axis=0)
-        sent = np.concatenate([r.commanded for r in data.records])
-        power = mean_squares(transformed(data.records, sent[:, self.axes, None])[0][:, :, 0], self.band)
-        error = np.max(shares, axis=0)[np.unique(np.digitize(self.hertz, EDGES))][:, self.axes]
-        self.leak = self.leak + np.where(self.count > 0.0, error * power, 0.0)
+        self.error = input_errors(data, self.axes, self.block, self.hertz)
+        per_band = np.stack([np.bincount(self.band, weights=e) for e in (self.error * ~self.silent).T], axis=1)
+        self.leak = self.leak + per_band / np.maximum(self.count, 1.0)
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
@@ -245,6 +241,18 @@ def blocks_of_time(records: Sequence[Record]) -> tuple[list[slice], NDArray[np.i
             block.append(np.full(last - first, len(block)))
         at += n
     return cuts, np.concatenate(block), np.concatenate(hertz)
+
+
+def input_errors(data: Dataset, axes: NDArray[np.intp], block: NDArray[np.intp], hertz: Array) -> Array:
+    """Squares (K, A) of the cosine coefficients that commands may err by (`learn.data.input_errors`), means aside."""
+    sent = np.concatenate([r.commanded for r in data.records])[:, axes, None]
+    if not any(r.input_error is not None for r in data.records):
+        return np.zeros(sent.shape[:2])
+    nothing = np.zeros((len(EDGES) + 1, len(AXES)))
+    shares = np.array([nothing if r.input_error is None else r.input_error for r in data.records])
+    record = np.repeat(np.arange(len(shares)), [len(r) for r in data.records])
+    squares = transformed(data.records, sent, without_mean=True)[0][:, :, 0] ** 2
+    return np.asarray(shares[record, np.digitize(hertz, EDGES)][:, axes] * squares)
 
 
 def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:

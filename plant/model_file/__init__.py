@@ -56,12 +56,19 @@ def load(name_or_path: str | Path) -> Model:
 
 
 def save(model: Model, path: Path, *, force: bool = False) -> Model:
-    """Write a model file and return the model as it stands there; never overwrites without `force`."""
+    """Write a model file and return the model as it stands there; never overwrites without `force`.
+
+    Raises ModelError for a model whose file could not be read again: nothing is written then.
+    """
     if path.exists() and not force:
         raise UsageError(f"{path}: exists already; choose another name or say --force to overwrite it")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
     text = dumps(model)
+    try:
+        loads(text)
+    except ModelError as error:
+        raise ModelError(f"{path}: not written, since it could not be read again: {error}") from None
     with atomic(path) as partial:
         partial.write_text(text, encoding="utf-8")
     return replace(model, path=path, text=text)

@@ -88,10 +88,11 @@ def _text(value: str) -> str:
 
 
 def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
-    lines = ["[[effects]]", f'name = "{item.name}"', "[effects.parameters]"]
+    lines = ["[[effects]]", f"name = {_text(item.name)}", "[effects.parameters]"]
     for k, parameter in enumerate(item.effect.parameters(vehicle)):
         std = f", std = {_number(item.std[k])}" if item.std is not None else ""
-        lines.append(f'{parameter.name} = {{ value = {_number(item.theta[k])}{std}, unit = "{parameter.unit}" }}')
+        value = f"{{ value = {_number(item.theta[k])}{std}, unit = {_text(parameter.unit)} }}"
+        lines.append(f"{parameter.name} = {value}")
     own = item.provenance.source or sources().get(item.name)
     if own is not None:
         lines += ["[effects.source]", f"file = {_text(own.file)}", f"sha256 = {_text(own.sha256)}"]

@@ -85,7 +85,8 @@ def say(message: str) -> None:
 
 def report(error: BaseException) -> int:
     """Say in one line what went wrong, and return the exit code."""
-    if isinstance(error, SystemExit):
+    errors, own = (sys.modules.get(f"wrenchgap.{name}") for name in ("flight.errors", "plant.own_effects"))
+    if isinstance(error, SystemExit) and not (own is not None and own.blame(error)):
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, typer.Abort) and isinstance(error.__cause__, EOFError):  # of a file; a prompt's has no cause
         error = error.__cause__
@@ -97,7 +98,6 @@ def report(error: BaseException) -> int:
         return 0
     if hasattr(error, "format_message"):  # wrong use of the command line
         return _usage(error)
-    errors, own = (sys.modules.get(f"wrenchgap.{name}") for name in ("flight.errors", "plant.own_effects"))
     if errors is not None and isinstance(error, errors.WrenchgapError):
         say(str(error))
         return 2

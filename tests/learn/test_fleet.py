@@ -39,7 +39,8 @@ def flights(model):
         hide = [f"com_offset=x:{0.0015 + 1e-5 * k}", "thrust_scale=scale:-0.04"]
         flight = wg.simulate(model, "multi_axis", duration=4 + k, excitation=1, seed=k, hide=hide, name=f"flight{k}")
         made.append(flight)
-    return wg.open_flights(made, model)
+    opened = wg.open_flights(made, model)  # and commands that are exact: flights of 4 s say little of their spectrum
+    return [replace(o, records=tuple(replace(r, input_error=None) for r in o.records)) for o in opened]
 
 
 @pytest.fixture(scope="module")
