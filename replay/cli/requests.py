@@ -86,7 +86,7 @@ class Run:
         """Check, before any work, that the outputs may be written (by option; --json is known)."""
         from wrenchgap.replay.present.documents import claim
 
-        read = [path for path in inputs if path is not None]
+        read = [path for path in (*inputs, *(self.own or ())) if path is not None]
         self._outputs = {**outputs, "--json": self.json}
         claim(self._outputs, force=self.force, inputs=read)
         for entry in self.inputs:

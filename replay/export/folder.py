@@ -46,7 +46,12 @@ def write_folder(folder: Path, files: Mapping[str, str], *, force: bool = False)
         old = temporary.with_name(f"{temporary.name}.old")
         if folder.exists():
             folder.replace(old)
-        temporary.replace(folder)
+        try:
+            temporary.replace(folder)
+        except OSError:
+            if old.exists():
+                old.replace(folder)
+            raise
         shutil.rmtree(old, ignore_errors=True)
     except OSError as error:
         raise UsageError(f"--output {folder}: cannot be written: {error.strerror}") from None

@@ -1,11 +1,13 @@
 """A user's own effect: accepted when it is one, else refused in one line with file and line."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant import effects, model_file, own_effects
 from wrenchgap.plant.model import make_effect
@@ -90,6 +92,16 @@ COMMAND = HEAD.format(place="CommandEffect") + "    def apply(self, commands, th
         (WRENCH.replace('"anything"', "3") + "return theta[0] * wrench_B", 5, "no valid 'excited_by'"),
         (WRENCH.replace("(Parameter(", "[Parameter(").replace("0.1),)", "0.1)]") + "return 0 * wrench_B", 8, "tuple"),
         (WRENCH.replace("0.1),)", "0.0),)") + "return theta[0] * wrench_B", 8, "scale"),
+        (WRENCH.replace('"1"', "None") + "return theta[0] * wrench_B", 8, "got unit None, expected one short line"),
+        (WRENCH.replace('"1"', '"N\\n"') + "return theta[0] * wrench_B", 8, "expected one short line"),
+        (WRENCH.replace("1.0, 0.1", "10**400, 0.1") + "return theta[0] * wrench_B", 8, r"of a size up to 1e\+12"),
+        (WRENCH.replace("1.0, 0.1", "1.0, 1e-300") + "return theta[0] * wrench_B", 8, "expected 1e-15 at least"),
+        (
+            WRENCH.replace("    def par", "    confused_with = 'mass'\n    def par") + "return 0 * wrench_B",
+            5,
+            "tuple of names",
+        ),
+        (WRENCH + "raise SystemExit(0)", 11, "SystemExit"),
         (WRENCH.replace("-1.0, 1.0", "0.5, 1.0") + "return theta[0] * wrench_B", 8, "start"),
         (WRENCH.replace('"k"', '"k.x"') + "return theta[0] * wrench_B", 8, "names a parameter"),
         (WRENCH + "return (1 + theta[0]) * wrench_B", 10, "zero must mean no effect"),
@@ -111,6 +123,27 @@ def test_what_is_wrong_is_said_with_its_line(written, text, line, message):
     assert "\n" not in said
     assert said.startswith(f"{path}:{line}: ")
     assert "mine" not in effects.catalogue()
+
+
+def test_an_effect_that_is_no_number_later_is_named(written, tmp_path):
+    """What a division gives for one sample of many."""
+    body = "return np.where(np.arange(len(wrench_B))[:, None] > 99, np.nan, theta[0] * wrench_B)"
+    own_effects.use([written(WRENCH + body)])
+    model = model_file.load("tilt_hexarotor")
+    flights = wg.open_flights(wg.simulate(model, "multi_axis", duration=5, excitation=1), model)
+    with pytest.raises(ModelError, match="effect mine: what it adds is not finite"):
+        wg.add(model, ["mine"], flights)
+
+
+def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path):
+    """The file that stands there stays."""
+    model, saved = model_file.load("tilt_hexarotor"), tmp_path / "m.toml"
+    model_file.save(model, saved)
+    before = saved.read_bytes()
+    unsure = replace(make_effect(model.vehicle, "mass", {"added": 0.1}), std=np.array([np.nan]))
+    with pytest.raises(ModelError, match=r"m\.toml: not written, since it could not be read again: .*std"):
+        model_file.save(model.with_effects([unsure]), saved, force=True)
+    assert saved.read_bytes() == before
 
 
 def test_missing_file_and_the_same_file_twice(written, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -61,6 +62,9 @@ CASES = {
     "where @logs HEXA --json @logs/a.mcap --force": "one of the inputs",
     "report @logs HEXA -o r.html --json @logs/a.mcap --force": "one of the inputs",
     "calibrate LOG --validate @logs HEXA -o n.toml --json @logs/a.mcap --force": "one of the inputs",
+    "simulate HEXA -t hover --duration 2 --effects @mine.py -o s.mcap --json @mine.py --force": "one of the inputs",
+    "add field_torque HEXA --from LOG --effects @mine.py -o @mine.py --force": "one of the inputs",
+    "convert @a.mcap @logs/a.mcap -o @logs": "written as a.mcap | convert them apart",
     "export @some.gp HEXA -o c --dt 1e6": "dt is 1e+06 s | at most",
     "export @logs/Makefile HEXA -o @logs --force": "Makefile, which is read | another folder",
     "compare LOG HEXA --json nowhere/out.json": "nowhere | does not exist",
@@ -154,6 +158,8 @@ def spoilt(logs, tmp_path_factory):
         "no_reference": {"reference": None},
     }.items():
         flight.write(replace(flown, **lacks), folder / f"{name}.mcap")
+    own = re.search(r"```python\n(.*?)```", (ROOT / "docs/effects/your-own.md").read_text(encoding="utf-8"), re.DOTALL)
+    (folder / "mine.py").write_text(own[1], encoding="utf-8")
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     for name, old, new in (
         ("massless", "mass = 4.0 ", "# "),
@@ -164,7 +170,8 @@ def spoilt(logs, tmp_path_factory):
         assert old in text
         (folder / f"{name}.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     (folder / "logs").mkdir()
-    (folder / "logs" / "a.mcap").write_bytes(logs.test.read_bytes())
+    for place in (folder, folder / "logs"):
+        (place / "a.mcap").write_bytes(logs.test.read_bytes())
     (folder / "logs" / "tuned.toml").write_text(text, encoding="utf-8")
     model = wg.load_model(MODEL)
     wg.save_model(set_by_hand(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")

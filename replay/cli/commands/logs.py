@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -139,9 +140,15 @@ def convert(
 
 
 def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
-    """Where each log goes; raises UsageError for several logs and no folder."""
+    """Where each log goes; raises UsageError for several logs and no folder, or of one name."""
     if output.is_dir():
-        return {log: output / f"{log.name if log.is_dir() else log.stem}.mcap" for log in logs}
+        targets = {log: output / f"{log.name if log.is_dir() else log.stem}.mcap" for log in logs}
+        twice = [target for target, count in Counter(targets.values()).items() if count > 1]
+        if twice:
+            raise usage_error(
+                f"--output {output}: several of the logs would be written as {twice[0].name}; convert them apart"
+            )
+        return targets
     if len(logs) > 1:
         raise usage_error(f"--output {output}: {len(logs)} logs go into a folder; expected one that exists")
     if output.suffix != ".mcap":
