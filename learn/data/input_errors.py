@@ -21,7 +21,7 @@ axis says nothing of the vehicle; where the slowest band is such, it keeps the m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,23 +93,21 @@ def share_of_error(sent: Array, period: float, measured: Array, left: Array, see
     return np.asarray(np.where(np.isfinite(commanded), np.clip(share, 0.0, 1.0), 1.0))
 
 
-def input_error(record: Record, played: Flight, vehicle: Vehicle) -> Array | None:
-    """Share of error (bands, 6) in what the commands of a record make (`learn.data.input_errors`); None where there are
-    too few of them.
-    """  # noqa: D205
+def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record:
+    """The record with the share of error (bands, 6) in what its commands make; as exact where they are too few."""
     series = played.actuators if record.source == "logged" else played.commanded
     if series is None:
-        return None
+        return record
     rows = (series.time >= record.time[0]) & (series.time <= record.time[-1])
     if rows.sum() < FEWEST_COMMANDS:
-        return None
+        return record
     if isinstance(series, ActuatorSeries):
         sent = from_actuators(played.name, vehicle, series.tilt[rows], series.rotor_speed[rows]).wrench_B
     else:
         sent = series.wrench_B[rows]
     left = record.measured - record.commanded
     seen = Seen(record.dt_kept, record.cutoff_hz, record.noise)
-    return share_of_error(sent, series.period, record.measured, left, seen)
+    return replace(record, input_error=share_of_error(sent, series.period, record.measured, left, seen))
 
 
 def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:

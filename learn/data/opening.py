@@ -19,7 +19,7 @@ from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.records import record_checks, without_impossible_commands
-from wrenchgap.learn.data.input_errors import input_error, unsaid
+from wrenchgap.learn.data.input_errors import unsaid, with_input_error
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import Record, commands_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
@@ -131,8 +131,7 @@ def opened(
             short.append(str(error))
         else:
             flown.append(rows)
-            made = replace(made, has_imu=played.imu is not None)
-            records.append(replace(made, input_error=input_error(made, played, model.vehicle)))
+            records.append(with_input_error(replace(made, has_imu=played.imu is not None), played, model.vehicle))
     if not records and not (incomplete and short):
         said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
         raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])

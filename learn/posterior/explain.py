@@ -308,7 +308,7 @@ def _open(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
     noise and above a quarter of what it was.
     """  # noqa: D205
     usual = _usual(on.data, left)
-    before, after = (rms(on.data.remaining(r)[usual]) for r in (on.given, left))
+    before, after = (rms(on.data.unanswered(r)[usual]) for r in (on.given, left))
     noise = on.data.noise
     loud = (after > ABOVE_SENSORS * noise) & (after > UNEXPLAINED * before)
     worse = force_and_torque(after) > np.maximum(

@@ -18,7 +18,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
-from wrenchgap.learn.posterior import table
+from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand
 from wrenchgap.plant.effects import find
@@ -278,7 +278,7 @@ def test_what_could_not_be_tried_is_listed_by_reason(named):
 
 def test_what_could_not_be_fitted_says_so_once(logs, monkeypatch):
     refuse = Mock(side_effect=ModelError("effect mass: the change is too large"))
-    monkeypatch.setattr(table, "_candidate", refuse)
+    monkeypatch.setattr(single_effects, "_candidate", refuse)
     untried = explained(logs.ideal, "mass").untried
     assert not_tried(untried) == {"could not be fitted (the change is too large)": ["mass"]}
 
