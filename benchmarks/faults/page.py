@@ -14,13 +14,11 @@ from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 HEADING = "## Damaged files"
 TEXT = """{heading}
 
-Made by `python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total}
-files, each made of a small valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled,
-swapped and absurd bytes, and damage that knows the format (records out of order, checksums and compressions
-that are wrong, chunks that claim terabytes, recursive definitions, counts and stamps that cannot be, formats
-that contradict themselves, values of another kind, other files under the name). Each is opened as `wrenchgap
-inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor time for
-a file and {megabytes} MB of memory above an idle one.
+`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each made
+of a small valid one by damage drawn from a seed: bytes cut, flipped, doubled, swapped and absurd, and damage that knows
+the format (records out of order, wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened
+as `wrenchgap inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor
+time and {megabytes} MB of memory above an idle one.
 
 - *whole*: the same numbers as of the intact file;
 - *recovered*: other or fewer numbers, and a note, a count of dropped samples or a check says so;
