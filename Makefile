@@ -71,7 +71,7 @@ fuzz: setup ## coverage-guided fuzzing of readers, model files and stored GPs (M
 faults: setup ## the 20,000 damaged files: docs/faults.json, docs/reliability.md
 	$(VENV) -m benchmarks.faults --json docs/faults.json --page docs/reliability.md
 
-paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/paper-*.png, docs/paper.md (PAPER=figure8: one)
+paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/paper-*.png, pages (PAPER=figure8: one)
 	$(VENV) -m benchmarks.paper$(if $(PAPER),.$(PAPER))
 
 docs: setup ## renew docs/effects/README.md, check every link, run every Python example

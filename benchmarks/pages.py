@@ -12,6 +12,8 @@ from time import process_time
 from typing import Any, TypeVar
 
 PERFORMANCE = Path(__file__).parents[1] / "docs" / "performance.md"
+NOTES = Path(__file__).parent / "notes"
+"""What was tried when, and tables of single runs; what is measured now is in docs."""
 Row = dict[str, Any]
 T = TypeVar("T")
 

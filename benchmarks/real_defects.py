@@ -1,6 +1,6 @@
 """`wrenchgap changed` and `explain` on real flights with labelled defects: CrazyPAD, drone E8, as a page and JSON.
 
-    python -m benchmarks.real_defects FOLDER --json docs/real-defects.json --page docs/real-defects.md
+    python -m benchmarks.real_defects FOLDER --json docs/real-defects.json --page docs/real-defects.md --notes FILE
 
 FOLDER holds the flights as logs, named as CrazyPAD names them (`normal_flight__E8_log00*.mcap`,
 `cut_propeller_M3_2mm_2mm_43mm__E8_log01*.mcap`), and the nominal model, `e8.toml`. Every answer is that of
@@ -181,6 +181,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--notes", type=Path)
     parser.add_argument("--only", default="", help="cases whose name holds this")
     given = parser.parse_args()
     model = wg.load_model(given.folder / "e8.toml")
@@ -211,7 +212,11 @@ def main() -> None:
     if given.page is not None:
         from benchmarks.real_defects_page import page
 
-        given.page.write_text(page(rows, alone), encoding="utf-8")
+        given.page.write_text(page(rows), encoding="utf-8")
+    if given.notes is not None:
+        from benchmarks.real_defects_page import detail
+
+        given.notes.write_text(detail(rows, alone), encoding="utf-8")
 
 
 if __name__ == "__main__":

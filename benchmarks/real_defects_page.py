@@ -1,4 +1,4 @@
-"""docs/real-defects.md from the rows of `benchmarks.real_defects`: every number on the page is one of theirs."""
+"""docs/real-defects.md and the notes behind it, from the rows of `benchmarks.real_defects`."""
 
 from __future__ import annotations
 
@@ -18,16 +18,33 @@ SHOWN = 3
 
 HEAD = """# Real defects: what `changed` finds on CrazyPAD
 
-Made by `python -m benchmarks.real_defects FOLDER --json docs/real-defects.json --page docs/real-defects.md`, which
-calls what [`wrenchgap changed`](changed.md) calls. Flights: CrazyPAD (Data 2024, 9, 79; MIT licence), drone E8, a
-Crazyflie 2.1 in hover, five normal flights and two of each defect, converted to MCAP. A flight has two times 7 s in
-the air, 100 Hz, no excitation; no lateral acceleration was measured (`--unmeasured force_x,force_y`), so that four
-means are all that a flight has to say: F_z, M_x, M_y, M_z. All answers are with the full catalogue. The nominal model
-was calibrated on two of the normal flights.
+`python -m benchmarks.real_defects FOLDER --json docs/real-defects.json --page docs/real-defects.md --notes
+benchmarks/notes/real-defects.md` calls what [`wrenchgap changed`](changed.md) calls. Flights: CrazyPAD (Data 2024, 9,
+79; MIT licence), drone E8, a Crazyflie 2.1 in hover, five normal flights and two of each defect, converted to MCAP: two
+times 7 s in the air, 100 Hz, no excitation, lateral acceleration not measured (`--unmeasured force_x,force_y`), so that
+four means are all that a flight has to say: F_z, M_x, M_y, M_z. All answers are with the full catalogue; the nominal
+model was calibrated on two of the normal flights. Single flights, and what `explain` says without healthy flights:
+[notes](../benchmarks/notes/real-defects.md).
+
+"""
+DETAIL = """# Notes: single flights of CrazyPAD
+
+Written by `python -m benchmarks.real_defects FOLDER --notes benchmarks/notes/real-defects.md`; what was reached:
+[real defects](../../docs/real-defects.md).
 
 """
 
 LIMITS = """
+## What is not visible, and why
+
+- A change has to exceed what normal flights differ by (one standard deviation: M_x 0.30 mNm, M_y 0.17 mNm, M_z 13 uNm,
+  F_z 5 mN; they are of two sessions, between which the centre of mass moved by 1.8 mm). Weights, tape and small cuts do
+  not. "Nothing changed" on a flight with a defect says that these flights cannot show it.
+- A cut propeller shows by its yaw torque first, together with roll, pitch and thrust. The size is the loss of thrust at
+  equal command. Without clear roll and pitch, M1, which turns the same way round, stays possible.
+- Both flights of a case count as one for what differs between days.
+"""
+REASONS = """
 ## What is not visible, and why
 
 - The normal flights differ among themselves by 0.30 mNm in M_x, 0.17 mNm in M_y, 13 uNm in M_z and 5 mN in F_z (one
@@ -60,11 +77,9 @@ count as wrong. In a hover, a weak rotor, a rope, a weight and a constant wrench
 """
 
 
-def page(rows: Sequence[Row], alone: Sequence[Row] = ()) -> str:
-    """The whole page; `alone` is what `explain` says."""
-    together = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) > 1]
-    single = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) == 1]
-    healthy = [r for r in rows if r["kind"] == "healthy"]
+def page(rows: Sequence[Row]) -> str:
+    """The page for docs."""
+    together, single, healthy = _kinds(rows)
     return "".join(
         (
             HEAD,
@@ -73,14 +88,32 @@ def page(rows: Sequence[Row], alone: Sequence[Row] = ()) -> str:
             table(sorted(together, key=_order)),
             "\n*Confidence* is the weight of the sets in which something changed. Where nothing is established, the "
             "last column is the change that comes nearest, with the log odds of it against none.\n",
-            "\n## Single flights against five normal ones\n\n",
+            LIMITS,
+        )
+    )
+
+
+def detail(rows: Sequence[Row], alone: Sequence[Row] = ()) -> str:
+    """The page behind it; `alone` is what `explain` says."""
+    together, single, _ = _kinds(rows)
+    return "".join(
+        (
+            DETAIL,
+            "## Single flights against five normal ones\n\n",
             singles(single),
             "\n## Weights: where the centre of mass by itself would have moved\n\n",
             weights(together + single),
             explained(sorted(alone, key=_order)),
-            LIMITS,
+            REASONS,
         )
     )
+
+
+def _kinds(rows: Sequence[Row]) -> tuple[list[Row], list[Row], list[Row]]:
+    """Cases with both of their flights, those with one, and normal flights against each other."""
+    together = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) > 1]
+    single = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) == 1]
+    return together, single, [r for r in rows if r["kind"] == "healthy"]
 
 
 def _order(row: Row) -> tuple[str, float, float]:

@@ -15,8 +15,8 @@ HEAD = """\
 Written by `make docs` from the catalogue in `plant/effects`; do not edit. The five places at which an effect may act
 are explained in [the design](../design.md#five-places). How to write one of your own: [your-own.md](your-own.md).
 
-| effect | acts on | what shows it | easily confused with |
-|---|---|---|---|
+| effect | acts on | what shows it |
+|---|---|---|
 """
 
 
@@ -40,7 +40,7 @@ def index() -> str:
     rows = []
     for name, effect in catalogue().items():
         shown = effect.excited_by.replace("|", r"\|")
-        rows.append(f"| [{name}]({name}.md) | {effect.place} | {shown} | {', '.join(effect.confused_with) or '-'} |\n")
+        rows.append(f"| [{name}]({name}.md) | {effect.place} | {shown} |\n")
     forms = [
         f"| {family} | {'; '.join(f'[{n}]({n}.md): {find(n).form}' for n in names)} |\n".replace("|v|", r"\|v\|")
         for family, names in families().items()

@@ -1,7 +1,9 @@
 """The house keeps its own rules: layers, no circles, lengths, versions, links, a page for every effect."""
 
 import ast
+import contextlib
 import importlib
+import operator
 import os
 import re
 import shutil
@@ -145,6 +147,26 @@ def test_every_public_name_is_in_the_page_of_the_api():
 def test_the_score_in_the_readme_is_that_of_the_page_which_the_benchmark_writes():
     share, count = re.search(r"could be told \|[^|]*\| (\d+ %) \| (\d+) \|", text_of("docs/field.md")).groups()
     assert f"{share} of the {count} flights that could tell it" in text_of("README.md")
+
+
+def exists(name):
+    """A module, or something in one."""
+    with contextlib.suppress(ImportError):
+        return bool(importlib.import_module(name))
+    module, _, rest = name.rpartition(".")
+    while module:
+        with contextlib.suppress(ImportError, AttributeError):
+            return bool(operator.attrgetter(rest)(importlib.import_module(module)))
+        module, _, left = module.rpartition(".")
+        rest = f"{left}.{rest}"
+    return False
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/theory").glob("*.md")), ids=lambda page: page.stem)
+def test_every_function_that_a_theory_page_names_exists(page):
+    named = re.findall(r"`((?:flight|plant|learn|compensate|replay)\.[\w.]+)`", page.read_text(encoding="utf-8"))
+    assert len(named) >= 10
+    assert [name for name in named if not exists(f"wrenchgap.{name}")] == []
 
 
 def test_links_of_the_documentation_lead_somewhere():

@@ -2,7 +2,8 @@
 
 One file an area, each with `AREA` (a heading) and `ATTACKS`. An attack does what an attacker or an unlucky operator
 would do, in a folder of its own, and says what happened. `python -m benchmarks.attacks` makes them all and writes the
-table of docs/reliability.md; tests/independent/test_attacks.py makes each of them and fails where the bound is broken.
+table of benchmarks/notes/attacks.md; tests/independent/test_attacks.py makes each of them and fails where the bound is
+broken.
 """
 
 from __future__ import annotations

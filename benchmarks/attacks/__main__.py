@@ -1,4 +1,4 @@
-"""Every attack of this folder, and the table of docs/reliability.md.
+"""Every attack of this folder, the table of benchmarks/notes/attacks.md, and its sums in docs/reliability.md.
 
 python -m benchmarks.attacks --json docs/attacks.json --page docs/reliability.md
 python -m benchmarks.attacks --only joblib          # those with this word in them, printed
@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks.attacks import Attack, Outcome, areas
-from benchmarks.pages import Row, renew
+from benchmarks.pages import NOTES, Row, renew
 
 
 def row(area: str, attack: Attack) -> Row:
@@ -40,11 +40,28 @@ def cell(text: str) -> str:
     return " ".join(text.replace("|", "\\|").replace("<", "&lt;").split())
 
 
+HEAD = """# Notes: attacks
+
+Written by `python -m benchmarks.attacks --page docs/reliability.md`; each row is a test too
+(`tests/independent/test_attacks.py`). What holds, by area: [reliability](../../docs/reliability.md#attacks).
+
+"""
+
+
+def sums(rows: list[Row]) -> str:
+    """Attacks and bounds that held, by area."""
+    lines = ["| area | attacks | bound held |", "|---|---:|---:|"]
+    for area in dict.fromkeys(row["area"] for row in rows):
+        own = [row["held"] for row in rows if row["area"] == area]
+        lines.append(f"| {area} | {len(own)} | {sum(own)} |")
+    return "\n".join(lines)
+
+
 def table(rows: list[Row]) -> str:
     """Attack, what happens, bound, by area."""
     lines = []
     for area in dict.fromkeys(row["area"] for row in rows):
-        lines += [f"### {area}", "", "| attack | what happens | bound | held |", "|---|---|---|---|"]
+        lines += [f"## {area}", "", "| attack | what happens | bound | held |", "|---|---|---|---|"]
         lines += [
             "| "
             + " | ".join([*(cell(row[k]) for k in ("attack", "happened", "bound")), "yes" if row["held"] else "**no**"])
@@ -72,7 +89,8 @@ def main() -> int:
     if asked.json is not None:
         asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     if asked.page is not None:
-        renew(asked.page, {"attacks": table(rows)})
+        renew(asked.page, {"attacks": sums(rows)})
+        (NOTES / "attacks.md").write_text(f"{HEAD}{table(rows)}\n", encoding="utf-8")
     return 0 if rows and all(row["held"] for row in rows) else 1
 
 

@@ -17,9 +17,10 @@ from pathlib import Path
 
 from benchmarks.faults.cases import Case, files_of
 from benchmarks.faults.opening import Outcome, opened
-from benchmarks.faults.page import summary, with_section
+from benchmarks.faults.page import detail, summary, with_section
 from benchmarks.faults.valid import FORMS
 from benchmarks.faults.workers import Row, rows
+from benchmarks.pages import NOTES
 
 TURN = 25
 """Files of a form before it is the next one's turn."""
@@ -82,6 +83,7 @@ def main() -> None:
     if asked.page is not None:
         text = asked.page.read_text(encoding="utf-8") if asked.page.exists() else ""
         asked.page.write_text(with_section(text, result), encoding="utf-8")
+        (NOTES / "faults.md").write_text(detail(result), encoding="utf-8")
 
 
 if __name__ == "__main__":

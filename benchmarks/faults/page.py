@@ -1,4 +1,4 @@
-"""The section of docs/reliability.md: every number on it is one of the run's."""
+"""The section of docs/reliability.md, and the table behind it: every number is one of the run's."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 HEADING = "## Damaged files"
 TEXT = """{heading}
 
-Made by `python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total}
-files, each made of a small valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled,
-swapped and absurd bytes, and damage that knows the format (records out of order, checksums and compressions
-that are wrong, chunks that claim terabytes, recursive definitions, counts and stamps that cannot be, formats
-that contradict themselves, values of another kind, other files under the name). Each is opened as `wrenchgap
-inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor time for
-a file and {megabytes} MB of memory above an idle one.
+`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each made
+of a small valid one by damage drawn from a seed: bytes cut, flipped, doubled, swapped and absurd, and damage that knows
+the format (records out of order, wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened
+as `wrenchgap inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor
+time and {megabytes} MB of memory above an idle one.
 
 - *whole*: the same numbers as of the intact file;
 - *recovered*: other or fewer numbers, and a note, a count of dropped samples or a check says so;
@@ -28,6 +26,8 @@ a file and {megabytes} MB of memory above an idle one.
 - *shorter*: fewer samples, nothing said: the format does not tell how many there were, and it ends between two of them;
 - *refused*: one line;
 - *faults*: a traceback, several lines, a hang, memory, the death of the process, or a file changed by opening it.
+
+By form: [table](../benchmarks/notes/faults.md).
 
 """
 
@@ -49,24 +49,45 @@ def summary(found: Sequence[Row]) -> dict[str, Any]:
     }
 
 
+DETAIL = """# Notes: damaged files by form
+
+Written by `python -m benchmarks.faults --page docs/reliability.md`; what the columns mean:
+[reliability](../../docs/reliability.md#damaged-files).
+
+"""
+
+
 def section(result: Mapping[str, Any]) -> str:
-    """Heading, words and table."""
+    """Heading, words, and the sums of the table."""
     text = TEXT.format(heading=HEADING, total=f"{result['files']:,}", seconds=SECONDS, megabytes=MEGABYTES)
     whole = sum(map(files_of, FORMS))
     if result["files"] < whole:
         minutes = result["processor_s"] / result["files"] * whole / 60.0
         text += f"The whole run has {whole:,} files, {minutes:.0f} minutes of one core at this pace; this one was\n"
         text += "stopped before, at idle priority on a busy machine; with the same `--rows` it goes on.\n\n"
-    kinds = [kind.value for kind in Outcome]
-    lines = [f"| form | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
-    logs = {form: counts for form, counts in result["forms"].items() if form in LOGS}
-    others = {form: counts for form, counts in result["forms"].items() if form not in LOGS}
-    for title, part in (("all logs", logs), ("all others", others)):
-        lines += [_row(form, counts, kinds) for form, counts in part.items()]
+    return text + _table("form", _sums(result))
+
+
+def detail(result: Mapping[str, Any]) -> str:
+    """The page behind it: every form."""
+    return DETAIL + _table("form", result["forms"])
+
+
+def _sums(result: Mapping[str, Any]) -> dict[str, dict[str, int]]:
+    """Of all logs, and of all other files."""
+    found = {}
+    for title, logs in (("all logs", True), ("all others", False)):
+        part = [counts for form, counts in result["forms"].items() if (form in LOGS) == logs]
         if part:
-            total = {key: sum(counts[key] for counts in part.values()) for key in ("files", *kinds)}
-            lines.append(_row(f"**{title}**", total, kinds))
-    return text + "\n".join(lines) + "\n"
+            kinds = ("files", *(kind.value for kind in Outcome))
+            found[title] = {key: sum(counts[key] for counts in part) for key in kinds}
+    return found
+
+
+def _table(head: str, counted: Mapping[str, Mapping[str, Any]]) -> str:
+    kinds = [kind.value for kind in Outcome]
+    lines = [f"| {head} | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
+    return "\n".join([*lines, *(_row(name, counts, kinds) for name, counts in counted.items())]) + "\n"
 
 
 def _row(name: str, counts: Mapping[str, Any], kinds: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Fly the field, explain every flight, and say how often the answer was right.
 
     python -m benchmarks.field [--seed N] [--only TEXT ...] [--vehicle NAME] [--seconds S] [--jobs N]
-                               [--json FILE] [--page FILE] [--logs FOLDER]
+                               [--json FILE] [--page FILE] [--notes FILE] [--logs FOLDER]
 
 Rows are written as they come; with --json an interrupted run goes on where it was. Needs RotorPy for all vehicles but
 the tilting hexarotor: `pip install -e '.[benchmark]'`. `--logs` writes the flights for the command line instead of
@@ -24,9 +24,9 @@ from rich.progress import Progress
 
 from benchmarks.field import cases
 from benchmarks.field.judge import flown, run
-from benchmarks.field.score import page, score
+from benchmarks.field.score import detail, page, score
 from benchmarks.hidden_effects.__main__ import rounded
-from benchmarks.hidden_effects.score import BY_HAND
+from benchmarks.hidden_effects.score import written_by_hand
 from wrenchgap import save_log
 
 Row = dict[str, Any]
@@ -48,6 +48,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, help="rows and scores")
     parser.add_argument("--page", type=Path, help="the page for docs/")
+    parser.add_argument("--notes", type=Path, help="the page with every flight, for benchmarks/notes")
     parser.add_argument("--logs", type=Path, help="write logs and model files here instead of explaining")
     return parser.parse_args(argv)
 
@@ -81,8 +82,9 @@ def main(argv: list[str] | None = None) -> None:
     if a.json:
         _write(a.json, rows, field)
     if a.page:
-        kept = a.page.read_text().split(BY_HAND, 1)[1:] if a.page.exists() else []
-        a.page.write_text(page(rows, len(field), kept[0].lstrip("\n") if kept else ""))
+        a.page.write_text(page(rows, len(field), written_by_hand(a.page)), encoding="utf-8")
+    if a.notes:
+        a.notes.write_text(detail(rows, written_by_hand(a.notes)), encoding="utf-8")
 
 
 def write_logs(wanted: list[cases.Case], folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Scores of the field's rows, and the page that shows them: docs/field.md, made by the same functions as the JSON."""
+"""Scores of the field's rows, docs/field.md that shows them, and the page with every flight behind it."""
 
 from __future__ import annotations
 
@@ -95,11 +95,11 @@ hexarotor), three kinds of flying (excited; hovers, lines and turns; hover in tu
 integrals), a good and a cheap IMU; one to five hidden effects, nothing hidden, and what is in no catalogue. All but the
 hexarotor are flown by RotorPy, a simulator that somebody else wrote, with effects made in its own parameters
 ([decision 0016](decisions/0016-field-benchmark.md); its parts: [benchmarks/field](../benchmarks/field/README.md)).
-Each flight goes through `open_flights` and `explain`, as the command does. Made by
 
-    python -m benchmarks.field --json docs/field.json --page docs/field.md
+    python -m benchmarks.field --json docs/field.json --page docs/field.md --notes benchmarks/notes/field.md
 
-Flights with other first seeds than these (`--seed 7000`) are there for tuning. {flights} of {all} flights are below.
+Flights with other first seeds (`--seed 7000`) are there for tuning. {flights} of {all} flights are below; each of them,
+sizes, and what is accepted for what: [notes](../benchmarks/notes/field.md).
 
 "In the class": the heaviest class of the answer has a set that says everything that was hidden and nothing else (but
 for `constant_wrench`, which is what an IMU's bias looks like; it must not be firm). It is counted where a regression
@@ -107,14 +107,23 @@ with the true laws could tell each hidden effect with five standard deviations (
 "Firm": listed as firm by the answer, or where it lists none, stated with at least 80 %; wrong where the name is neither
 hidden nor there anyway. A stated confidence speaks for the name or its group, so it is right where one of them is.
 """
+DETAIL = """# Notes: every flight of the field
+
+Written by `python -m benchmarks.field --notes benchmarks/notes/field.md`; the scores: [field](../../docs/field.md).
+"""
 
 
 def page(rows: list[Row], everything: int, by_hand: str = "") -> str:
     """docs/field.md; `everything` is how many flights the field has."""
     s = score(rows)
     head = HEAD.format(flights=sum(s["flights"].values()), all=everything)
-    parts = [head, _headline(s), _calibration(s), _breakdown(rows), _listed(rows), _sizes()]
+    parts = [head, _headline(s), _calibration(s), _breakdown(rows)]
     return "\n".join(parts) + f"\n{BY_HAND}\n{by_hand}"
+
+
+def detail(rows: list[Row], by_hand: str = "") -> str:
+    """The page behind it: every flight, sizes, and what is accepted for what."""
+    return "\n".join([DETAIL, _listed(rows), _sizes()]) + f"\n{BY_HAND}\n{by_hand}"
 
 
 def _headline(s: dict[str, Any]) -> str:
@@ -187,5 +196,5 @@ def _sizes() -> str:
     for name, hidden in HIDDEN.items():
         answers = " or ".join(" with ".join(sorted(s)) for s in hidden.answers)
         listed.append((name, hidden.size, answers or "unknown"))
-    text = "Size 1 of what is hidden in RotorPy's vehicles; for the hexarotor see [there](hidden-effects.md).\n\n"
+    text = "Size 1 of what is hidden in RotorPy's vehicles; for the hexarotor see [there](hidden-effects.md#sizes).\n\n"
     return "## Sizes\n\n" + text + table(("hidden", "size 1", "accepted sets of names"), listed)

@@ -1,8 +1,7 @@
-"""The tables of docs/do-no-harm.md, written from the rows that are kept."""
+"""The tables of docs/do-no-harm.md and benchmarks/notes/do-no-harm.md, written from the rows that are kept."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harm import parts, rows, smooth, vehicles
+from benchmarks.pages import NOTES, renewed
 from benchmarks.paper.plants import believed
 from benchmarks.paper.running import mrad, table
 from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.plant.stability import Observer, sensitivity_peak
 
-PAGE = Path(__file__).parents[2] / "docs" / "do-no-harm.md"
+PAGES = Path(__file__).parents[2] / "docs" / "do-no-harm.md", NOTES / "do-no-harm.md"
 SWING = 5e-3
 """Above that without compensation [rad]."""
 RATIO = 1.05
@@ -91,11 +91,12 @@ def of_margins() -> str:
 KEPT = {"vehicles": of_vehicles, "parts": of_parts, "smooth": of_smooth}
 
 
-def renew(page: Path = PAGE) -> None:
-    """Write the page with the tables of the rows that are kept."""
-    text = page.read_text(encoding="utf-8")
-    made = {name: of(rows.kept(rows.RESULTS / f"{name}.jsonl")) for name, of in KEPT.items()}
-    for name, tables in (made | {"margins": of_margins()}).items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        text = pattern.sub(lambda m, tables=tables: f"{m.group(1)}{tables}\n{m.group(2)}", text)
-    page.write_text(text, encoding="utf-8")
+def renew() -> None:
+    """Write the pages with the tables of the rows that are kept."""
+    made = {name: of(rows.kept(rows.RESULTS / f"{name}.jsonl")) for name, of in KEPT.items()} | {
+        "margins": of_margins()
+    }
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        own = {name: tables for name, tables in made.items() if f"<!-- /{name} -->" in text}
+        page.write_text(renewed(text, own), encoding="utf-8")

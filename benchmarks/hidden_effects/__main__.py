@@ -1,6 +1,6 @@
 """Fly everything, explain everything, and say how often it was right.
 
-    python -m benchmarks.hidden_effects [--fast] [--jobs N] [--only TEXT] [--json FILE] [--page FILE]
+    python -m benchmarks.hidden_effects [--fast] [--jobs N] [--only TEXT] [--json FILE] [--page FILE] [--notes FILE]
 
 Rows are written as they come; with --json an interrupted run goes on where it was.
 """
@@ -20,7 +20,7 @@ from rich.progress import Progress
 
 from benchmarks.hidden_effects import cases
 from benchmarks.hidden_effects.judge import run
-from benchmarks.hidden_effects.score import BY_HAND, page, score
+from benchmarks.hidden_effects.score import detail, page, score, written_by_hand
 from wrenchgap.plant import model_file
 
 Row = dict[str, Any]
@@ -42,6 +42,7 @@ def main() -> None:
     parser.add_argument("--only", help="cases whose name has this in it")
     parser.add_argument("--json", type=Path, help="rows and scores")
     parser.add_argument("--page", type=Path, help="the page for docs/")
+    parser.add_argument("--notes", type=Path, help="the page with every flight, for benchmarks/notes")
     a = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     wanted = [c for c in (cases.fast() if a.fast else cases.everything(a.seed)) if not a.only or a.only in c.name]
@@ -62,8 +63,9 @@ def main() -> None:
     if a.json:
         _write(a.json, rows, wanted)
     if a.page:
-        kept = a.page.read_text().split(BY_HAND, 1)[1:] if a.page.exists() else []
-        a.page.write_text(page(rows, kept[0].lstrip("\n") if kept else ""))
+        a.page.write_text(page(rows, written_by_hand(a.page)), encoding="utf-8")
+    if a.notes:
+        a.notes.write_text(detail(rows, written_by_hand(a.notes)), encoding="utf-8")
 
 
 def line(row: Row) -> str:

@@ -22,7 +22,8 @@ from benchmarks.meaning.faults import FAULTS, Fault
 from benchmarks.meaning.flying import HEX, NANO, QUAD, Manner, fly
 from benchmarks.meaning.healthy import healthy_of
 from benchmarks.meaning.judge import Row, judge, plain, read
-from benchmarks.meaning.page import page
+from benchmarks.meaning.page import detail, page
+from benchmarks.pages import NOTES
 from wrenchgap.flight.flight import Flight
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -115,6 +116,7 @@ def main() -> None:
         old = asked.page.read_text(encoding="utf-8") if asked.page.exists() else ""
         behind = old[old.index(f"\n{HEADING}") :] if HEADING in old else ""  # of the other benchmark, and by hand
         asked.page.write_text(page(faults, healthy, asked.seed) + behind, encoding="utf-8")
+        (NOTES / "meaning.md").write_text(detail(faults, healthy, asked.seed), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""docs/reliability.md from the rows of the suite: every number on the page is one of theirs."""
+"""docs/reliability.md, and the table behind it, from the rows of the suite: every number is one of theirs."""
 
 from __future__ import annotations
 
@@ -11,39 +11,43 @@ HEAD = """# Reliability
 
 ## Meaning: wrong units, frames, signs, orders, clocks, stuck channels
 
-Made by `python -m benchmarks.meaning{option} --json docs/reliability.json --page docs/reliability.md` (seed {seed}).
-Each log has one fault. It is opened for its model as every command opens a log. Flown by MuJoCo, with a controller and
-sensors of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing
-that flies imports `plant`.
-The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults,
-and on the recorded logs.
+`python -m benchmarks.meaning{option} --json docs/reliability.json --page docs/reliability.md` (seed {seed}): logs of
+MuJoCo with one fault each, opened for their model as every command opens a log. Nothing that flies imports `plant`.
+The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults, and on the recorded
+logs. Each fault on each vehicle, and every healthy log: [table](../benchmarks/notes/meaning.md).
 
-- *named*: a check that means this fault says it, by refusing the log (exit code 2) or, where samples are left out, by
-  a warning at the top of every result;
-- *seen*: some check refuses or warns;
+- *named*: a check that means this fault refuses the log (exit code 2) or, where samples are left out, warns at the top
+  of every result;
 - *silent*: nothing is said. This bounds what may be silently wrong from above;
 - *mended*: with the option that the check proposes (and a second one, where the first brings another fault to light)
   the log passes.
 
 """
+DETAIL = """# Notes: logs with one fault
+
+Written by `python -m benchmarks.meaning{option} --page docs/reliability.md` (seed {seed}); what is measured, and the
+scores: [reliability](../../docs/reliability.md). *Seen*: some check refuses or warns, but none that means this fault.
+
+"""
 
 
 def page(faults: Sequence[Row], healthy: Sequence[Row], seed: int) -> str:
-    """The whole page."""
+    """The section of docs/reliability.md."""
     usual = [row for row in faults if row.vehicle != CALM]
     calm = [row for row in faults if row.vehicle == CALM]
-    return "".join(
-        (
-            HEAD.format(seed=seed, option="" if any(row.firm is not None for row in faults) else " --open-only"),
-            _scores(usual, healthy),
-            "\n### By fault\n\n",
-            _table(usual),
-            _calm(calm),
-            _answers(faults, healthy),
-            "\n### Healthy logs\n\n",
-            _healthy(healthy),
-        )
-    )
+    return "".join((HEAD.format(seed=seed, option=_option(faults)), _scores(usual, healthy), _calm(calm)))
+
+
+def detail(faults: Sequence[Row], healthy: Sequence[Row], seed: int) -> str:
+    """The page behind it: each fault on each vehicle, answers, healthy logs."""
+    head = DETAIL.format(seed=seed, option=_option(faults))
+    usual = [row for row in faults if row.vehicle != CALM]
+    answers = _answers(faults, healthy)
+    return f"{head}## By fault\n\n{_table(usual)}{answers}\n## Healthy logs\n\n{_healthy(healthy)}"
+
+
+def _option(faults: Sequence[Row]) -> str:
+    return "" if any(row.firm is not None for row in faults) else " --open-only"
 
 
 def _scores(usual: Sequence[Row], healthy: Sequence[Row]) -> str:
@@ -86,8 +90,7 @@ def _calm(rows: Sequence[Row]) -> str:
         return ""
     silent = [row.fault for row in rows if not row.seen]
     text = (
-        "\n### A flight that hardly excites anything\n\n"
-        "The quadrotor with a fifth of the excitation and half the motion: "
+        "\nA flight that hardly excites anything, the quadrotor with a fifth of the excitation and half the motion: "
         f"named {_share([row.named for row in rows])}, silent {len(silent)}"
     )
     return f"{text}{': ' + ', '.join(silent) if silent else ''}.\n"
@@ -101,7 +104,7 @@ def _answers(faults: Sequence[Row], healthy: Sequence[Row]) -> str:
     wrong = [row for row in asked if row.wrong]
     silently = [row for row in wrong if not row.seen]
     lines = [
-        "\n### Answers on logs that are not refused\n",
+        "\n## Answers on logs that are not refused\n",
         "`explain`, with the effects of `benchmarks/meaning/answers.py`, on vehicles whose lag and drag are known.",
         "*Wrong* is a firm effect that is not there, or a lag or drag off by more than three standard deviations as",
         "stated; *silently wrong* is that without any warning.\n",

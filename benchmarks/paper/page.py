@@ -1,23 +1,25 @@
-"""The tables of docs/paper.md, renewed from the results: what stands between `<!-- name -->` and `<!-- /name -->`."""
+"""The tables of docs/paper.md and benchmarks/notes/paper.md, renewed from the results.
+
+What stands between `<!-- name -->` and `<!-- /name -->` is the table of that experiment, on one of the two pages.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from benchmarks import pages
-from benchmarks.paper.running import EXPERIMENTS, PAGE, Output, experiment
+from benchmarks.paper.running import EXPERIMENTS, PAGES, Output, experiment
 
 
-def renew(page: Path, out: Output) -> None:
-    """Write the page with the tables of every experiment that has results."""
-    page.write_text(renewed(page.read_text(encoding="utf-8"), out), encoding="utf-8")
+def renew(out: Output) -> None:
+    """Write the pages with the tables of every experiment that has results."""
+    for page in PAGES:
+        page.write_text(renewed(page.read_text(encoding="utf-8"), out), encoding="utf-8")
 
 
 def renewed(text: str, out: Output) -> str:
-    """The text with the tables of every experiment that has results."""
-    bodies = {name: out.read(name) for name in EXPERIMENTS}
+    """The text with the tables of the experiments that it shows, as far as they have results."""
+    bodies = {name: out.read(name) for name in EXPERIMENTS if f"<!-- /{name} -->" in text}
     return pages.renewed(text, {n: experiment(n).tables(body) for n, body in bodies.items() if body is not None})
 
 
 if __name__ == "__main__":
-    renew(PAGE, Output())
+    renew(Output())

@@ -19,7 +19,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 ROOT = Path(__file__).parents[2]
-RESULTS, IMAGES, PAGE = Path(__file__).parent / "results", ROOT / "docs" / "images", ROOT / "docs" / "paper.md"
+RESULTS, IMAGES = Path(__file__).parent / "results", ROOT / "docs" / "images"
+PAGES = ROOT / "docs" / "paper.md", ROOT / "benchmarks" / "notes" / "paper.md"
 PROCESSES = 2
 DIGITS = 4
 """Significant digits of numbers in the results."""
@@ -115,7 +116,7 @@ def main(names: Sequence[str]) -> None:
     if a.out is None:
         from benchmarks.paper.page import renew
 
-        renew(PAGE, out)
+        renew(out)
 
 
 @contextmanager

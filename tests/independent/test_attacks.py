@@ -1,5 +1,5 @@
 """Each attack of benchmarks/attacks keeps to its bound: the same program that makes the table of
-docs/reliability.md."""
+benchmarks/notes/attacks.md."""
 
 import pytest
 

@@ -61,6 +61,7 @@ def test_the_published_page_is_that_of_the_published_run():
     text = (ROOT / "docs/reliability.md").read_text(encoding="utf-8")
     assert page.section(result) in text
     assert page.with_section(text, result) == text
+    assert (ROOT / "benchmarks/notes/faults.md").read_text(encoding="utf-8") == page.detail(result)
     assert set(result["forms"]) == set(FORMS)
     assert result["files"] == sum(counts["files"] for counts in result["forms"].values())
     assert result["faults"] == []
@@ -74,7 +75,8 @@ def test_a_section_takes_the_place_of_an_older_one_and_leaves_the_rest():
     assert text.startswith("# Page\n\n## Before\n\nwords\n\n## Damaged files\n")
     behind = f"{text}\n## Behind\n\nmore\n"
     assert page.with_section(behind, result) == behind
-    assert "| ulog | 1 | 1 | 0 |" in text
+    assert "| all logs | 1 | 1 | 0 |" in text
+    assert "| ulog | 1 | 1 | 0 |" in page.detail(result)
 
 
 def test_seeds_of_the_fuzzer_are_sound_logs_and_small_ones_with_large_appetites(tmp_path):

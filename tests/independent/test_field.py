@@ -15,7 +15,7 @@ from benchmarks.field.__main__ import main
 from benchmarks.field.cases import Case
 from benchmarks.field.flying import RATE, gusts
 from benchmarks.field.judge import class_sets, firm_names, judged
-from benchmarks.field.score import calibration, page, score
+from benchmarks.field.score import calibration, detail, page, score
 from benchmarks.field.sensors import IMUS, measured
 from benchmarks.field.told import Told
 from benchmarks.field.vehicles import VEHICLES, vehicle
@@ -168,11 +168,12 @@ def test_confidence_is_compared_with_truth_bin_by_bin():
     assert [(b["bin"], b["names"], b["true"]) for b in bins] == [("0-50 %", 1, 0.0), ("90-100 %", 2, 0.5)]
 
 
-def test_the_page_shows_every_flight_and_keeps_what_was_written_by_hand():
-    text = page(rows(), 79, "By hand.\n")
-    assert all(row["case"] in text for row in rows())
+def test_the_pages_show_every_flight_and_keep_what_was_written_by_hand():
+    text, listed = page(rows(), 79, "By hand.\n"), detail(rows(), "By hand.\n")
+    assert all(row["case"] in listed for row in rows())
     assert "6 of 79 flights" in text
     assert text.endswith("By hand.\n")
+    assert listed.endswith("By hand.\n")
 
 
 @pytest.mark.parametrize("name", [n for n in VEHICLES if n not in ("hexa", "blind")])
@@ -223,17 +224,18 @@ def test_sensors_have_the_noise_that_their_datasheet_says(hovering, grade):
 
 @pytest.mark.slow
 def test_an_interrupted_run_goes_on_where_it_was_and_the_page_follows(tmp_path, capsys):
-    json_file, page_file = tmp_path / "field.json", tmp_path / "field.md"
+    json_file, page_file, note_file = (tmp_path / name for name in ("field.json", "field.md", "notes.md"))
     asked = ["--seed", "7000", "--only", "hexa.turbulence.good.none", "--seconds", "6", "--jobs", "1"]
     main([*asked, "--json", str(json_file)])
     first = json.loads(json_file.read_text())
     assert [row["vehicle"] for row in first["rows"]] == ["hexa"]
     assert first["scores"]["errors"] == []
     capsys.readouterr()
-    main([*asked, "--json", str(json_file), "--page", str(page_file)])
+    main([*asked, "--json", str(json_file), "--page", str(page_file), "--notes", str(note_file)])
     assert "hexa.turbulence" not in capsys.readouterr().out
     assert json.loads(json_file.read_text()) == first
-    assert first["rows"][0]["case"] in page_file.read_text()
+    assert "1 of 79 flights" in page_file.read_text()
+    assert first["rows"][0]["case"] in note_file.read_text()
 
 
 def test_flights_are_written_for_the_command_line(tmp_path):

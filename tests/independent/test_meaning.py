@@ -59,6 +59,8 @@ def test_the_published_page_is_that_of_the_published_rows():
     rows = json.loads((ROOT / "docs/reliability.json").read_text(encoding="utf-8"))
     faults, healthy = ([Row(**{**r, "found": tuple(r["found"])}) for r in rows[k]] for k in ("faults", "healthy"))
     assert pages.page(faults, healthy, rows["seed"]) in (ROOT / "docs/reliability.md").read_text(encoding="utf-8")
+    note = (ROOT / "benchmarks/notes/meaning.md").read_text(encoding="utf-8")
+    assert note == pages.detail(faults, healthy, rows["seed"])
     usual = [row for row in faults if row.vehicle != pages.CALM]
     assert len(usual) >= 60
     assert len({row.vehicle for row in usual}) >= 3

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.real_defects import blades_of, case_of, comparisons, kind_of
-from benchmarks.real_defects_page import is_rotor, page, wrong
+from benchmarks.real_defects_page import detail, is_rotor, page, wrong
 
 
 def row(case, firm=(), where="", probability=0.0, verdict="nothing", suspect=("a", "b"), healthy=("h",) * 5):
@@ -81,7 +81,7 @@ def test_what_explain_says_alone_is_judged_by_what_was_done():
 
     right = alone("cut_propeller_M3_3mm_3mm_41mm", ("rotor_thrust", "motor_lag"), [[["rotor_thrust"], 0.9], [[], 0.1]])
     other = alone("cut_propeller_M3_2mm_2mm_43mm", ("tether",), [[["tether"], 1.0]])
-    text = page([], [right, other])
+    text = detail([], [right, other])
     assert "rotor_thrust 90 %; nothing 10 % | M3, -20 % |" in text
     assert "wrong: 1 of 2 cases (M3 cut 2 mm and 2 mm)" in text
     assert "1 of 2 cases with 2 mm or more" in text

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 HEADING = "## Fuzzing"
 TEXT = """{heading}
 
-`make fuzz` ([decision](decisions/0024-atheris.md)) searches with atheris, guided by coverage, in turns over logs,
-message definitions with messages, model files, stored GPs and trajectories. Made by `python -m benchmarks.faults.fuzz
---minutes {processor:.0f} --json docs/fuzz.json --page docs/reliability.md`: {processor:.0f} minutes of processor time,
-{minutes:.0f} by the clock, one process at a time; {findings} ([what](#what-damaged-files-showed)).
+`make fuzz` ([decision](decisions/0024-atheris.md)) searches with atheris, guided by coverage. `python -m
+benchmarks.faults.fuzz --minutes {processor:.0f} --json docs/fuzz.json --page docs/reliability.md`: {processor:.0f}
+minutes of processor time, {minutes:.0f} by the clock, one process at a time; {findings}
+([what](../benchmarks/notes/reliability.md#what-damaged-files-showed)).
 
 - *branches*: places of the instrumented code (readers, plant, stored GPs, rosbags, pyulog, tomlkit) that were passed,
   with the corpus that is kept at the beginning and at the end;
