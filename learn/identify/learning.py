@@ -19,6 +19,7 @@ from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.data.input_errors import untrusted
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
@@ -146,7 +147,7 @@ def learn(
     """
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     settings = settings or FitSettings(mean=default_mean(model))
-    outputs = measured_outputs(flights, outputs)
+    outputs = learnable_outputs(flights, outputs)
     others = None
     if best_inputs or guard:
         others = alternatives(flights, model, outputs, settings, progress=progress)
@@ -156,15 +157,25 @@ def learn(
     return replace(found, alternatives=others, absorption=reproduced)
 
 
-def measured_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Those of the axes that these flights measured: there is nothing to learn on others. FitError where none was."""
-    known = np.all([r.measured_axes for f in flights for r in f.records], axis=0)
-    found = tuple(axis for axis in outputs if known[AXES.index(axis)])
-    if not found:
-        listed = ", ".join(dict.fromkeys(f.flight.name for f in flights))
+def learnable_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> tuple[str, ...]:
+    """Those of the axes that these flights measured and of whose commands they say more than the mean: on others there
+    is nothing to learn. FitError where none is left.
+    """  # noqa: D205
+    records = [r for f in flights for r in f.records]
+    known = np.all([r.measured_axes for r in records], axis=0)
+    listed = ", ".join(dict.fromkeys(f.flight.name for f in flights))
+    measured = tuple(axis for axis in outputs if known[AXES.index(axis)])
+    if not measured:
         raise FitError(
             f"{listed}: {', '.join(outputs)} {'was' if len(outputs) == 1 else 'were'} not measured, and there is "
             f"nothing to learn; choose --outputs among {', '.join(np.array(AXES)[known]) or 'none'}"
+        )
+    unsaid = untrusted(records)[0]
+    found = tuple(axis for axis in measured if not unsaid[AXES.index(axis)])
+    if not found:
+        raise FitError(
+            f"{listed}: the logged commands are snapshots of faster ones and say nothing but the mean of "
+            f"{', '.join(measured)}: there is nothing to learn; log commands at the rate of the loop"
         )
     return found
 

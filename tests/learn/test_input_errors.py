@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import ActuatorSeries
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.input_errors import EDGES, SHARE, Seen, share_of_error
@@ -102,3 +103,11 @@ def test_a_healthy_vehicle_is_not_calibrated_by_what_its_log_cannot_carry(snapsh
     fates = {t.effect: t.fate for t in found.tried}
     assert not {"motor_lag", "drag_torque", "command_delay", "thrust_scale"} & set(found.effects)
     assert fates["motor_lag"] in (Fate.NO_HELP, Fate.AT_LIMIT, Fate.ONE_FLIGHT)
+
+
+def test_there_is_nothing_to_learn_from_snapshots(snapshots, crazyflie):
+    """A process would learn that nothing comes of what was never sent."""
+    with pytest.raises(
+        FitError, match="the mean of torque_x, torque_y, torque_z: there is nothing to learn"
+    ):
+        wg.learn_gp(snapshots, crazyflie)

@@ -18,7 +18,7 @@ from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.relevance import relevance
 from wrenchgap.learn.diagnose.whiteness import whiteness
 from wrenchgap.learn.identify.fit import fit, held_out
-from wrenchgap.learn.identify.learning import measured_outputs
+from wrenchgap.learn.identify.learning import learnable_outputs
 from wrenchgap.plant.vehicle import Body
 
 LATERAL = ("force_x", "force_y")
@@ -212,9 +212,9 @@ def test_nothing_left_is_one_clear_line(flown, model):
 
 
 def test_what_is_learnt_is_what_was_measured(opened):
-    assert measured_outputs(opened, ("force_x", "force_z", "torque_x")) == ("force_z", "torque_x")
+    assert learnable_outputs(opened, ("force_x", "force_z", "torque_x")) == ("force_z", "torque_x")
     with pytest.raises(FitError, match="force_x was not measured, and there is nothing to learn; choose --outputs"):
-        measured_outputs(opened, ("force_x",))
+        learnable_outputs(opened, ("force_x",))
 
 
 def test_a_gyroscope_axis(flown, model):
