@@ -1,7 +1,7 @@
 """What counts as silently wrong, on the page of the meaning suite."""
 
 from benchmarks.meaning.judge import Row
-from benchmarks.meaning.page import page
+from benchmarks.meaning.page import detail
 
 
 def row(fault, *, found=(), firm=("motor_lag",), wrong=""):
@@ -15,7 +15,7 @@ def test_an_answer_is_silently_wrong_where_nothing_warned():
         row("c", found=("spikes",)),
         row("d", firm=None),
     ]
-    text = page(faults, [row("healthy")], 11)
+    text = detail(faults, [row("healthy")], 11)
     assert "| logs with a fault that were explained | 3 | - |" in text
     assert "| silently wrong | 1 | 0 |" in text
     assert "| wrong below a warning | 1 | - |" in text
@@ -24,4 +24,4 @@ def test_an_answer_is_silently_wrong_where_nothing_warned():
 
 
 def test_where_nothing_was_explained_the_page_says_nothing_of_it():
-    assert "Answers" not in page([row("d", firm=None)], [], 11)
+    assert "Answers" not in detail([row("d", firm=None)], [], 11)
