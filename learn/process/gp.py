@@ -135,7 +135,7 @@ class FitSettings:
     restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
     blind     components of the command that the process does not look at
     search    "closed-form", or GPy's, the paper's: the same optima in several times the time
-    guarded   `learn` decides by held-out time what of it is believed (docs/compensation.md#do-no-harm); False: the
+    guarded   `learn` decides by held-out time what of it is believed (docs/do-no-harm.md); False: the
               paper's, believed as it is
     """
 
