@@ -306,7 +306,7 @@ class Compensator:
         return self._fast
 
     def rows_by_step(self, wrenches: Array, states: State | None) -> tuple[Array, dict[int, str]]:
-        """Results (K, 24 + 2 L) of consecutive steps as `compensate.compiled` orders them, and trouble by step."""
+        """Results (K, 24 + 2 L) of consecutive steps as `compensate.run` orders them, and trouble by step."""
         rows, trouble = [], dict[int, str]()
         for k, wrench in enumerate(wrenches):
             one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))
@@ -343,7 +343,7 @@ class Compensator:
 
 
 def result_of(row: Array, trouble: str, took: float) -> Result:
-    """A row of `compensate.compiled` as a result."""
+    """A row of `compensate.run` as a result."""
     sigma, beta, cost, evaluations, accepted, limited = row[18:24].tolist()
     if not math.isfinite(sigma):
         trouble = trouble or "the model's standard deviation is not finite: correction withheld"

@@ -1,4 +1,4 @@
-"""Decorators of the compiled step: what numba makes of a function, and whether `compensate.export` prints it too."""
+"""Decorators of the compiled step: what numba makes of a function, and whether `replay.export` prints it too."""
 
 from __future__ import annotations
 

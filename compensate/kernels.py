@@ -1,4 +1,4 @@
-"""One period of the compensation, written once: numba compiles it here, and `compensate.export` prints it as C99.
+"""One period of the compensation, written once: numba compiles it here, and `replay.export` prints it as C99.
 
 The functions are restricted to what both can say: arrays of the shapes that `compensate.tables` gives them, `for` over
 `range`, `while`, `if`, arithmetic, `math`, calls of each other. What is `printed` goes into the exported code as it

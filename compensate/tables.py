@@ -1,6 +1,6 @@
 """What the compiled step works on: constants of a compensation, what it remembers, and room to work in.
 
-Every array says its shape in its annotation. numba takes these tuples as they are; the printer of `compensate.export`
+Every array says its shape in its annotation. numba takes these tuples as they are; the printer of `replay.export`
 makes tables and structs of C of the same annotations. Sizes:
 
     WG_OUTPUTS    L, components that are corrected          WG_INPUTS   D, of the process, the command's six first

@@ -3,7 +3,6 @@
 import ast
 import contextlib
 import importlib
-import operator
 import os
 import re
 import shutil
@@ -150,16 +149,24 @@ def test_the_score_in_the_readme_is_that_of_the_page_which_the_benchmark_writes(
 
 
 def exists(name):
-    """A module, or something in one."""
-    with contextlib.suppress(ImportError):
-        return bool(importlib.import_module(name))
-    module, _, rest = name.rpartition(".")
-    while module:
-        with contextlib.suppress(ImportError, AttributeError):
-            return bool(operator.attrgetter(rest)(importlib.import_module(module)))
-        module, _, left = module.rpartition(".")
-        rest = f"{left}.{rest}"
+    """A module, something in one, or a field of a class in one."""
+    parts = name.split(".")
+    for k in range(len(parts), 0, -1):
+        with contextlib.suppress(ImportError):
+            found = importlib.import_module(".".join(parts[:k]))
+            for part in parts[k:]:
+                if part in getattr(found, "__annotations__", {}):
+                    return True
+                found = getattr(found, part, None)
+            return found is not None
     return False
+
+
+def test_every_module_and_function_that_the_source_names_exists():
+    text = "".join(path.read_text(encoding="utf-8") for path in sources(*PACKAGES))
+    named = set(re.findall(rf"`((?:{'|'.join(PACKAGES)})\.[\w.]+)`", text))
+    assert len(named) > 150
+    assert sorted(name for name in named if not exists(f"wrenchgap.{name}")) == []
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs/theory").glob("*.md")), ids=lambda page: page.stem)

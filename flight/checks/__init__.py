@@ -11,7 +11,7 @@
     motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
 Each check looks at one way in which real logs are wrong, and says what mends it (docs/checks.md). What needs the
-vehicle is in `learn.data.against_model`.
+vehicle is in `learn.data.checks.against_model`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,13 @@ from wrenchgap.learn.changed.propeller import read
 from wrenchgap.learn.changed.relinearise import relinearised
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass, NamedSet, checks_between, merged_by_names
+from wrenchgap.learn.posterior.equivalence_classes import (
+    EquivalenceClass,
+    NamedSet,
+    checks_between,
+    grouped,
+    merged_by_names,
+)
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.scored_sets import (
@@ -110,7 +116,7 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1) -> Weig
     kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
     described_sets = [scored_set(scorer, s.keys) for s in kept]
     sets = merged_by_names(described_sets, weights(described_sets))
-    found = Posterior(sets, grouped(sets, scorer, vehicle), checks_between(sets, vehicle))
+    found = Posterior(sets, classes_of(sets, scorer, vehicle), checks_between(sets, vehicle))
     return Weighed(found, scorer, pool, tuple(suspects), not far)
 
 
@@ -177,18 +183,14 @@ def _described(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
     return scorer.described[keys]
 
 
-def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
+def classes_of(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
     """Every set in the class of the heaviest set that it cannot be told from."""
     search = SubsetSearch(scorer, sets[0].scored_set.scored.variance)
-    groups: list[list[NamedSet]] = []
-    for s in sets:
-        home = next((g for g in groups if bool(g[0].names) == bool(s.names) and apart(search, g[0], s) < NEAR), None)
-        if home is None:
-            groups.append([s])
-        else:
-            home.append(s)
-    found = [EquivalenceClass(sum(s.weight for s in g), tuple(g), checks_between(g, vehicle)) for g in groups]
-    return tuple(sorted(found, key=lambda c: -c.weight))
+
+    def alike(one: NamedSet, other: NamedSet) -> bool:
+        return bool(one.names) == bool(other.names) and apart(search, one, other) < NEAR
+
+    return grouped(sets, alike, vehicle)
 
 
 def apart(search: SubsetSearch, first: NamedSet, second: NamedSet) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -122,15 +121,16 @@ class Dataset:
 
         out = values.copy()
         starts = np.flatnonzero(np.diff(self.block, prepend=-1))
-        dt = self.records[0].dt_kept
-        for first, last in itertools.pairwise((*starts, len(self.block))):
-            band = np.digitize(np.arange(last - first) / (2 * (last - first) * dt), EDGES)
+        lengths = np.diff(starts, append=len(self.block))
+        for n in np.unique(lengths):  # blocks of one length at once
+            rows = starts[lengths == n][:, None] + np.arange(n)
+            band = np.digitize(np.arange(n) / (2 * n * self.records[0].dt_kept), EDGES)
             for axis in axes:
-                said = ~self.untrusted[band, axis]
-                said[0] = True
-                amplitude = dct(values[first:last, axis], axis=0, norm="ortho")
-                amplitude[~said] = 0.0
-                out[first:last, axis] = idct(amplitude, axis=0, norm="ortho")
+                silent = self.untrusted[band, axis]
+                silent[0] = False
+                amplitude = dct(values[rows, axis], axis=1, norm="ortho")
+                amplitude[:, silent] = 0.0
+                out[rows, axis] = idct(amplitude, axis=1, norm="ortho")
         return out
 
     @property

@@ -66,7 +66,7 @@ def by_band(f: Array, power: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Measurement:
     """How a wrench was measured: samples `dt` [s] apart, behind a filter, with sensor `noise` (6,)."""
 
     dt: float
@@ -74,7 +74,7 @@ class Seen:
     noise: Array
 
 
-def share_of_error(sent: Array, period: float, measured: Array, left: Array, seen: Seen) -> Array:
+def share_of_error(sent: Array, period: float, measured: Array, left: Array, seen: Measurement) -> Array:
     """Share of error (bands, 6), zero to one, of commands that make a wrench `sent` (N, 6), `period` [s] apart.
 
     `measured` and `left` (K, 6) are the measured wrench and what the nominal model leaves of it. A band above half the
@@ -106,7 +106,7 @@ def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record
     else:
         sent = series.wrench_B[rows]
     left = record.measured - record.commanded
-    seen = Seen(record.dt_kept, record.cutoff_hz, record.noise)
+    seen = Measurement(record.dt_kept, record.cutoff_hz, record.noise)
     return replace(record, input_error=share_of_error(sent, series.period, record.measured, left, seen))
 
 
@@ -119,7 +119,7 @@ def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:
     return np.asarray(np.any([nothing, *(share > SHARE for share in shares)], axis=0))
 
 
-def unsaid(name: str, records: Sequence[Record]) -> list[str]:
+def input_error_notes(name: str, records: Sequence[Record]) -> list[str]:
     """A sentence on the axes of a flight of which commands say its mean alone, or less than half of the bands."""
     if not records:
         return []

@@ -19,7 +19,7 @@ from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.records import record_checks, without_impossible_commands
-from wrenchgap.learn.data.input_errors import unsaid, with_input_error
+from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import Record, commands_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
@@ -137,7 +137,7 @@ def opened(
         raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])
     asked.pass_((*record_checks(found, records, model, asked.checks), *phase_checks(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
-    told += [*unsaid(found.name, records), *_notes(found, records), *asked.findings(found)]
+    told += [*input_error_notes(found.name, records), *_notes(found, records), *asked.findings(found)]
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, resampled.samples)]
     cut = resampled.samples, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)

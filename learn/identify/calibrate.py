@@ -184,6 +184,10 @@ class _Search:
             kept, ahead = [*kept, best], [n for n in ahead if n != best]
             self._refit(kept)
             kept = self._pruned(kept)
+        while self.fit.stuck:  # what went may have held another within its limits
+            self.stuck |= self.fit.stuck
+            kept = [name for name in kept if name not in self.stuck]
+            self._refit(kept)
         return tuple(kept)
 
     def _refit(self, kept: Sequence[str]) -> None:

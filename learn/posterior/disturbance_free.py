@@ -46,10 +46,10 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
 
 
 def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -> bool:
-    """Whether one of the likeliest sets on the wrench as it is leaves no disturbance."""
+    """Whether one of the likeliest sets on the wrench as it is leaves no disturbance, where commands say something."""
     space = spectrum_of(free, ())
     enough = np.maximum(ABOVE_NOISE**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
-    little = [(c.scored.left < enough)[:, _answering(space, on)] for c in found.wholes]
+    little = [((c.scored.left < enough) | (space.count == 0.0))[:, _answering(space, on)] for c in found.wholes]
     return any(bool(np.all(cells)) for cells in little)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,10 +108,17 @@ def one_per_names(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
 
 
 def equivalence_classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
-    """Put every set into the class of the heaviest set that predicts the same, or begin a new one."""
+    """Every set in the class of the heaviest set that predicts the same."""
+    return grouped(sets, lambda one, other: predict_the_same(one.scored_set, other.scored_set, scorer), vehicle)
+
+
+def grouped(
+    sets: Sequence[NamedSet], alike: Callable[[NamedSet, NamedSet], bool], vehicle: Vehicle
+) -> tuple[EquivalenceClass, ...]:
+    """Every set in the class of the first set that it is `alike`, or a class of its own; heaviest class first."""
     groups: list[list[NamedSet]] = []
     for s in sets:
-        home = next((g for g in groups if predict_the_same(g[0].scored_set, s.scored_set, scorer)), None)
+        home = next((g for g in groups if alike(g[0], s)), None)
         if home is None:
             groups.append([s])
         else:

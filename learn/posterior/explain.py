@@ -12,9 +12,9 @@ blocks:
 
 What a verdict needs (`_verdict`):
 
-    unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
-              worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
-              depends on what was logged; or something is named, and a band of frequency of what is left is open
+    unknown   force or torque stay above `ABOVE_SENSORS` times the noise and above the share `UNEXPLAINED` of what they
+              were, the worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of
+              that depends on what was logged; or something is named, and a band of frequency of what is left is open
               (`learn.posterior.unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
               where one rotor does; or what explains most is at the limit of what is plausible
     nothing   no effect was named
@@ -80,8 +80,8 @@ SEARCH_SECONDS = 200.0
 then fitted to everything."""
 
 UNEXPLAINED = 0.25
-"""Structure is left where the rms of force or torque stays above `LOUD` times the noise and above this share of what
-it was."""
+"""Structure is left where the rms of force or torque stays above `ABOVE_SENSORS` times the noise and above this share
+of what it was."""
 PREDICTABLE = 0.3
 """Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
 those answer turbulence too (`learn.diagnose.relevance.Relevance.driven`)."""

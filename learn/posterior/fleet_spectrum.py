@@ -40,11 +40,11 @@ class FleetSpectrum(LinearProblem):
             if first is None:
                 first, summed = one, np.zeros_like(products)
                 count, shapes = np.zeros(BANDS), np.zeros((BANDS, 2))
-                power, said, error = np.zeros((3, BANDS, len(at)))
+                power, usable, error = np.zeros((3, BANDS, len(at)))
                 noise, total = np.zeros(len(AXES)), 0.0
             summed += products
             count, power, shapes = count + one.count, power + one.power[:, at], shapes + one.shapes
-            said, error = said + one.said[:, at], error + one.error[:, at]
+            usable, error = usable + one.usable[:, at], error + one.error[:, at]
             noise, total = noise + one.count.sum() * np.nan_to_num(one.noise) ** 2, total + one.count.sum()
             trimmed = [list(one.axes[one.trim_axes]).index(a) for a in self._trim_axes(one)]
             sums.append(one.trimmed[trimmed][:, rows])
@@ -60,7 +60,7 @@ class FleetSpectrum(LinearProblem):
         ]
         super().__init__([by_key[k] for k in self.keys], *always)
         self.bands = np.flatnonzero(count)
-        self.count = said[self.bands]
+        self.count = usable[self.bands]
         self._products = summed[self.bands] / np.maximum(self.count, 1.0)[:, :, None, None]
         on = self._trim_axes(first)
         scale = first.trim_scale[[list(first.axes[first.trim_axes]).index(a) for a in on]]

@@ -58,12 +58,12 @@ class Evidence:
     """Of one flight; L axes, Q quantities: what the model leaves, parameters and offset of each column, known effects.
 
     `columns` and `known` (the model's own uncertain effects) have no samples. `roots` (L, N, Q) are the roots of all
-    bands below one another, `rows` (bands,) how many belong to each. `count` (bands,) are coefficients, `said` (bands,
-    L) those that say something of the vehicle, `error` (bands, L) the sum of squares that their commands may err by,
-    `power` (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor noise of
-    forces and torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the quantities,
-    `trims` (A,) of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone would not
-    try.
+    bands below one another, `rows` (bands,) how many belong to each. `count` (bands,) are coefficients, `usable`
+    (bands, L) those that say something of the vehicle, `error` (bands, L) the sum of squares that their commands may
+    err by, `power` (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor
+    noise of forces and torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the
+    quantities, `trims` (A,) of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone
+    would not try.
     """
 
     flight: str
@@ -75,7 +75,7 @@ class Evidence:
     roots: Array
     rows: NDArray[np.intp]
     count: Array
-    said: Array
+    usable: Array
     power: Array
     error: Array
     shapes: Array
@@ -194,7 +194,7 @@ def evidence_of(
         roots=np.concatenate(roots, axis=1),
         rows=np.array([r.shape[1] for r in roots]),
         count=np.bincount(band, minlength=BANDS).astype(float),
-        said=_by_band((~space.silent).astype(float), band),
+        usable=_by_band((~space.silent).astype(float), band),
         power=_by_band(given**2, band),
         error=_by_band(space.error * ~space.silent, band),
         shapes=_by_band(shapes, band),
@@ -266,7 +266,7 @@ def _check(found: Evidence) -> None:
     axes, trims = len(found.axes), len(found.trims)
     shapes = {
         "axes": (axes,), "roots": (axes, int(np.sum(found.rows)), quantities), "rows": (BANDS,), "count": (BANDS,),
-        "power": (BANDS, axes), "said": (BANDS, axes), "error": (BANDS, axes),
+        "power": (BANDS, axes), "usable": (BANDS, axes), "error": (BANDS, axes),
         "shapes": (BANDS, 2), "noise": (len(AXES),), "trimmed": (trims, quantities),
         "trims": (trims,), "trim_axes": (trims,), "trim_scale": (trims,),
     }  # fmt: skip

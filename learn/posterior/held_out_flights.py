@@ -70,7 +70,7 @@ def by_flight(
     for f, one in enumerate(parts):
         at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
         products = products_of(one, chosen_rows(one, space.keys), at)[space.bands]
-        count = one.said[space.bands][:, at]
+        count = one.usable[space.bands][:, at]
         for k, each in enumerate(fitted):
             own = products[:, :, each.rows.every[:, None], each.rows.every]
             left = each.left(own, f, each.weights)

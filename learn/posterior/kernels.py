@@ -1,8 +1,7 @@
 """The small solves of the search over sets, compiled (docs/decisions/0026-compiled-kernels.md).
 
 A search solves some ten thousand least-squares problems with five to thirty unknowns; as numpy calls they spend nine
-tenths of their time outside arithmetic. `relevant`, `bounded` and `occam` are those of `learn.posterior.score`, the
-plain forms that tests compare with.
+tenths of their time outside arithmetic.
 """
 
 from __future__ import annotations
@@ -107,7 +106,12 @@ def variances(U: Array, wanted: Flags) -> Array:
 
 @njit(cache=True, nogil=True)
 def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Flags, typical: Array) -> Array:
-    """See `learn.posterior.score.relevant`."""
+    """Sizes (P,) of the parameters' priors: those given, and of `sparse` ones those that the evidence makes likely.
+
+    s^2 <- theta^2 + var(theta), theta within the limits, at least a hundredth of the `typical` sizes; at most eight
+    times, until no size changes by a tenth. `A` (P, P) and `b` (P,) are the data's curvature and gradient, `scale` (P,)
+    the sizes to begin at. Source: Tipping, JMLR 1, 2001, eq. 17.
+    """
     if not np.any(sparse):
         return scale
     scale = scale.copy()
@@ -129,7 +133,10 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
 
 @njit(cache=True, nogil=True)
 def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
-    """See `learn.posterior.score.bounded`."""
+    """Where 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 is least within the limits: an active-set method.
+
+    Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
+    """
     n = len(scale)
     H, g, lower, upper = scaled(A, scale), b * scale, low / scale, high / scale
     x, free = np.zeros(n), np.ones(n, dtype=np.bool_)
@@ -171,6 +178,23 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
+def normal_equations(whole: Array, unknown: Rows, fixed: Rows) -> tuple[Array, Array]:
+    """Curvature (P, P) and gradient (P,) of a set with these `unknown` rows (P,) of `whole` (Q, Q); of the `fixed` rows
+    the first is what is to be explained, and the others are taken off it.
+    """  # noqa: D205
+    n = len(unknown)
+    A, b = np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        row = whole[unknown[i]]
+        for j in range(n):
+            A[i, j] = row[unknown[j]]
+        b[i] = row[fixed[0]]
+        for m in range(1, len(fixed)):
+            b[i] -= row[fixed[m]]
+    return A, b
+
+
+@njit(cache=True, nogil=True)
 def score(
     whole: Array,
     unknown: Rows,
@@ -188,16 +212,8 @@ def score(
     uses, `sizes` and `accuracy` (members,) the parameters of each and the share to which its law is known; the rest is
     (P,), of the unknowns.
     """
-    n, members = len(unknown), len(sizes)
-    A = np.empty((n, n))
-    b = np.empty(n)
-    for i in range(n):
-        row = whole[unknown[i]]
-        for j in range(n):
-            A[i, j] = row[unknown[j]]
-        b[i] = row[fixed[0]]
-        for m in range(members):
-            b[i] -= row[fixed[1 + m]]
+    members = len(sizes)
+    A, b = normal_equations(whole, unknown, fixed)
     scale = relevant(A, b, low, high, typical, sparse, typical)
     theta = bounded(A, b, low, high, scale)
     c = 0.0
@@ -228,19 +244,12 @@ def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, sc
     """
     n = len(unknown)
     total = len(rows)
-    A = np.empty((n, n))
+    A, answer = normal_equations(whole, unknown, fixed)
     right = np.empty((n, total))
-    answer = np.empty(n)
     for i in range(n):
-        row = whole[unknown[i]]
-        for j in range(n):
-            A[i, j] = row[unknown[j]]
         A[i, i] += scale[unknown[i]] ** -2.0
         for j in range(total):
-            right[i, j] = row[rows[j]]
-        answer[i] = row[fixed[0]]
-        for m in range(1, len(fixed)):
-            answer[i] -= row[fixed[m]]
+            right[i, j] = whole[unknown[i], rows[j]]
     size = np.empty(n)
     for i in range(n):
         size[i] = 1.0 / math.sqrt(max(A[i, i], TINY))

@@ -167,9 +167,9 @@ def likeliest(anew: dict[Keys, ScoredSet | None]) -> ScoredSet | None:
     return max(known, key=lambda c: c.scored.log_probability, default=None)
 
 
-def moves_when_relinearised(linear: Scorer, contender: ScoredSet) -> bool:
+def moves_when_relinearised(linear: Scorer, scored: ScoredSet) -> bool:
     """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
-    return abs(contender.scored.log_probability - linear(contender.keys).log_probability) > BENT
+    return abs(scored.scored.log_probability - linear(scored.keys).log_probability) > BENT
 
 
 def columns_hold(keys: Keys, centre: Keys) -> bool:

@@ -39,8 +39,8 @@ class Part:
     """One candidate of a set: `names` of its effects, `size` of its largest parameter in typical sizes.
 
     `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the
-    rms grows without it; `trust` the share of that which what neither the set leaves unexplained (`LOUD`) nor the
-    rough laws of its other members (`ROUGH`) could have made as well.
+    rms grows without it; `trust` the share of that which what neither the set leaves unexplained (`ABOVE_SENSORS`) nor
+    the rough laws of its other members (`ROUGH`) could have made as well.
     """
 
     names: tuple[str, ...]

@@ -47,11 +47,9 @@ class Spectrum(LinearProblem):
     """Products of everything linear, by band and axis.
 
     Always there are biases and trims of flights (`learn.identify.bias_and_trim`), and what the model's own effects may
-    be off by (`known`). On the axes where commands answer the motion it is of all of them what free
-    responses to all commands leave (`learn.data.feedback_regressors`). `products` (bands, axes, Q, Q) are means over
-    coefficients. `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one;
-    `blocks` of time. `leak` (bands, axes) is the mean square below which nothing is told by what is left on an axis:
-    `LEAK` of what the model leaves in all of its force, or torque, in that band.
+    be off by (`known`). On the axes where commands answer the motion it is of all of them what free responses to all
+    commands leave (`learn.data.feedback_regressors`). `leak` is the mean square of `LEAK` of what the model leaves in
+    all of an axis' force, or torque, in that band, and of what the commands may err by there (`input_errors`).
     """
 
     def __init__(

@@ -8,7 +8,7 @@ the named set, s that of the sensors' noise, d what the laws of the set may be o
 share `LEAK` of all of the force, or torque, that the model leaves in the band, and on torques that of the force at one
 radius of gyration, since a force attacks somewhere. A band is open where
 
-    a > LOUD^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
+    a > ABOVE_SENSORS^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
 
 the last since a law that bends what it is given is off at other frequencies too. One gust or touch is no verdict: the
 loudest tenth of the blocks of time, and one more, is left aside. A block `BENDS` times louder than the others has bent

@@ -8,6 +8,7 @@ from typing_extensions import TypedDict
 
 from scripts.json_documents.comparison import Comparison
 from scripts.json_documents.parts import Absorption, Document, Fitted, HeldOut, Number, Observer, Six, Three
+from wrenchgap.learn.identify.calibrate import Fate
 
 
 class Add(Document):
@@ -113,7 +114,7 @@ class Model(Document):
 
 class Tried(TypedDict):
     effect: str
-    fate: Literal["kept", "no help", "one flight", "not tried"]
+    fate: Fate
     t: Number
     lack: str | None
     reason: str | None

@@ -12,6 +12,7 @@ import pytest
 
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.posterior.disturbance_free import may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
@@ -45,6 +46,14 @@ def test_a_lag_is_evidence_where_nothing_but_noise_is_left(late, hexarotor):
     assert found.effects == plain.effects
     assert found.firm == plain.firm
     np.testing.assert_array_equal(found.fit.theta, plain.fit.theta)
+
+
+def test_bands_in_which_commands_say_nothing_are_no_disturbance(late, hexarotor):
+    """What no set may explain there is no reason to doubt one that explains the rest."""
+    error = np.zeros((len(EDGES) + 1, 6))
+    error[7:, 3:] = 1.0
+    silent = replace(late, records=tuple(replace(r, input_error=error) for r in late.records), answering=ANSWERING)
+    assert search_dataset(silent, hexarotor, Candidates(NAMES, ())).answering == ()
 
 
 def test_fits_that_begin_where_others_did_are_the_same(late, hexarotor):
