@@ -2,6 +2,7 @@ from .effects import AirEffect as AirEffect
 from .effects import BodyEffect as BodyEffect
 from .effects import CommandEffect as CommandEffect
 from .effects import Context as Context
+from .effects import Effect as Effect
 from .effects import Parameter as Parameter
 from .effects import SensorEffect as SensorEffect
 from .effects import ThrustEffect as ThrustEffect
@@ -9,4 +10,11 @@ from .effects import WrenchEffect as WrenchEffect
 from .effects import catalogue as catalogue
 from .model import Model as Model
 from .model import make_effect as make_effect
+from .state import Actuation as Actuation
+from .state import Commands as Commands
+from .state import Motion as Motion
+from .state import State as State
+from .vehicle import Arms as Arms
+from .vehicle import Body as Body
+from .vehicle import Rotors as Rotors
 from .vehicle import Vehicle as Vehicle

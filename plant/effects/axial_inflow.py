@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
@@ -34,13 +33,5 @@ class AxialInflow(ThrustEffect):
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) with inflow."""
-        v_n = np.einsum("nri,nri->nr", hub_velocity_B(actuation, context), actuation.normal_B)
+        v_n = np.einsum("nri,nri->nr", context.hub_velocity_B(actuation), actuation.normal_B)
         return np.asarray(actuation.thrust - theta[0] * np.abs(actuation.rotor_speed) * v_n)
-
-
-def hub_velocity_B(actuation: Actuation, context: Context) -> Array:
-    """Velocity of the hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O through the air."""
-    velocity, omega, hub = context.velocity_through_air_B, context.state.omega_B, actuation.hub_B
-    if rotor_kernels.many(velocity, omega, hub):
-        return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.whole(velocity, omega, hub)))
-    return np.asanyarray(velocity[:, None] + np.cross(omega[:, None], hub))

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.so3 import rotate_inverse
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Motion, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 
@@ -120,14 +121,24 @@ class Context:
         velocity_E, air_E = self.state.velocity_E, self.air_velocity_E
         return rotate_inverse(self.state.quat_EB, velocity_E if air_E is None else velocity_E - air_E)
 
+    def hub_velocity_B(self, actuation: Actuation) -> Array:
+        """Velocity of the rotor hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O."""
+        velocity, omega, hub = self.velocity_through_air_B, self.state.omega_B, actuation.hub_B
+        if rotor_kernels.many(velocity, omega, hub):
+            return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.whole(velocity, omega, hub)))
+        return np.asanyarray(velocity[:, None] + np.cross(omega[:, None], hub))
+
 
 class Effect(ABC):
     """Base of all effects. A subclass is one file: equation and source in its docstring, and two methods."""
 
     name: ClassVar[str]
+    """Small letters, digits and `_`; that of the file, in the catalogue."""
     place: ClassVar[Place]
     excited_by: ClassVar[str]
+    """What a flight must have to show the effect, in a few words."""
     confused_with: ClassVar[tuple[str, ...]] = ()
+    """Names of the effects that look alike on many flights."""
     parts: ClassVar[tuple[str, ...]] = ()
     """Effects that this one stands for when they come together (a payload: mass, centre of mass, inertia)."""
     family: ClassVar[str] = ""
@@ -137,13 +148,19 @@ class Effect(ABC):
     accuracy: ClassVar[float] = 0.05
     """Share to which the law is known: more where its shape is an assumption, or differs between vehicles."""
     order: ClassVar[int] = 0
+    """Effects at one place are applied in this order, then by name."""
     needs_rotors: ClassVar[bool] = False
+    """Whether it needs the geometry of the rotors: `actuation` is then never None."""
     needs_tilt: ClassVar[bool] = False
-    """Whether it is about arms that tilt; `needs_coaxial`: about two rotors on one arm."""
+    """Whether it is about arms that tilt."""
     needs_coaxial: ClassVar[bool] = False
+    """Whether it is about two rotors on one arm."""
     needs_voltage: ClassVar[bool] = False
+    """Whether it needs the battery's voltage, `context.state.voltage`."""
     needs_pose: ClassVar[bool] = False
+    """Whether it needs attitude, position or velocity, in `context.state`."""
     needs_rates: ClassVar[bool] = False
+    """Whether it needs the rates of the actuators, `actuation.rates`."""
     aerodynamic: ClassVar[bool] = False
     """Whether it depends on the velocity through the air, so that air that moves acts through it."""
     sparse: ClassVar[bool] = False

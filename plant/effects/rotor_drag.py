@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.plant import rotor_kernels
-from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
@@ -46,7 +45,7 @@ class RotorDrag(WrenchEffect):
         if rotor_kernels.many(actuation.rotor_speed, *hubs):
             moving = rotor_kernels.whole(actuation.rotor_speed, *hubs)
             return np.asarray(rotor_kernels.rotor_drag(float(theta[0]), *moving))
-        velocity = hub_velocity_B(actuation, context)
+        velocity = context.hub_velocity_B(actuation)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
         across = velocity - along[..., None] * actuation.normal_B
         force = -theta[0] * np.abs(actuation.rotor_speed)[..., None] * across

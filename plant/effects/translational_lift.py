@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
 from wrenchgap.plant.effects.body_drag import too_slow
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
@@ -36,7 +35,7 @@ class TranslationalLift(ThrustEffect):
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) with translational lift."""
-        velocity = hub_velocity_B(actuation, context)
+        velocity = context.hub_velocity_B(actuation)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
         gain = theta[0] * ((velocity**2).sum(axis=-1) - along**2)
         return np.asarray(actuation.thrust + np.sign(actuation.rotor_speed) * gain)

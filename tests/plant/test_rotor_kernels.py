@@ -7,7 +7,6 @@ from scipy.signal import lfilter
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.actuation import rotor_wrench
 from wrenchgap.plant.effects import find
-from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
 from wrenchgap.plant.effects.effect import Context
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.state import Actuation, Posture, State
@@ -56,13 +55,13 @@ def test_the_wrench_of_rotors_is_that_of_forces_at_hubs(flying, count):
 def test_hubs_move_as_points_of_a_rigid_body(flying):
     act, context = flying
     expected = context.velocity_through_air_B[:, None] + np.cross(context.state.omega_B[:, None], act.hub_B)
-    np.testing.assert_allclose(hub_velocity_B(act, context), expected, atol=1e-14)
+    np.testing.assert_allclose(context.hub_velocity_B(act), expected, atol=1e-14)
 
 
 def test_rotor_drag_pulls_at_hubs_across_rotors_and_takes_power_from_the_motion(flying):
     act, context = flying
     found = find("rotor_drag").apply(act, np.zeros((COUNT, 6)), np.array([2e-4]), context)
-    across = np.cross(act.normal_B, np.cross(hub_velocity_B(act, context), act.normal_B))
+    across = np.cross(act.normal_B, np.cross(context.hub_velocity_B(act), act.normal_B))
     force = -2e-4 * np.abs(act.rotor_speed)[..., None] * across
     expected = np.hstack((force.sum(axis=1), np.cross(act.hub_B, force).sum(axis=1)))
     np.testing.assert_allclose(found, expected, atol=1e-13)
