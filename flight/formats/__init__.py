@@ -34,9 +34,7 @@ READERS: tuple[type[Reader], ...] = (
 )
 """Every format, in the order in which they are asked whether a file is theirs."""
 
-SUPPORTED = (
-    "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg), ArduPilot (.bin), CSV or Parquet tables"
-)
+SUPPORTED = ", ".join(kind.expected for kind in READERS if kind.expected)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Made, Stamps, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
+from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.table import Table
 
 RPM = 2.0 * np.pi / 60.0
@@ -73,8 +73,8 @@ class _Messages:
             return None
         return table, np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
 
-    def _made(self, name: str, table: Table, stamps: Stamps | None = None) -> Made:
-        return Made(f"/ardupilot/{name}", table.log_time_ns, table.log_time_ns if stamps is None else stamps)
+    def _made(self, name: str, table: Table, stamps: Stamps | None = None) -> StandardTopic:
+        return StandardTopic(f"/ardupilot/{name}", table.log_time_ns, table.log_time_ns if stamps is None else stamps)
 
     def _imus(self) -> Iterator[tuple[str, Table]]:
         """Each IMU; of old logs IMU2 and IMU3; and the two sensors by themselves where they are logged raw."""

@@ -57,6 +57,7 @@ class DataflashReader(TableReader):
     """Reads one dataflash log. `parameters` are known once the tables are."""
 
     name: ClassVar[str] = "ArduPilot dataflash"
+    expected: ClassVar[str] = "ArduPilot dataflash (.bin)"
     magic: ClassVar[bytes] = b"\xa3\x95\x80"
 
     parameters: Mapping[str, float | int] = field(default_factory=dict)

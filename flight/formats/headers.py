@@ -17,8 +17,8 @@ import numpy as np
 
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
-from wrenchgap.flight.formats.derived_topics import Made, Stamps, taken
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
+from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, taken
 from wrenchgap.flight.formats.table import Columns, Table
 
 RPM, DEGREE = 2.0 * np.pi / 60.0, np.pi / 180.0
@@ -250,8 +250,8 @@ class _Known:
         if (voltage := self.whole("voltage", 1)) is not None:
             yield self._to("/battery").battery(voltage[:, 0])
 
-    def _to(self, topic: str) -> Made:
-        return Made(topic, self.stamps, self.stamps)
+    def _to(self, topic: str) -> StandardTopic:
+        return StandardTopic(topic, self.stamps, self.stamps)
 
     def _wrenches(self) -> Iterator[Table]:
         for prefix, topic in (("", "/command/wrench"), ("ref ", "/desired/wrench")):

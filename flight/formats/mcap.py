@@ -58,6 +58,7 @@ class McapReader(Reader):
     """Reads one MCAP file."""
 
     name: ClassVar[str] = "MCAP"
+    expected: ClassVar[str] = "MCAP (.mcap)"
     magic: ClassVar[bytes] = MAGIC
 
     _schemas: dict[int, Schema] = field(default_factory=dict)

@@ -1,8 +1,9 @@
 """What every log format offers to the rest: channels, and their messages in batches of raw bytes.
 
-A format is one file with one subclass of `Reader` and one line in `flight.formats.READERS`. A reader knows nothing of
-flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns. A library that only
-some formats need is asked for when such a file is opened (`required`).
+A format is one file with one subclass and one line in `flight.formats.READERS`. A `TableReader` gives whole columns, in
+the types, units and frames of `flight.formats.standard_topics`. A `Reader` is for containers of messages: it finds
+channels and hands out bytes, which `flight.formats.decode` turns into columns. A library that only some formats need is
+asked for when such a file is opened (`flight.extras`). How to write one: docs/add-a-log-format.md.
 """
 
 from __future__ import annotations
@@ -94,6 +95,8 @@ class Reader(ABC):
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
+    expected: ClassVar[str] = ""
+    """The format with the endings of its files, for errors that list what can be read; empty: another's names it."""
     magic: ClassVar[bytes]
     """With what a file of this format begins."""
 

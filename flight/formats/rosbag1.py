@@ -60,6 +60,7 @@ class Rosbag1Reader(Reader):
     """Reads one ROS 1 bag."""
 
     name: ClassVar[str] = "ROS 1 bag"
+    expected: ClassVar[str] = "ROS 1 bag (.bag)"
     magic: ClassVar[bytes] = b"#ROSBAG V"
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:

@@ -51,6 +51,7 @@ class Rosbag2SqliteReader(Reader):
     """Reads one SQLite file of a ROS 2 bag."""
 
     name: ClassVar[str] = "ROS 2 bag file (sqlite3)"
+    expected: ClassVar[str] = "ROS 2 bag (folder or .db3)"
     magic: ClassVar[bytes] = b"SQLite format 3\x00"
 
     _broken: int = 0

@@ -20,9 +20,9 @@ from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Stamps
 from wrenchgap.flight.formats.headers import UNITS, from_columns, listed, meaning
 from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.standard_topics import Stamps
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class CsvReader(TableReader):
     """Reads a text table with a header line; lines that begin with # or % before it are skipped."""
 
     name: ClassVar[str] = "CSV table"
+    expected: ClassVar[str] = "CSV table (.csv)"
     magic: ClassVar[bytes] = b""
 
     @classmethod
@@ -103,6 +104,7 @@ class ParquetReader(TableReader):
     """Reads one Parquet file."""
 
     name: ClassVar[str] = "Parquet table"
+    expected: ClassVar[str] = "Parquet table (.parquet)"
     magic: ClassVar[bytes] = b"PAR1"
 
     def tables(self, selection: Selection) -> dict[str, Table]:

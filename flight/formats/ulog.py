@@ -30,6 +30,7 @@ class UlogReader(TableReader):
     """Reads one PX4 log. `parameters` are known once the tables are."""
 
     name: ClassVar[str] = "PX4 ULog"
+    expected: ClassVar[str] = "PX4 ULog (.ulg)"
     magic: ClassVar[bytes] = b"ULog\x01\x12\x35"
 
     parameters: Mapping[str, float | int] = field(default_factory=dict)

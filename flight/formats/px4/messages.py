@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Stamps
+from wrenchgap.flight.formats.standard_topics import Stamps
 from wrenchgap.flight.formats.table import Table
 
 NAMES = frozenset(

@@ -13,9 +13,9 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.derived_topics import Made, Stamps, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.px4.messages import Messages, numbers, sampled, sent, true
+from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, are_pulses, cropped, cubic_at, values_at
 from wrenchgap.flight.formats.table import Table
 
 
@@ -57,13 +57,13 @@ def references(said: Messages) -> Iterator[tuple[str, Table]]:
     stamps = sent(attitude)
     found = values_at(stamps, sent(position), place)
     if np.isfinite(found).all(axis=1).any():
-        to_be = Made(said.topic("reference"), attitude.log_time_ns, stamps)
+        to_be = StandardTopic(said.topic("reference"), attitude.log_time_ns, stamps)
         made = to_be.odometry(enu(found[:, :3]), quat_flu_to_enu(quat), enu(found[:, 3:]), _rates(said, stamps))
         yield f"{attitude.topic} + {position.topic}", cropped(made)
 
 
 def _imu(topic: str, table: Table, stamps: Stamps, omega: Array, force: Array) -> Table:
-    return cropped(Made(topic, table.log_time_ns, stamps).imu(flu(omega), flu(force)))
+    return cropped(StandardTopic(topic, table.log_time_ns, stamps).imu(flu(omega), flu(force)))
 
 
 def _combined(said: Messages, table: Table) -> Table | None:
@@ -131,7 +131,7 @@ def _odometry(said: Messages, attitude: Table, position: Table, name: str) -> Ta
     stamps, known = sampled(attitude), sampled(position)
     position_E = enu(cubic_at(stamps, known, place, velocity))
     velocity_E = enu(values_at(stamps, known, np.where(valid[:, None], velocity, np.nan)))
-    made = Made(said.topic(name), attitude.log_time_ns, stamps)
+    made = StandardTopic(said.topic(name), attitude.log_time_ns, stamps)
     return cropped(made.odometry(position_E, quat_flu_to_enu(quat), velocity_E))  # body rates are the IMU's business
 
 
@@ -168,7 +168,7 @@ def _whole(said: Messages, table: Table) -> Table | None:
     quat_EB = quat_flu_to_enu(quat)
     in_body = np.asarray(table.columns.get("velocity_frame", np.zeros(1)), dtype=float)[0] == 3.0
     velocity_E = so3.rotate(quat_EB, flu(velocity)) if in_body else enu(velocity)
-    made = Made(said.topic("odometry/vehicle_odometry"), table.log_time_ns, stamps)
+    made = StandardTopic(said.topic("odometry/vehicle_odometry"), table.log_time_ns, stamps)
     return cropped(made.odometry(enu(place), quat_EB, velocity_E, None if rates is None else flu(rates)))
 
 
@@ -213,7 +213,7 @@ def wrenches(said: Messages) -> Iterator[tuple[str, Table]]:
         force, moment = numbers(thrust, "xyz"), numbers(torque, "xyz")
         if force is not None and moment is not None:
             moment = values_at(sent(thrust), sent(torque), moment)
-            made = Made(topic, thrust.log_time_ns, sent(thrust)).wrench(flu(force), flu(moment))
+            made = StandardTopic(topic, thrust.log_time_ns, sent(thrust)).wrench(flu(force), flu(moment))
             yield f"{thrust.topic} + {torque.topic}", cropped(made)
             return
     old = said.get("actuator_controls_0")
@@ -221,7 +221,7 @@ def wrenches(said: Messages) -> Iterator[tuple[str, Table]]:
     if old is not None and control is not None and control.shape[1] >= 4:
         zero = np.zeros(len(old))
         force = np.stack((zero, zero, control[:, 3]), axis=1)  # old firmware gives the thrust as positive, upwards
-        yield old.topic, Made(topic, old.log_time_ns, sent(old)).wrench(force, flu(control[:, :3]))
+        yield old.topic, StandardTopic(topic, old.log_time_ns, sent(old)).wrench(force, flu(control[:, :3]))
 
 
 def actuators(said: Messages) -> Iterator[tuple[str, Table]]:
@@ -230,17 +230,20 @@ def actuators(said: Messages) -> Iterator[tuple[str, Table]]:
     control = None if motors is None else numbers(motors, "control")
     if motors is not None and control is not None and (used := np.isfinite(control).any(axis=0)).any():
         stopped = np.nan_to_num(control[:, used])  # NaN is PX4's word for a motor that is disarmed
-        made = Made(said.topic("motor_command_normalised"), motors.log_time_ns, sent(motors))
+        made = StandardTopic(said.topic("motor_command_normalised"), motors.log_time_ns, sent(motors))
         yield motors.topic, made.actuators(stopped, unit="normalised")
     for instance, outputs in said.several("actuator_outputs"):
         pulses = _pulses(outputs, said.parameters)
         if pulses is not None:
             topic = said.topic("outputs_pwm" + (f"/{instance}" if instance else ""))
-            yield outputs.topic, Made(topic, outputs.log_time_ns, sent(outputs)).actuators(pulses)
+            yield outputs.topic, StandardTopic(topic, outputs.log_time_ns, sent(outputs)).actuators(pulses)
     reported = said.get("esc_status")
     speeds = None if reported is None else _speeds(reported)
     if reported is not None and speeds is not None:
-        yield reported.topic, Made(said.topic("esc_measured"), reported.log_time_ns, sent(reported)).actuators(speeds)
+        yield (
+            reported.topic,
+            StandardTopic(said.topic("esc_measured"), reported.log_time_ns, sent(reported)).actuators(speeds),
+        )
 
 
 def batteries(said: Messages) -> Iterator[tuple[str, Table]]:
@@ -249,7 +252,7 @@ def batteries(said: Messages) -> Iterator[tuple[str, Table]]:
         voltage = numbers(table, "voltage_v")
         if voltage is not None and np.any(voltage > 0.0):
             topic = said.topic("battery" + (f"/{instance}" if instance else ""))
-            yield table.topic, Made(topic, table.log_time_ns, sampled(table)).battery(voltage[:, 0])
+            yield table.topic, StandardTopic(topic, table.log_time_ns, sampled(table)).battery(voltage[:, 0])
 
 
 def never_armed(said: Messages) -> str | None:

@@ -123,7 +123,7 @@ def vector(prefix: str, values: Array, axes: str = "xyz") -> Columns:
 
 
 @dataclass(frozen=True)
-class Made:
+class StandardTopic:
     """A topic to be: its name, and when its N messages were logged and stamped [ns]."""
 
     topic: str

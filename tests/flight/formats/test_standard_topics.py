@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchgap.flight.formats.derived_topics import cubic_at, values_at
+from wrenchgap.flight.formats.standard_topics import cubic_at, values_at
 
 
 def ns(seconds):
