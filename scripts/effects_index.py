@@ -1,19 +1,21 @@
-"""Writes docs/effects/README.md, the index of the effects, from the catalogue itself."""
+"""Writes docs/effects/README.md, the index of the effects, and their number elsewhere, from the catalogue itself."""
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 from wrenchgap.plant.effects import catalogue, families, find
 
-FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "docs" / "effects"
 
 HEAD = """\
 # Effects
 
 Written by `make docs` from the catalogue in `plant/effects`; do not edit. The five places at which an effect may act
-are explained in [the design](../design.md#five-places). How to write one of your own: [your-own.md](your-own.md).
+are explained in [the design](../design.md#five-places). [How to write one](your-own.md).
 
 | effect | acts on | what shows it |
 |---|---|---|
@@ -48,9 +50,20 @@ def index() -> str:
     return HEAD + "".join(rows) + FAMILIES + "".join(forms)
 
 
+COUNTED = ("README.md", "docs/index.md")
+"""Pages that say how many effects there are."""
+
+
+def counted(page: str) -> str:
+    """The text of a page, with the number of effects as it is."""
+    return re.sub(r"\[\d+ effects\]", f"[{len(catalogue())} effects]", (ROOT / page).read_text(encoding="utf-8"))
+
+
 def main() -> int:
-    """Writes the index; fails, with their names, if effects have no page."""
+    """Writes the index and the number of effects; fails, with their names, if effects have no page."""
     (FOLDER / "README.md").write_text(index(), encoding="utf-8")
+    for page in COUNTED:
+        (ROOT / page).write_text(counted(page), encoding="utf-8")
     missing = missing_pages()
     if missing:
         print(f"docs/effects: no page for {', '.join(missing)}", file=sys.stderr)
