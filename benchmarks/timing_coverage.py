@@ -23,9 +23,9 @@ import numpy as np
 
 import wrenchgap as wg
 from benchmarks.meaning.flying import NANO, QUAD, Craft, Manner, fly
+from wrenchgap.flight.compared_signals import sensor_offsets, shifted
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.offsets import Offset
-from wrenchgap.flight.topic_offsets import sensor_offsets, shifted
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.response import responses
 

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wrenchgap.compensate.lbfgs import GOOD_ENOUGH, Optimiser
 from wrenchgap.compensate.not_compiled import NotCompiled
-from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
 from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.reach import Reach, reach_of

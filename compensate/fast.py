@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wrenchgap.compensate import kernels
 from wrenchgap.compensate.generated.views import opened
 from wrenchgap.compensate.kernels import COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
-from wrenchgap.compensate.optimiser import Optimiser, Optimum
+from wrenchgap.compensate.lbfgs import Optimiser, Optimum
 from wrenchgap.compensate.packing import packed
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.physics_program import PhysicsPrograms, trace

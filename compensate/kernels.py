@@ -329,7 +329,7 @@ def physics_sent(tape: Tape, told: Told, actuators: Actuators) -> None:
         actuators[i] = tape.value[tape.results[i]]
 
 
-# -- the search: r(x) = mu(W + x) + x = 0 in a box (`compensate.optimiser` has the equations) --
+# -- the search: r(x) = mu(W + x) + x = 0 in a box (`compensate.lbfgs` has the equations) --
 
 
 @printed

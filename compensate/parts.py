@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wrenchgap.compensate.optimiser import linearisation
+from wrenchgap.compensate.lbfgs import linearisation
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.mismatch import MismatchModel
 from wrenchgap.plant.state import State

@@ -1,4 +1,5 @@
 from .command_units import in_si as in_si
+from .compared_signals import shifted as shifted
 from .errors import FitError as FitError
 from .errors import LogError as LogError
 from .errors import ModelError as ModelError
@@ -22,7 +23,6 @@ from .load import load as load
 from .resample import Resampling as Resampling
 from .resample import resample as resample
 from .resample import uniform as uniform
-from .topic_offsets import shifted as shifted
 from .unmeasured import unmeasured_axes as unmeasured_axes
 from .unmeasured import without_axes as without_axes
 from .write import Named as Named

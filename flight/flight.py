@@ -158,7 +158,7 @@ class Flight:
 
     `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was assumed,
     repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role
-    (`flight.topic_offsets.shifted`). `unmeasured` are axes that were not measured, with the reason
+    (`flight.compared_signals.shifted`). `unmeasured` are axes that were not measured, with the reason
     (`flight.unmeasured`). `mapping` is where each part comes from, as in an override (`flight.roles`), empty where no
     file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
     times without samples that can be true.

@@ -176,6 +176,22 @@ def test_every_function_that_a_theory_page_names_exists(page):
     assert [name for name in named if not exists(f"wrenchgap.{name}")] == []
 
 
+TO_WRITE = {"flight/formats/jsonl.py", "replay/session/panels/battery.py", "tests/viewer/test_battery_panel.py"}
+"""Files of examples, which their pages ask the reader to write."""
+
+
+def test_every_file_that_a_page_names_exists():
+    """Decisions also tell of what was there before; capitals (NAME, FORMAT) stand for what the reader chooses."""
+    pages = [p for p in (ROOT / "docs").rglob("*.md") if p.parent.name != "decisions"]
+    named = set()
+    for page in (*pages, ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+        folders = "|".join((*PACKAGES, *PROGRAMS, "tests"))
+        named |= set(re.findall(rf"`((?:{folders})/[\w./-]+)`", page.read_text(encoding="utf-8")))
+    written = {path for path in named if not re.search(r"[A-Z]{4}", path)} - TO_WRITE
+    assert len(written) > 60
+    assert sorted(p for p in written if not ((ROOT / p).exists() or (ROOT / f"{p}.py").exists())) == []
+
+
 def test_links_of_the_documentation_lead_somewhere():
     assert check_docs.broken_links() == []
 

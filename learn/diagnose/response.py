@@ -31,10 +31,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from wrenchgap.flight.compared_signals import differences, odometry_motion
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
 from wrenchgap.flight.stamps import pieces
-from wrenchgap.flight.topic_offsets import differences, odometry_motion
 from wrenchgap.learn.data.blocks import SIGNIFICANT
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.plant.state import Motion

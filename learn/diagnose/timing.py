@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.compared_signals import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
-from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.response import Response, responses

@@ -2,7 +2,7 @@
 
 A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.bias_and_trim`): what
 differs is looked for. On axes where the commands of any flight answer the motion, what such answers could explain is
-left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
+left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.steps_and_drift`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
-from wrenchgap.learn.identify.course import Course, Verdict, course
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
 from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.model import Model

@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
+from wrenchgap.learn.identify.steps_and_drift import FEWEST, SIGNIFICANT, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.documents import check_tables

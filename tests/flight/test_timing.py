@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from wrenchgap.flight import offsets, so3, topic_offsets
+from wrenchgap.flight import compared_signals, offsets, so3
 from wrenchgap.flight.block_integrals import integrals
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
 from wrenchgap.flight.offsets import Problem, Signal, offset
@@ -154,7 +154,7 @@ def flown(late=0.0, imu=True):
 
 
 def test_every_part_of_the_odometry_is_held_against_the_imu():
-    found = {(o.first, o.second): o.seconds for o in topic_offsets.sensor_offsets(flown(0.0123))}
+    found = {(o.first, o.second): o.seconds for o in compared_signals.sensor_offsets(flown(0.0123))}
     expected = {
         ("gyroscope", "odometry attitude"): 0.0123,
         ("gyroscope", "odometry rate"): 0.0123,
@@ -179,9 +179,9 @@ def test_noise_that_goes_through_the_controller_is_no_common_motion():
 
 
 def test_without_imu_pose_and_twist_are_still_compared():
-    names = [(o.first, o.second) for o in topic_offsets.sensor_offsets(flown(imu=False))]
+    names = [(o.first, o.second) for o in compared_signals.sensor_offsets(flown(imu=False))]
     assert names == [("odometry rate", "odometry attitude"), ("odometry velocity", "odometry position")]
-    assert topic_offsets.sensor_offsets(Flight("none", __file__, "", 0)) == ()
+    assert compared_signals.sensor_offsets(Flight("none", __file__, "", 0)) == ()
 
 
 def test_tracking_and_controller_offsets():
@@ -191,10 +191,10 @@ def test_tracking_and_controller_offsets():
     wrench = np.cumsum(np.random.default_rng(0).normal(size=(len(time), 6)), axis=0)
     desired, commanded = WrenchSeries("/d", time, wrench), WrenchSeries("/c", time + 0.002, wrench)
     found = replace(made, reference=reference, desired=desired, commanded=commanded)
-    assert [o.seconds for o in topic_offsets.tracking_offsets(found)] == pytest.approx([0.08, 0.08], abs=3e-4)
-    assert topic_offsets.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
-    assert topic_offsets.controller_offset(replace(found, commanded=replace(commanded, time=time))).same
-    assert topic_offsets.controller_offset(made) is None
+    assert [o.seconds for o in compared_signals.tracking_offsets(found)] == pytest.approx([0.08, 0.08], abs=3e-4)
+    assert compared_signals.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
+    assert compared_signals.controller_offset(replace(found, commanded=replace(commanded, time=time))).same
+    assert compared_signals.controller_offset(made) is None
 
 
 @pytest.mark.parametrize("columns", [2, 3, 4])

@@ -8,7 +8,7 @@ import pytest
 import wrenchgap as wg
 from benchmarks.hidden_effects.engine import fly
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.identify.course import Verdict
+from wrenchgap.learn.identify.steps_and_drift import Verdict
 from wrenchgap.learn.identify.trend import TRIMS, trend
 
 MODEL = wg.load_model("tilt_hexarotor")

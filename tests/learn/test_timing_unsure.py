@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight.compared_signals import sensor_offsets, shifted
 from wrenchgap.flight.offsets import Problem, Signal, offset
-from wrenchgap.flight.topic_offsets import sensor_offsets, shifted
 
 
 @pytest.mark.parametrize("trajectory", ["hover", "pitch"])

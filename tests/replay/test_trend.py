@@ -9,7 +9,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 import wrenchgap as wg
-from wrenchgap.learn.identify.course import course
+from wrenchgap.learn.identify.steps_and_drift import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.report.flights import trend_page as page

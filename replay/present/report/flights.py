@@ -13,7 +13,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.changed.changed import Changed, Verdict
-from wrenchgap.learn.identify.course import Verdict as Course
+from wrenchgap.learn.identify.steps_and_drift import Verdict as Course
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import changed, trend, what_to_inspect

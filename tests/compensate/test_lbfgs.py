@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import approx_fprime
 
-from wrenchgap.compensate.optimiser import Optimiser, _Search
+from wrenchgap.compensate.lbfgs import Optimiser, _Search
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.mismatch import LinearMismatch
 

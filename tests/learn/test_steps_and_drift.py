@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Verdict, course
+from wrenchgap.learn.identify.steps_and_drift import FEWEST, SIGNIFICANT, Verdict, course
 
 
 def flown(rng, count, level=0.0):
