@@ -28,7 +28,7 @@ setup: ## the environment in .venv, pinned by requirements.lock
 demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show the error fall
 	$(VENV) -m wrenchgap demo $(DEMO)
 
-test: setup ## the everyday test suite
+test: setup ## the everyday test suite; TEST=tests/viewer for a part of it
 	@bash scripts/install_browser.sh
 	@$(VENV) scripts/warm_kernels.py # compiled once, and not by every worker of pytest
 	$(VENV) -m pytest -m "not slow and not long" --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(TEST)

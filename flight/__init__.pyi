@@ -23,6 +23,8 @@ from .load import load as load
 from .resample import Resampling as Resampling
 from .resample import resample as resample
 from .resample import uniform as uniform
+from .so3 import rotate as rotate
+from .so3 import rotate_inverse as rotate_inverse
 from .unmeasured import unmeasured_axes as unmeasured_axes
 from .unmeasured import without_axes as without_axes
 from .write import Named as Named
