@@ -1,6 +1,7 @@
 """A process that is believed no further than held-out time and stability allow.
 
-    1. components of the command that the flights do not show the effect of: not looked at (`learn.process.shown`)
+    1. components of the command whose effect the flights do not show: not looked at
+       (`learn.process.command_excitation`)
     2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.lag`)
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
     4. a stability margin below `GUARD.least_margin` along the commands: 3. again, blind to the outputs' own components
@@ -21,8 +22,8 @@ from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.lag import lags, shared_lag
 from wrenchgap.learn.identify.observer import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
+from wrenchgap.learn.process.command_excitation import unshown
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
-from wrenchgap.learn.process.shown import unshown
 from wrenchgap.learn.process.support import LEAST_SHARE, HeldOut, Support, support
 from wrenchgap.learn.process.train import Progress, believed, fit_held_out
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict

@@ -23,7 +23,7 @@ from wrenchgap.learn.identify.trend import flight_values, followed_flight
 from wrenchgap.learn.posterior.flight_evidence import evidence, packed
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.replay import api, between_flights
+from wrenchgap.replay import api, api_flights
 from wrenchgap.replay.batch.plan import ModelText, Plan, model_of
 from wrenchgap.replay.batch.sources import Source, at_hand
 from wrenchgap.replay.batch.store import Store
@@ -148,7 +148,7 @@ def _changed(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
     one, model, row = _open(path, plan, text)
     assert text is not None
     good = _healthy(plan.healthy, text, json.dumps(dict(plan.reading)))
-    found = between_flights.changed([one], list(good), model, names=plan.names, jobs=1)
+    found = api_flights.changed([one], list(good), model, names=plan.names, jobs=1)
     body = plain(found.to_json())
     return {**row, "verdict": str(body["verdict"]), "result": _text(body)}
 

@@ -38,7 +38,7 @@ from wrenchgap.replay.export.context import Table, context, correction_max, numb
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
 from wrenchgap.replay.export.records import HASHED, export_id
-from wrenchgap.replay.export.vectors import Vectors, recorded
+from wrenchgap.replay.export.selftest_steps import Vectors, recorded
 
 Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}

@@ -27,7 +27,7 @@ class SessionComparisons:
 
     def of(self, suspect: str, healthy: tuple[str, ...], report: Report) -> Changed:
         """Compare one flight with others of the same vehicle; takes long, in a process of its own."""
-        from wrenchgap.replay.between_flights import changed  # here: the page stands before it is there
+        from wrenchgap.replay.api_flights import changed  # here: the page stands before it is there
 
         with self.working.lock:
             model = self.working.model

@@ -7,7 +7,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.changed.changed import changed
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
-from wrenchgap.replay import between_flights
+from wrenchgap.replay import api_flights
 from wrenchgap.replay.present.what_to_inspect import sentences
 from wrenchgap.replay.session import comparisons
 from wrenchgap.replay.session.log_session import LogSession
@@ -25,7 +25,7 @@ def session(logs, tmp_path, monkeypatch):
     def quick(*arguments, **more):
         return changed(*arguments, **more | {"names": ("com_offset", "mass", "rotor_thrust"), "jobs": 1})
 
-    monkeypatch.setattr(between_flights.changing, "changed", quick)
+    monkeypatch.setattr(api_flights.changing, "changed", quick)
     monkeypatch.setattr(comparisons, "worker_result", lambda work, report: work(report))
     return LogSession(open_flights([logs.ideal, logs.train], MODEL), MODEL, folder=SaveFolder(tmp_path))
 

@@ -45,7 +45,7 @@ def changed(
     Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
     """
     from wrenchgap.learn.parallel import cores, get_ready
-    from wrenchgap.replay import between_flights
+    from wrenchgap.replay import api_flights
     from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
@@ -54,7 +54,7 @@ def changed(
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
-        found = between_flights.changed(bad, good, base, names=names, progress=report)
+        found = api_flights.changed(bad, good, base, names=names, progress=report)
     run.result(found)
     run.notes(base.notes)
     run.draw(found, figure)
@@ -95,7 +95,7 @@ def trend(
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
     from wrenchgap.flight.extras import needed_for
-    from wrenchgap.replay import between_flights
+    from wrenchgap.replay import api_flights
     from wrenchgap.replay.present import trend as words
     from wrenchgap.replay.present.documents import write_parquet
     from wrenchgap.replay.present.report import flights as pages
@@ -115,7 +115,7 @@ def trend(
             run.note_input(logs[0] / "run.json", "batch")
         else:
             flights, _ = run.open(reading.options, logs, base)
-            found = between_flights.trend(flights, base, names, progress=report)
+            found = api_flights.trend(flights, base, names, progress=report)
     run.result(found)
     run.draw(found, figure)
     if table is not None:

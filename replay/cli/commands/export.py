@@ -80,7 +80,7 @@ def export(
     Example: `wrenchgap export torque.gp -m fitted.toml -o compensator/`
     """
     from wrenchgap.compensate import Settings
-    from wrenchgap.replay.onboard import export_compensator
+    from wrenchgap.replay.api_export import export_compensator
 
     run.claim({}, model, gp)
     _check_outside(output, model, gp)

@@ -24,13 +24,13 @@ def calibrate(
 
     Example: `wrenchgap calibrate monday.ulg tuesday.ulg -m vehicle.toml -o calibrated.toml`
     """
-    from wrenchgap.replay import api, modelling
+    from wrenchgap.replay import api, api_models
 
     run.claim({"--output": output}, *logs, *(validate or ()))
     base, command = run.model(model), run.command_line()
     with run.progress("calibrating") as report:
         flights, tests = run.open(reading.options, logs, base, validate)
-        found = modelling.calibrate(flights, base, validate=tests, progress=report)
+        found = api_models.calibrate(flights, base, validate=tests, progress=report)
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)
     run.result(found)

@@ -57,7 +57,7 @@ def new(
     Example: `wrenchgap model new --from flight.ulg --mass 1.52 --mass-tolerance 0.005 -o vehicle.toml`
     """
     from wrenchgap.plant.drafts.sources import Given
-    from wrenchgap.replay import modelling
+    from wrenchgap.replay import api_models
 
     run.claim({"--output": output, "--figure": figure}, source)
     if source is None and not interactive:
@@ -65,8 +65,8 @@ def new(
     given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
     allowed = parse_budget(budget)
-    sheet = modelling.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
-    saved = modelling.save_draft(sheet, output, force=run.force)
+    sheet = api_models.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
+    saved = api_models.save_draft(sheet, output, force=run.force)
     if source is not None:
         run.note_input(source, "source")
     run.result(saved)

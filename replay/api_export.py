@@ -1,4 +1,4 @@
-"""What a user may call to bring a compensation onto the vehicle; the rest of what may be called is in `replay.api`."""
+"""Public functions that bring a compensation onto the vehicle; the others are in `replay.api`."""
 
 from __future__ import annotations
 

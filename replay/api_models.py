@@ -1,4 +1,4 @@
-"""What a user may call to make a model and to look at one; the rest of what may be called is in `replay.api`."""
+"""Public functions that make a model or look at one; the others are in `replay.api`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user may call to ask what differs between flights; the rest of what may be called is in `replay.api`."""
+"""Public functions that ask what differs between flights; the others are in `replay.api`."""
 
 from __future__ import annotations
 
