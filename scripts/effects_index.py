@@ -1,11 +1,13 @@
-"""Writes docs/effects/README.md, the index of the effects, and their number elsewhere, from the catalogue itself."""
+"""Writes what pages say of the catalogue: docs/effects/README.md, the number of effects, the checks on the bench."""
 
 from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
+from wrenchgap.learn.posterior.bench_tests import NO_CHECK, TRIALS
 from wrenchgap.plant.effects import catalogue, families, find
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,6 +52,24 @@ def index() -> str:
     return HEAD + "".join(rows) + FAMILIES + "".join(forms)
 
 
+CHECKS = "docs/settle.md"
+
+
+def checks() -> str:
+    """The text of the page of bench checks, with its table as `TRIALS` and `NO_CHECK` are."""
+    rows = ["| check | minutes | measured | resolves | shown | unclear |", "|---|---|---|---|---|---|"]
+    for t in TRIALS:
+        shows, unclear = _linked(t.shows), _linked(t.unclear) or "-"
+        rows.append(f"| {t.name} | {t.minutes} | {t.measures} | {t.resolves} | {shows} | {unclear} |")
+    rows += ["", "No check shows these:", "", *(f"- {_linked([name])}: {why}." for name, why in NO_CHECK.items())]
+    before, _, rest = (ROOT / CHECKS).read_text(encoding="utf-8").partition("<!-- checks -->")
+    return "\n".join([f"{before}<!-- checks -->", *rows, f"<!-- /checks -->{rest.partition('<!-- /checks -->')[2]}"])
+
+
+def _linked(names: Iterable[str]) -> str:
+    return ", ".join(f"[{name}](effects/{name}.md)" for name in names)
+
+
 COUNTED = ("README.md", "docs/index.md")
 """Pages that say how many effects there are."""
 
@@ -60,8 +80,9 @@ def counted(page: str) -> str:
 
 
 def main() -> int:
-    """Writes the index and the number of effects; fails, with their names, if effects have no page."""
+    """Writes index, numbers and checks; fails, with their names, if effects have no page."""
     (FOLDER / "README.md").write_text(index(), encoding="utf-8")
+    (ROOT / CHECKS).write_text(checks(), encoding="utf-8")
     for page in COUNTED:
         (ROOT / page).write_text(counted(page), encoding="utf-8")
     missing = missing_pages()

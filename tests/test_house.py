@@ -218,6 +218,7 @@ def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path):
 def test_every_effect_has_a_page_and_the_index_is_fresh():
     assert effects_index.missing_pages() == []
     assert text_of("docs/effects/README.md") == effects_index.index(), "run make docs"
+    assert text_of(effects_index.CHECKS) == effects_index.checks(), "run make docs"
     assert [p for p in effects_index.COUNTED if text_of(p) != effects_index.counted(p)] == [], "run make docs"
     assert all(f"[{len(effects_index.catalogue())} effects]" in text_of(p) for p in effects_index.COUNTED)
 

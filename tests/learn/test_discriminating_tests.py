@@ -3,7 +3,6 @@
 import itertools
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from wrenchgap.plant.effects import catalogue
 from wrenchgap.replay.present import posterior as words
 
 CATALOGUE = tuple(catalogue())
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "settle.md"
 MOVED = {"x": 0.006, "y": 0.004}
 
 
@@ -423,17 +421,6 @@ def sized(vehicle, name):
     except ModelError:
         return None
     return {name: {p.name: float(v) for p, v in zip(parameters, typical(vehicle, name), strict=True)}}
-
-
-def test_the_page_has_every_check_with_its_cost_and_resolution():
-    page = PAGE.read_text(encoding="utf-8")
-    for trial in TRIALS:
-        assert re.search(
-            rf"^\| {trial.name} \| {trial.minutes} \|.*\| {re.escape(trial.resolves)} \|", page, re.MULTILINE
-        ), trial.name
-        row = next(line for line in page.splitlines() if line.startswith(f"| {trial.name} |"))
-        assert all(f"[{name}]" in row for name in trial.shows), trial.name
-    assert all(name in page for name in NO_CHECK)
 
 
 # In words

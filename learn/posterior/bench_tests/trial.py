@@ -56,14 +56,16 @@ class Trial:
 
     `minutes` is its cost, our estimate, tools at hand. Effects in `shows` change the reading; those in `unclear` may
     or may not, so that the check says nothing of a set with one of them; no other effect of the catalogue does.
-    `resolves` is the resolution in words. `setup` is called with the vehicle and with the known values of every set
-    that is to be told apart, heaviest first, when one of them has an effect in `shows`.
+    `setup` is called with the vehicle and with the known values of every set that is to be told apart, heaviest first,
+    when one of them has an effect in `shows`. `measures` and `resolves` say in words what is measured, and to what
+    resolution.
     """
 
     name: str
     minutes: int
     shows: tuple[str, ...]
     setup: Callable[[Vehicle, Sequence[Fitted]], Setup]
+    measures: str
     resolves: str
     unclear: tuple[str, ...] = ()
 
