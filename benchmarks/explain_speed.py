@@ -26,8 +26,8 @@ from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.parallel import cores, get_ready
 from wrenchgap.learn.posterior.explain import explain
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.sensors import imu_errors
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005", "servo_lag=tau:0.03")
 MINUTE = 60.0

@@ -26,7 +26,7 @@ from wrenchgap.plant.controller import evaluate, integrated
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import named
 from wrenchgap.plant.wrench_model import about_origin

@@ -27,7 +27,7 @@ from benchmarks.explain_speed import HIDDEN, long_flight
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 
 MODEL, SHORT = "tilt_hexarotor", 12.0
 COMMANDS = {

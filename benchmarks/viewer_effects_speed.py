@@ -20,7 +20,7 @@ from pathlib import Path
 import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly, provenance
+from wrenchgap.plant.simulation.flight_plan import Plan, fly, provenance
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.viewer.page import Page

@@ -28,7 +28,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 

@@ -203,7 +203,7 @@ class Compensator:
         if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
             return None
         from wrenchgap.compensate.fast import Limits, Stepper, plan
-        from wrenchgap.plant.tracing import Untraceable
+        from wrenchgap.plant.trace.arrays import Untraceable
 
         limits = Limits(bound, known, self.reach, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
         try:

@@ -26,12 +26,19 @@ from wrenchgap.compensate.state_row import IMPLAUSIBLE, STATE, looked_at, state_
 from wrenchgap.compensate.tables import Compensation, Gate, Process, Tape
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.expansion import Expands, Expansion, straight_line
-from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
+from wrenchgap.plant.mismatch import (
+    Expands,
+    Expansion,
+    Follows,
+    LinearMismatch,
+    MismatchModel,
+    output_indices,
+    straight_line,
+)
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
-from wrenchgap.plant.tape import Program
-from wrenchgap.plant.tracing import Untraceable
+from wrenchgap.plant.trace.arrays import Untraceable
+from wrenchgap.plant.trace.tape import Program
 
 ENOUGH = 1e-14
 """Newton stops where J is below this share of the acceptance threshold: a ten-millionth of its error."""

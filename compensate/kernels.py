@@ -2,11 +2,11 @@
 
 The functions are restricted to what both can say: arrays of the shapes that `compensate.tables` gives them, `for` over
 `range`, `while`, `if`, arithmetic, `math`, calls of each other. What is `printed` goes into the exported code as it
-stands; the rest is for Python alone. Physics comes as a tape (`plant.tape`) that numba interprets and C has as
+stands; the rest is for Python alone. Physics comes as a tape (`plant.trace.tape`) that numba interprets and C has as
 statements.
 
 numba renews what it has compiled when the file changes in which the outermost function stands, and for no other: a
-change of `plant.tape_kernels` asks for one here.
+change of `plant.trace.tape` asks for one here.
 """
 
 # mypy: disable-error-code="no-any-return"
@@ -46,7 +46,7 @@ from wrenchgap.compensate.tables import (
     Told,
 )
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.tape_kernels import differentiate, evaluate
+from wrenchgap.plant.trace.tape import differentiate, evaluate
 
 TURN = 2.0 * math.pi
 SLACK = 1e-6
@@ -203,7 +203,7 @@ def plausible(looked: Looked, state: Motion) -> bool:
     return True
 
 
-# -- the process (`learn.process.gp`; forms in `plant.expansion`) --
+# -- the process (`learn.process.gp`; forms in `plant.mismatch`) --
 
 
 @sums

@@ -1,7 +1,7 @@
 """The physics of a compensation as programs: the mismatch of a command, and where a command brings the actuators.
 
 Nothing is written twice: `plant.wrench_model` and the effects' own `apply` run once on arrays that write down what is
-done with them (`plant.tracing`).
+done with them (`plant.trace.arrays`).
 
 Inputs, in this order (`Inputs`): the command (6,) [N, Nm]; the state (15,): position in E [m], quaternion B to E (w, x,
 y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V]; whether nothing was sent yet (1 or 0); the tilt
@@ -24,9 +24,9 @@ from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.tape import Program, Tape, program
-from wrenchgap.plant.traced_effects import leaves, rebuilt, wrapped
-from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
+from wrenchgap.plant.trace.effects import leaves, rebuilt, wrapped
+from wrenchgap.plant.trace.tape import Program, Tape, program
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 

@@ -73,7 +73,7 @@ class ReachRoom(NamedTuple):
 
 
 class Process(NamedTuple):
-    """`plant.expansion.Expansion`, its points by input and C^-1 row by row (the lower triangle where it is one)."""
+    """`plant.mismatch.Expansion`, its points by input and C^-1 row by row (the lower triangle where it is one)."""
 
     input_mean: Inputs
     input_scale: Inputs
@@ -132,7 +132,7 @@ class Gate(NamedTuple):
 
 
 class Tape(NamedTuple):
-    """`plant.tape.Program` with room for values (n,) and tangents (n, L). In C: statements."""
+    """`plant.trace.tape.Program` with room for values (n,) and tangents (n, L). In C: statements."""
 
     code: Annotated[Ints, "LINES", 4]
     inputs: Annotated[Ints, "ASKED"]

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.loop import Loop, Signals, Stage
+from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.expansion import Expansion, straight_line
 from wrenchgap.plant.state import State
 
 
@@ -160,7 +159,7 @@ class LinearMismatch:
         return np.broadcast_to(self.gain, (len(wrench_cmd), *self.gain.shape)).copy()
 
     def expansion(self) -> Expansion:
-        """See `plant.expansion.Expands`."""
+        """See `plant.mismatch.Expands`."""
         return straight_line(self.outputs, self.offset, self.gain, self.sigma)
 
 
@@ -185,4 +184,64 @@ def conditioning(model: MismatchModel, wrench_cmd: Array) -> Conditioning:
     return Conditioning(
         real_min=np.asarray(np.linalg.eigvals(plant_gain).real.min(axis=1), dtype=float),
         singular_min=np.asarray(np.linalg.svd(plant_gain, compute_uv=False)[:, -1], dtype=float),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """L outputs over D inputs, the six components of the command [N, Nm] first, with N points.
+
+    input_groups       groups of `plant.mismatch_inputs` behind the command
+    input_mean         (D,), input_scale (D,), output_scale (L,) [N or Nm]
+    mean_coefficients  (L, 1 + D): b_0 and b
+    lengthscales       (L, D), points (L, N, D) in lengthscales
+    alpha              (L, N), whitener (L, N, N): C^-1
+    signal_variance    (L,), noise_variance (L,), sigma_scale (L,)
+    """
+
+    outputs: tuple[str, ...]
+    input_groups: tuple[str, ...]
+    input_mean: Array
+    input_scale: Array
+    output_scale: Array
+    mean_coefficients: Array
+    lengthscales: Array
+    points: Array
+    alpha: Array
+    whitener: Array
+    signal_variance: Array
+    noise_variance: Array
+    sigma_scale: Array
+
+    @property
+    def triangular(self) -> bool:
+        """Whether the whiteners are lower triangular, which halves the price of a standard deviation."""
+        return not np.triu(self.whitener, 1).any()
+
+
+@runtime_checkable
+class Expands(Protocol):
+    """A mismatch model that is such arrays and nothing else."""
+
+    def expansion(self) -> Expansion:
+        """The arrays."""
+
+
+def straight_line(outputs: tuple[str, ...], offset: Array, gain: Array, sigma: Array) -> Expansion:
+    """Offset (L,) + gain (L, 6) W with the same standard deviation (L,) everywhere."""
+    count, dims = gain.shape
+    return Expansion(
+        outputs=outputs,
+        input_groups=(),
+        input_mean=np.zeros(dims),
+        input_scale=np.ones(dims),
+        output_scale=np.ones(count),
+        mean_coefficients=np.hstack((np.asarray(offset)[:, None], gain)),
+        lengthscales=np.ones((count, dims)),
+        points=np.empty((count, 0, dims)),
+        alpha=np.empty((count, 0)),
+        whitener=np.empty((count, 0, 0)),
+        signal_variance=np.zeros(count),
+        noise_variance=np.asarray(sigma) ** 2,
+        sigma_scale=np.ones(count),
     )

@@ -1,8 +1,8 @@
-"""What a search works out of tilt angles, thrusts and hubs thousands of times, in compiled passes over the samples.
+"""Compiled passes over the samples of a flight, for what a search evaluates thousands of times.
 
-`plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow` and `plant.effects.rotor_drag` hand over to
-these from `MANY` samples on: their own products of arrays are what a trace writes down
-(docs/decisions/0026-compiled-kernels.md).
+`plant.state.Posture.turn`, `plant.actuation`, `plant.wrench_model.WrenchModel.report`, `plant.effects.axial_inflow` and
+`plant.effects.rotor_drag` call these from `MIN_BATCH` samples on; below that, and in a trace, they use their own numpy
+expressions (docs/decisions/0026-compiled-kernels.md).
 """
 
 from __future__ import annotations
@@ -140,4 +140,46 @@ def rotor_drag(coefficient: float, speed: Array, velocity: Array, omega: Array, 
             out[k, 3] += y * fz - z * fy
             out[k, 4] += z * fx - x * fz
             out[k, 5] += x * fy - y * fx
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def _times(M, v):  # type: ignore[no-untyped-def]
+    return (
+        M[0, 0] * v[0] + M[0, 1] * v[1] + M[0, 2] * v[2],
+        M[1, 0] * v[0] + M[1, 1] * v[1] + M[1, 2] * v[2],
+        M[2, 0] * v[0] + M[2, 1] * v[1] + M[2, 2] * v[2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def reported_wrench(wrench: Array, omega: Array, numbers: Array) -> Array:
+    """Measured wrench (N, 6): `measured_wrench` of a believed body after `forward_dynamics` of the true one.
+
+    `numbers` (35,) holds mass, centre of mass, inertia and its inverse of the true body, then mass, centre of mass and
+    inertia of the believed one.
+    """
+    mass, com, inertia, inverse = numbers[0], numbers[1:4], numbers[4:13].reshape(3, 3), numbers[13:22].reshape(3, 3)
+    believed_mass, believed_com, believed_inertia = numbers[22], numbers[23:26], numbers[26:35].reshape(3, 3)
+    out = np.empty((len(wrench), 6))
+    c, d = (com[0], com[1], com[2]), (believed_com[0], believed_com[1], believed_com[2])
+    for k in range(len(wrench)):
+        force = (wrench[k, 0], wrench[k, 1], wrench[k, 2])
+        w = (omega[k, 0], omega[k, 1], omega[k, 2])
+        arm = _cross(c, force)
+        gyro = _cross(w, _times(inertia, w))
+        moment = (wrench[k, 3] - arm[0] - gyro[0], wrench[k, 4] - arm[1] - gyro[1], wrench[k, 5] - arm[2] - gyro[2])
+        omega_dot = _times(inverse, moment)
+        euler, centripetal = _cross(omega_dot, c), _cross(w, _cross(w, c))
+        euler_d, centripetal_d = _cross(omega_dot, d), _cross(w, _cross(w, d))
+        torque, gyro_d = _times(believed_inertia, omega_dot), _cross(w, _times(believed_inertia, w))
+        for a in range(3):
+            specific = force[a] / mass - euler[a] - centripetal[a]
+            out[k, a] = believed_mass * (specific + euler_d[a] + centripetal_d[a])
+            out[k, 3 + a] = torque[a] + gyro_d[a]
     return out

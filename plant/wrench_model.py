@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects.effect import (
     AirEffect,
@@ -238,8 +239,16 @@ class WrenchModel:
     def report(self, wrench_B: Array, state: State, body: Body | None = None) -> Array:
         """The measured wrench (N, 6) that this model predicts when the wrench about O is `wrench_B`.
 
-        The nominal processing is that of the model's vehicle, or of `body`.
+        The nominal processing is that of the model's vehicle, or of `body`. Without effects on sensors, many samples
+        are one compiled pass.
         """
+        on_sensors = any(isinstance(item.effect, SensorEffect) for item in self.effects)
+        if not on_sensors and rotor_kernels.many(wrench_B, state.omega_B):
+            numbers = self.dynamics
+            if body is not None:
+                numbers = np.concatenate((numbers[:22], [body.mass], body.com_B, body.inertia.ravel()))
+            wrench, omega = rotor_kernels.whole(wrench_B, state.omega_B)
+            return np.asarray(rotor_kernels.reported_wrench(wrench, omega, numbers))
         motion = self.read_imu(self.motion(wrench_B, state.omega_B), state)
         return measured_wrench(self.vehicle.body if body is None else body, motion)
 

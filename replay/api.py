@@ -38,8 +38,8 @@ from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 from wrenchgap.replay import report as reporting
 from wrenchgap.replay.compensation import compensators
 from wrenchgap.replay.compensation import replay as replaying

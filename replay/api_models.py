@@ -15,11 +15,9 @@ from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.plant import model_file
-from wrenchgap.plant.drafts.asking import Ask, asked, with_spins
-from wrenchgap.plant.drafts.draft import assumed, finished
-from wrenchgap.plant.drafts.sheet import Sheet
-from wrenchgap.plant.drafts.sources import Given, drafted
-from wrenchgap.plant.drafts.text import text_of
+from wrenchgap.plant.drafts.draft import Sheet, assumed, finished
+from wrenchgap.plant.drafts.model_text import text_of
+from wrenchgap.plant.drafts.sources import Ask, Given, asked, drafted, with_spins
 from wrenchgap.plant.model import Model
 
 

@@ -20,7 +20,7 @@ from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.identify import learning
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 

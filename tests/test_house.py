@@ -228,7 +228,7 @@ WRITERS = {
     r"\bMarkup\b|\|\s*safe\b|autoescape false": (),
     r"add_markdown": (),
     r"\bEnvironment\(": ("replay/export/export.py",),
-    r"csv\.writer|to_csv": ("replay/present/documents.py", "viewer/panels/export.py", "plant/trajectory_file.py"),
+    r"csv\.writer|to_csv": ("replay/present/documents.py", "viewer/panels/export.py", "plant/trajectory/file.py"),
     r"set_parse_math|parse_math=": ("replay/present/figures/style.py",),
 }
 """Who alone may write a kind of output, so that a name is escaped in one place (`wrenchgap._escaping`)."""

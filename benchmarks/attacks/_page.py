@@ -26,7 +26,7 @@ from websockets.sync.client import ClientConnection, connect
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer.page import Page

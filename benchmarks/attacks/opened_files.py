@@ -79,7 +79,7 @@ def described(folder: Path) -> Outcome:
     texts = [f"<mujoco>{way}<worldbody>{body}</worldbody></mujoco>" for way in ways]
     hidden = f"<!DOCTYPE a [<!ENTITY b \"><include file='{outside}'/>\">]>"
     texts.append(f"{hidden}<mujoco><worldbody>{body}</worldbody></mujoco>")
-    imports = "import pathlib\nfrom wrenchgap.plant.drafts.compiled import from_mjcf\npath = pathlib.Path('m.xml')"
+    imports = "import pathlib\nfrom wrenchgap.plant.drafts.mjcf_urdf import from_mjcf\npath = pathlib.Path('m.xml')"
     lines = told(inside, imports, "path.write_text(line); from_mjcf(path)", texts)
     refused = sum("folder of the file" in line or "DOCTYPE" in line for line in lines)
     return Outcome(refused == len(lines) == len(texts), f"{refused} of {len(texts)} refused in one line")

@@ -130,7 +130,7 @@ def _process(path: Path) -> Opened:
 
 
 def _trajectory(path: Path) -> Opened:
-    from wrenchgap.plant import trajectory_file
+    from wrenchgap.plant.trajectory import file as trajectory_file
 
     file = trajectory_file.load(path)
     return Opened(_digest(file.trajectory, file.name, file.vehicle, file.purpose), 1, frozenset())
@@ -139,8 +139,8 @@ def _trajectory(path: Path) -> Opened:
 def _description(path: Path) -> Opened:
     """As `wrenchgap model new --from`, of which the log readers' part is in the other forms."""
     from wrenchgap.plant.drafts.draft import finished
+    from wrenchgap.plant.drafts.model_text import text_of
     from wrenchgap.plant.drafts.sources import Given, drafted
-    from wrenchgap.plant.drafts.text import text_of
     from wrenchgap.plant.model_file import loads
 
     drawn = finished(drafted(path, Given(mass=1.2, arm=0.2)))

@@ -190,7 +190,7 @@ def _mapping(folder: Path) -> Path:
 
 
 def _trajectory(folder: Path) -> Path:
-    from wrenchgap.plant.trajectory_file import dumps
+    from wrenchgap.plant.trajectory.file import dumps
 
     path = folder / "trajectory.toml"
     path.write_text(dumps(_writers("plant/test_trajectory_file.py").FILE), encoding="utf-8")

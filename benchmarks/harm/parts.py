@@ -23,7 +23,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import Trajectory, named
 from wrenchgap.replay.compensation.compensators import combined, compensator
 

@@ -13,7 +13,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.opening import OpenFlight, opened
 from wrenchgap.plant.controller import attitude_error
-from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import Trajectory
 
 

@@ -25,8 +25,7 @@ from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
-from wrenchgap.plant.air import is_air
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import find, is_air
 from wrenchgap.plant.model import Model
 
 ABSOLUTE = 0.3

@@ -6,7 +6,7 @@ Of the catalogue, or of the names that a user gave, an effect is tried unless
     it needs what model or logs lack                `inapplicable`
     the flights cannot show it                      `unexcited`: never that fast, that low ...
     the model file knows what it is about           `plant.effects.effect.Effect.known`: a mass that was weighed
-    it is air that moves, and no effect through     alone it has no force (`plant.air`)
+    it is air that moves, and no effect through     alone it has no force (`plant.effects`)
         which the air acts is tried or in the model
 """
 
@@ -18,8 +18,7 @@ from enum import StrEnum
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.plant.air import that_act
-from wrenchgap.plant.effects import catalogue, family, find
+from wrenchgap.plant.effects import acting_effects, catalogue, family, find
 from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -135,7 +134,7 @@ def candidates(records: Sequence[Record], model: Model, names: Sequence[str] = (
     reasons = {n: inapplicable(n, model, records) or unexcited(n, model, records) for n in wanted}
     reasons |= {n: _known(n, model) for n in wanted if reasons[n] is None and n not in present}
     tried = [n for n in wanted if reasons[n] is None]
-    acting = that_act(tried, [e.name for e in model.effects])
+    acting = acting_effects(tried, [e.name for e in model.effects])
     reasons |= {n: Untried(n, Lack.AIR) for n in tried if n not in acting}
     untried = tuple(u for n in wanted if (u := reasons[n]) is not None)
     return Candidates(tuple(acting), untried)

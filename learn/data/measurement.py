@@ -29,7 +29,6 @@ from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import actuation, nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
-from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com, about_origin, cross, measured_wrench
@@ -242,7 +241,7 @@ class Evaluator:
             own = (key, air, item.name, item.theta.tobytes())
             made = partial(self._addition, model, item, act, rotors)
             total = total + _kept(self._added, own, 16, made)
-        return report(model, total, record.state_kept, body)
+        return model.report(total, record.state_kept, body)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)

@@ -28,9 +28,9 @@ from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeri
 from wrenchgap.learn.data.measurement import Record, commands_of, derivative, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.zero_order_hold import samples_over_periods
-from wrenchgap.plant.closed_loop import Clock
+from wrenchgap.plant.simulation.closed_loop import Clock
+from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.state import Commands, Motion, State
-from wrenchgap.plant.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.trajectory import Recorded, Reference
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import cross

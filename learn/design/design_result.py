@@ -13,8 +13,8 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.manoeuvres import SEEDED, Limits
 from wrenchgap.learn.design.separability import Separability
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.moves import Move, Moves
-from wrenchgap.plant.trajectory_file import ANGLES, TrajectoryFile
+from wrenchgap.plant.trajectory.file import ANGLES, TrajectoryFile
+from wrenchgap.plant.trajectory.maneuvers import Move, Moves
 from wrenchgap.plant.wrench_model import ModelEffect
 
 

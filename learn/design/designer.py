@@ -39,12 +39,11 @@ from wrenchgap.learn.design.separability import (
     thorough,
 )
 from wrenchgap.learn.process.train import Progress
-from wrenchgap.plant.air import require_force
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.moves import Move, Moves
-from wrenchgap.plant.simulate import physics_rate, simulate
-from wrenchgap.plant.trajectory_file import TrajectoryFile, dumps, loads
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
+from wrenchgap.plant.trajectory.file import TrajectoryFile, dumps, loads
+from wrenchgap.plant.trajectory.maneuvers import Move, Moves
 from wrenchgap.plant.wrench_model import ModelEffect
 
 

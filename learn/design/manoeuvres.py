@@ -18,8 +18,8 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.moves import SHAKEN, Move, Shake, Shift, Swing, Tilt, Turn, Vector
 from wrenchgap.plant.state import Commands
+from wrenchgap.plant.trajectory.maneuvers import SHAKEN, Move, Shake, Shift, Swing, Tilt, Turn, Vector
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 

@@ -18,8 +18,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.bias_and_trim import between_flights
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
-from wrenchgap.plant.air import require_force
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version

@@ -6,7 +6,7 @@ wrong. Trying one effect at a time finds neither, so
 
     in a search    a drag is tried in still air and in moving air, and the air's motion is part of that candidate where
                    it predicts held-out time better by the rule that any further effect must meet (`companions`)
-    in a set       air that moves stays only as long as an effect that sees it does (`plant.air.that_act`)
+    in a set       air that moves stays only as long as an effect that sees it does (`plant.effects.acting_effects`)
     in a fit       where every coefficient is zero, they start at their typical sizes (`awake`)
 """
 
@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.air import is_air, is_drag
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import find, is_air, is_drag
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect

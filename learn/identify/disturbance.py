@@ -33,12 +33,12 @@ from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.closed_loop import fly, over_periods, replayed
 from wrenchgap.plant.controller import evaluate, integrate_error, pushes_along_z_only
-from wrenchgap.plant.flight_computer import RecordedPilot, beyond_allocation
-from wrenchgap.plant.loop import Signals, Stage
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import unpack
+from wrenchgap.plant.simulation.closed_loop import fly, over_periods, replayed
+from wrenchgap.plant.simulation.flight_computer import RecordedPilot, beyond_allocation
+from wrenchgap.plant.simulation.loop import Signals, Stage
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrench

@@ -15,8 +15,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of
-from wrenchgap.plant.air import is_air
-from wrenchgap.plant.effects import Parameter, find
+from wrenchgap.plant.effects import Parameter, find, is_air
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel

@@ -23,8 +23,7 @@ from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
-from wrenchgap.plant.air import require_force
-from wrenchgap.plant.effects import Parameter, find
+from wrenchgap.plant.effects import Parameter, find, require_force
 from wrenchgap.plant.model import Model
 
 TRIMS = ("thrust_scale", "com_offset")

@@ -38,8 +38,7 @@ from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
 from wrenchgap.learn.posterior.single_effects import uncertain
 from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
-from wrenchgap.plant.air import that_act
-from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.effects import acting_effects, catalogue, find
 from wrenchgap.plant.model import Model
 
 BANDS = len(EDGES) + 1
@@ -119,7 +118,7 @@ def _names(data: Dataset, model: Model, names: Sequence[str]) -> tuple[tuple[str
     idle = [n for n in possible if n not in tried and unexcited(n, model, data.records) is not None]
     idle = [n for n in idle if find(n).known(model.vehicle) is None]
     present = [e.name for e in model.effects]
-    acting = that_act([n for n in possible if n in tried or n in idle], present)
+    acting = acting_effects([n for n in possible if n in tried or n in idle], present)
     return tuple(n for n in possible if n in acting), tuple(n for n in acting if n in idle)
 
 
@@ -131,7 +130,7 @@ def declared(data: Dataset, model: Model, names: Sequence[str], points: Points |
     """
     base = left_by(data, model)
     own = tuple(e.name for e in model.effects)
-    single = [n for n in names if n in that_act([n], own)]
+    single = [n for n in names if n in acting_effects([n], own)]
     out = []
     for added in [s for n in single for s in ((n,), *((n, other) for other in companions(n, own, names)))]:
         try:

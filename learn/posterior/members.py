@@ -24,8 +24,7 @@ from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.equivalence_classes import NamedSet
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.single_effects import ModelResidual
-from wrenchgap.plant.air import that_act
-from wrenchgap.plant.effects import family
+from wrenchgap.plant.effects import acting_effects, family
 from wrenchgap.plant.model import Model
 
 MAJOR_SHARE = 0.3
@@ -125,7 +124,7 @@ def needed_members(on: ModelResidual, found: Posterior, jobs: int = 1) -> tuple[
             on.data.forget()
             return best, listed, found
         gone = min(idle, key=lambda m: m.evidence).name
-        kept = that_act([n for n in names if n != gone], on.own)
+        kept = acting_effects([n for n in names if n != gone], on.own)
         for name in names:
             if name not in kept:
                 found = found.without(name, on.model.vehicle)
@@ -147,7 +146,7 @@ def members(
     """Of the likeliest set, or those `names` of it, which leave `best`; that which takes off most first."""
 
     def without(name: str) -> Array:
-        return fitted(on, that_act([n for n in names if n != name], on.own), best.fit).left
+        return fitted(on, acting_effects([n for n in names if n != name], on.own), best.fit).left
 
     left = dict(zip(names, each(without, names, jobs, (on.data.root, on.model)), strict=True))
     weights = on.data.weights

@@ -18,8 +18,7 @@ from wrenchgap.learn.identify.fit import MANY, Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column, column
-from wrenchgap.plant.air import that_act
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import acting_effects, find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -122,7 +121,7 @@ def single_effects(
     """Try every effect of `names` by itself, air that moves together with each drag that it acts through. `twice` says
     that the same is asked of these data and of those `unanswering`: fits begin where the other's did.
     """  # noqa: D205
-    wanted = [n for n in names if n in that_act([n], on.own)]
+    wanted = [n for n in names if n in acting_effects([n], on.own)]
 
     def attempt(name: str) -> str | tuple[Candidate, list[Column]]:
         try:

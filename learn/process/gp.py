@@ -37,8 +37,7 @@ from wrenchgap.learn.process.subsample import Method, Scale
 from wrenchgap.learn.process.verdict import Decision, Verdict
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
-from wrenchgap.plant.expansion import Expansion
-from wrenchgap.plant.mismatch import MismatchModel, output_indices
+from wrenchgap.plant.mismatch import Expansion, MismatchModel, output_indices
 from wrenchgap.plant.state import State
 
 MeanKind = Literal["zero", "constant", "linear", "physics"]
@@ -281,7 +280,7 @@ class GaussianProcess:
         return Following(self, dt)
 
     def expansion(self) -> Expansion:
-        """See `plant.expansion.Expands`."""
+        """See `plant.mismatch.Expands`."""
         shared = ("outputs", "input_mean", "input_scale", "output_scale", "lengthscales")
         spread = ("signal_variance", "noise_variance", "sigma_scale")
         f = self._factors

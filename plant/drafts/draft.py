@@ -14,7 +14,8 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.drafts.inertia import SHARE, UNCERTAINTY, inertia_of_mass
+from wrenchgap.flight.result import Result
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 
 KAPPA = 0.016
@@ -189,3 +190,26 @@ def assumed(draft: Draft) -> list[str]:
         every = {**draft.command.keys, **({"thrust_max": draft.command.thrust_max} if draft.command.thrust_max else {})}
         found += [f"command.{key}: {said.source}" for key, said in every.items() if said.assumed]
     return found
+
+
+SHARE, UNCERTAINTY = 0.5, 0.3
+"""Share of the mass at the rotors; relative standard deviation of what comes out."""
+LEAST = 0.05
+"""Smallest moment, relative to the largest: where all rotors are in one line, arms and hull still are not."""
+
+
+def inertia_of_mass(mass: float, hubs_B: Array) -> Array:
+    """Moments (3,) [kg m^2] about B's axes of a mass [kg] with rotors at `hubs_B` (R, 3) [m]."""
+    away = hubs_B - hubs_B.mean(axis=0)
+    square = (away**2).mean(axis=0)
+    moments = SHARE * mass * np.array([square[1] + square[2], square[0] + square[2], square[0] + square[1]])
+    return np.asarray(np.maximum(moments, LEAST * moments.max()))
+
+
+@dataclass(frozen=True, repr=False)
+class Sheet(Result):
+    """A model to look at: `assumed` is what nobody said, in words, `notes` what its source said besides."""
+
+    model: Model
+    assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -14,8 +14,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.drafts.draft import Draft
-from wrenchgap.plant.drafts.motor_plugins import motors_of
-from wrenchgap.plant.drafts.tree import Joint, Link, draft_of
+from wrenchgap.plant.drafts.robot_tree import Joint, Link, draft_of, motors_of
 
 Pose = tuple[Array, Array]
 """Position (3,) [m] and rotation (3, 3) of a frame in another."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+import numpy as np
+from numba import njit
+
 from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
-from wrenchgap.plant.effects.switched_lag import switched_lag
+from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -36,3 +40,37 @@ class AsymmetricMotorLag(CommandEffect):
         assert commands.rotor_speed is not None
         speed, memory = switched_lag(commands.rotor_speed, float(theta[0]), float(theta[1]), dt, memory)
         return replace(commands, rotor_speed=speed), memory
+
+
+SHORTEST = 1e-9
+"""Time constant [s] that stands for zero where only the other one is above zero."""
+
+
+def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
+    """Lagged samples (N, D) of `signal` (N, D); starts in equilibrium where there is no memory (last input, output)."""
+    if max(up, down) <= 0.0 or (memory is None and len(signal) == 1):  # no lag, or at rest
+        return signal, (signal[-1], signal[-1])
+    up, down = max(up, SHORTEST), max(down, SHORTEST)
+    before, state = (signal[0], signal[0]) if memory is None else memory
+    signal = np.ascontiguousarray(signal, dtype=float)  # a trace ends here: a step decides by the sign of its error
+    out = steps(np.vstack((before[None], signal[:-1])), signal, np.array(state, float), up, down, dt)
+    return out, (signal[-1], out[-1])
+
+
+@njit(cache=True, nogil=True)
+def steps(start: Array, end: Array, state: Array, up: float, down: float, dt: float) -> Array:
+    """Outputs (N, D) of N steps from `state` (D,), while inputs go from `start` (N, D) to `end` (N, D)."""
+    out = np.empty(end.shape)
+    kept_up, kept_down = math.exp(-dt / up), math.exp(-dt / down)
+    for k in range(len(end)):
+        for d in range(end.shape[1]):
+            error, ramp = start[k, d] - state[d], (end[k, d] - start[k, d]) / dt
+            rising = (ramp if error == 0.0 else error) > 0.0
+            tau, other = (up, down) if rising else (down, up)
+            lag = ramp * tau
+            left = lag + (error - lag) * (kept_up if rising else kept_down)
+            if left * error < 0.0:
+                reach = tau * math.log1p(-error / lag)
+                left = ramp * other * (1.0 - math.exp(-(dt - reach) / other))
+            state[d] = out[k, d] = end[k, d] - left
+    return out

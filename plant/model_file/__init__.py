@@ -10,8 +10,7 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.command import with_bench
 from wrenchgap.plant.model_file.reading import loads
-from wrenchgap.plant.model_file.versions import changed_since, next_version, tool_version
-from wrenchgap.plant.model_file.writing import content_hash, dumps
+from wrenchgap.plant.model_file.writing import changed_since, content_hash, dumps, next_version, tool_version
 from wrenchgap.plant.reader import text_of
 
 __all__ = [

@@ -13,10 +13,10 @@ from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.learn.process.verdict import Verdict
-from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
+from wrenchgap.plant.simulation.flight_computer import Compensating
 from wrenchgap.plant.stability import Loop, Observer, sensitivity_peak
 from wrenchgap.plant.wrench_model import ModelEffect
 

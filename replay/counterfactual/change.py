@@ -13,7 +13,7 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.plant.flight_computer import Compensating
+from wrenchgap.plant.simulation.flight_computer import Compensating
 from wrenchgap.replay.compensation import compensators as compensating
 
 SETTABLE = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")

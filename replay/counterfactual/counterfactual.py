@@ -31,10 +31,10 @@ from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model
-from wrenchgap.plant.closed_loop import Lost
-from wrenchgap.plant.flight_computer import Compensating
+from wrenchgap.plant.simulation.closed_loop import Lost
+from wrenchgap.plant.simulation.flight_computer import Compensating
+from wrenchgap.plant.simulation.tracking import Deviation, Tracking
 from wrenchgap.plant.stability import Margin, of_model
-from wrenchgap.plant.tracking import Deviation, Tracking
 from wrenchgap.replay.counterfactual.change import Change
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 

@@ -16,11 +16,11 @@ from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
 from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.closed_loop import Flown, disturbed, fly, loss_of_control, watch
 from wrenchgap.plant.controller import ControllerGains
-from wrenchgap.plant.flight_computer import Compensating, Correction, FlightComputer
-from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
+from wrenchgap.plant.simulation.closed_loop import Flown, disturbed, fly, loss_of_control, watch
+from wrenchgap.plant.simulation.flight_computer import Compensating, Correction, FlightComputer
+from wrenchgap.plant.simulation.flight_log import as_flight
+from wrenchgap.plant.simulation.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
 
 
 @dataclass(frozen=True)

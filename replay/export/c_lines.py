@@ -1,6 +1,6 @@
-"""A program (`plant.tape`) as C: one statement a line, its tangents beside it, nothing that is zero or unused.
+"""A program (`plant.trace.tape`) as C: one statement a line, its tangents beside it, nothing that is zero or unused.
 
-Statements and their order are those of the compiled tape (`plant.tape_kernels`), so that both round alike.
+Statements and their order are those of the compiled tape (`plant.trace.tape`), so that both round alike.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from wrenchgap._escaping import c_comment
 from wrenchgap.compensate.c_expressions import PRODUCT, Expressions
-from wrenchgap.plant.operations import ARITY, CHOOSING, FLAT, Op, chosen_of, expressions, slopes_of, value_of
-from wrenchgap.plant.tape import Program
+from wrenchgap.plant.trace.operations import ARITY, CHOOSING, FLAT, Op, chosen_of, expressions, slopes_of, value_of
+from wrenchgap.plant.trace.tape import Program
 
 FREE_OF_CHARGE = (Op.INPUT, Op.CONSTANT)
 KINDS = {ast.Add: "add", ast.Sub: "add", ast.Mult: "multiply", ast.Div: "divide"}

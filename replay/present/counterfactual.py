@@ -13,7 +13,7 @@ from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.tracking import Tracking, TrackingErrors
+from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.counterfactual.counterfactual import (
     ATTITUDE_GOAL_DEG,

@@ -16,10 +16,10 @@ from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.designer import REST
 from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
-from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model_file import content_hash, tool_version
-from wrenchgap.plant.trajectory_file import TrajectoryFile
+from wrenchgap.plant.trajectory import file as trajectory_file
+from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights

@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.command_curve import CommandCurve
-from wrenchgap.plant.drafts.sheet import Sheet
+from wrenchgap.plant.drafts.draft import Sheet
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.addition import effects_json

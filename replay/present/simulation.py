@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.flight import Flight
-from wrenchgap.plant.flight_plan import Plan, Summary, provenance
+from wrenchgap.plant.simulation.flight_plan import Plan, Summary, provenance
 
 
 def line(log: Path, plan: Plan, summary: Summary) -> str:

@@ -11,10 +11,11 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
-from wrenchgap.plant import model_file, trajectory_file
+from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.worker import worker_result

@@ -11,8 +11,8 @@ need not think of it:
     figures            `figure_text`    replay.present.figures.style
     JSON               `json_text`      replay.present.documents, viewer.view_state
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
-    TOML, MCAP         `storable`       plant.model_file, plant.trajectory_file, flight.write, replay.batch.store
-    TOML's comments    `printable`      plant.drafts.text
+    TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
+    TOML's comments    `printable`      plant.drafts.model_text
     shell completion   `completable`    replay.cli.completion
 """
 

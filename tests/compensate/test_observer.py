@@ -10,7 +10,7 @@ from wrenchgap.compensate import DisturbanceObserver
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant import model_file
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 

@@ -14,7 +14,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Step
 

@@ -15,11 +15,10 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.operations import Op
 from wrenchgap.plant.state import State
-from wrenchgap.plant.tape import Tape, program
-from wrenchgap.plant.tape_kernels import differentiate, evaluate
-from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
+from wrenchgap.plant.trace.operations import Op
+from wrenchgap.plant.trace.tape import Tape, differentiate, evaluate, program
 
 MODEL = model_file.load("voliro_x")
 WEIGHT = MODEL.vehicle.body.mass * 9.80665

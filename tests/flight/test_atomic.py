@@ -186,7 +186,7 @@ NO_OUTPUT = {
     "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
     "learn/work_files.py": "what worker processes read, in a folder that goes again",
     "learn/worker.py": "the pipe to whoever asks",
-    "plant/trajectory_file.py": "a path that `replay.present.design` gets of `atomic`",
+    "plant/trajectory/file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
     "replay/batch/plan.py": "what a worker reads, in a folder that goes again",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",

@@ -12,7 +12,7 @@ from wrenchgap.flight.budget import Limits
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.inspection import channels_of
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.simulation.flight_plan import Plan, fly
 
 
 def written(path, seconds):

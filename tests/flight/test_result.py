@@ -7,7 +7,7 @@ import pytest
 
 import wrenchgap.learn
 
-LOW = "from wrenchgap.plant import model_file; from wrenchgap.plant.drafts.sheet import Sheet"
+LOW = "from wrenchgap.plant import model_file; from wrenchgap.plant.drafts.draft import Sheet"
 
 
 def test_a_result_of_a_low_floor_prints_without_an_import_of_the_application():

@@ -14,7 +14,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design.separability import measured_separation
 from wrenchgap.plant import model_file
-from wrenchgap.plant.moves import Moves, Tilt, Turn
+from wrenchgap.plant.trajectory.maneuvers import Moves, Tilt, Turn
 from wrenchgap.replay.counterfactual.counterfactual import counterfactual
 
 HEXAROTOR = model_file.load("tilt_hexarotor")

@@ -14,10 +14,10 @@ from wrenchgap.learn.design.screening import lost_after, rehearse
 from wrenchgap.learn.design.separability import separability, typical
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.moves import Moves, Swing, Tilt, Turn
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import Commands
-from wrenchgap.plant.trajectory_file import dumps, loads
+from wrenchgap.plant.trajectory.file import dumps, loads
+from wrenchgap.plant.trajectory.maneuvers import Moves, Swing, Tilt, Turn
 
 LIMITS = Limits((3.0, 3.5, 2.6), float(np.radians(50.0)), 1.5)
 

@@ -10,7 +10,7 @@ from wrenchgap.learn.identify.gains import attitude_gains, origin
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import default_gains
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 
 MODEL = model_file.load("tilt_hexarotor")

@@ -21,7 +21,7 @@ from wrenchgap.learn.identify.observer import (
 )
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.stability import Loop, loop_peak, sensitivity_peak
 from wrenchgap.plant.trajectory import named
 

@@ -12,7 +12,7 @@ from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.design.screening import Screen, rehearse
 from wrenchgap.learn.design.separability import expected_separation, separability, sized, typical
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.moves import Moves, Shake, Tilt, Turn
+from wrenchgap.plant.trajectory.maneuvers import Moves, Shake, Tilt, Turn
 
 HOME = (0.0, 0.0, 1.5)
 LIMITS = Limits((5.0, 5.0, 3.0))

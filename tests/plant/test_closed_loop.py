@@ -7,9 +7,17 @@ import pytest
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant import model_file
-from wrenchgap.plant.closed_loop import Clock, around_stamps, fly, loss_of_control, over_periods, replayed, watch
-from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.loop import Stage
+from wrenchgap.plant.simulation.closed_loop import (
+    Clock,
+    around_stamps,
+    fly,
+    loss_of_control,
+    over_periods,
+    replayed,
+    watch,
+)
+from wrenchgap.plant.simulation.flight_log import as_flight
+from wrenchgap.plant.simulation.loop import Stage
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Hover
 from wrenchgap.plant.vehicle import GRAVITY

@@ -11,7 +11,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import WrenchEffect
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 from wrenchgap.plant.wrench_model import ModelEffect

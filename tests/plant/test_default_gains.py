@@ -6,7 +6,7 @@ import pytest
 from wrenchgap.flight import so3
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import default_gains, evaluate
-from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 from wrenchgap.plant.vehicle import GRAVITY

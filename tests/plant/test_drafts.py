@@ -12,12 +12,11 @@ from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometryS
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import px4
-from wrenchgap.plant.drafts.draft import Draft, Said, finished
+from wrenchgap.plant.drafts.draft import Draft, Said, finished, inertia_of_mass
 from wrenchgap.plant.drafts.frames import FRAMES, rotors_of
-from wrenchgap.plant.drafts.inertia import inertia_of_mass
-from wrenchgap.plant.drafts.level import levelled
+from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, drafted
-from wrenchgap.plant.drafts.text import text_of
+from wrenchgap.plant.drafts.thrust_curve_fit import levelled
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY
 

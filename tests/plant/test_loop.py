@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wrenchgap.plant.loop import ALWAYS, Loop, Stage
-from wrenchgap.plant.tracing import Untraceable
+from wrenchgap.plant.simulation.loop import ALWAYS, Loop, Stage
+from wrenchgap.plant.trace.arrays import Untraceable
 
 NOTHING = np.zeros((100, 0))
 

@@ -9,8 +9,8 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts.draft import finished
+from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, drafted
-from wrenchgap.plant.drafts.text import text_of
 from wrenchgap.plant.state import Commands
 
 HULL, MOTOR, ARM, HEIGHT = 1.0, 0.05, 0.2, 0.03

@@ -10,7 +10,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.resample import resample
 from wrenchgap.plant import model_file
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_imu, read_pose
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import named
 

@@ -12,7 +12,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import Hover, Tilts, named
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.moves import Moves, Shake, Shift, Swing, Tilt, Turn
-from wrenchgap.plant.trajectory_file import COLUMNS, TrajectoryFile, dumps, load, loads, write_csv
+from wrenchgap.plant.trajectory.file import COLUMNS, TrajectoryFile, dumps, load, loads, write_csv
+from wrenchgap.plant.trajectory.maneuvers import Moves, Shake, Shift, Swing, Tilt, Turn
 
 MOVES = (
     Tilt(0.5, 6.0, np.radians(55.27), np.radians(30.0), 1.8),

@@ -15,10 +15,10 @@ import pytest
 import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.plant.moves import Moves, Tilt
-from wrenchgap.plant.trajectory_file import TrajectoryFile
+from wrenchgap.plant.trajectory import file as trajectory_file
+from wrenchgap.plant.trajectory.file import TrajectoryFile
+from wrenchgap.plant.trajectory.maneuvers import Moves, Tilt
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]

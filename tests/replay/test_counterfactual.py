@@ -18,7 +18,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.counterfactual.change import Change, believed_vehicle, changed_gains
 from wrenchgap.replay.counterfactual.change import change as asked_change

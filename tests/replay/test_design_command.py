@@ -9,7 +9,7 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.learn.design import designer as search
-from wrenchgap.plant.trajectory_file import load
+from wrenchgap.plant.trajectory.file import load
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,7 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.export.export import export

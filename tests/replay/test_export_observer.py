@@ -26,7 +26,7 @@ from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.stability import Observer, sensitivity_peak
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named

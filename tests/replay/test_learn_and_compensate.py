@@ -15,7 +15,7 @@ from wrenchgap.learn.process.gp import CautionKind, FitSettings
 from wrenchgap.learn.process.predictors import OtherPhysics, predictors
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion

@@ -11,7 +11,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import OdometrySeries
 from wrenchgap.learn.data.recording import integrate_rate, recorded_motion
 from wrenchgap.plant import model_file
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 
 LEVER = np.array([0.05, -0.03, 0.02])

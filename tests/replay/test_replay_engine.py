@@ -17,7 +17,7 @@ from wrenchgap.learn.process.gp import FitSettings, Provenance
 from wrenchgap.learn.process.train import fit
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.compensation.source import source_by_name

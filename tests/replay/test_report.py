@@ -18,9 +18,10 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose import where
 from wrenchgap.learn.identify.staircase import Basis, Kind
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant import model_file, trajectory_file
-from wrenchgap.plant.moves import Moves, Turn
-from wrenchgap.plant.trajectory_file import TrajectoryFile
+from wrenchgap.plant import model_file
+from wrenchgap.plant.trajectory import file as trajectory_file
+from wrenchgap.plant.trajectory.file import TrajectoryFile
+from wrenchgap.plant.trajectory.maneuvers import Moves, Turn
 from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.present import report as report_package

@@ -5,7 +5,7 @@ import pytest
 
 from wrenchgap import add, calibrate, compare, explain, load_model, open_flights, simulate, where
 from wrenchgap.flight import AXES, UsageError
-from wrenchgap.plant.drafts.sheet import Sheet
+from wrenchgap.plant.drafts.draft import Sheet
 
 MODEL = load_model("asymmetric_quadrotor")
 SCREEN, WIDTH = 34, 132

@@ -20,7 +20,7 @@ from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant import model_file
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.present.learning import _why_not

@@ -24,7 +24,7 @@ import atheris  # noqa: E402
 
 INCLUDE = ["wrenchgap.flight", "wrenchgap.plant", "wrenchgap.learn.process", "rosbags", "pyulog", "tomlkit"]
 KERNELS = ["block_integrals", "filters", "formats.kernels", "row_kernels", "so3"]
-EXCLUDE = [*(f"wrenchgap.flight.{name}" for name in KERNELS), "wrenchgap.plant.loop_kernels"]
+EXCLUDE = [*(f"wrenchgap.flight.{name}" for name in KERNELS), "wrenchgap.plant.simulation.loop"]
 with atheris.instrument_imports(include=INCLUDE, exclude=EXCLUDE if COMPILED else None):
     # all of it now: what is imported later, by a function, would not be seen
     import wrenchgap.flight
@@ -32,7 +32,7 @@ with atheris.instrument_imports(include=INCLUDE, exclude=EXCLUDE if COMPILED els
     import wrenchgap.flight.inspection
     import wrenchgap.learn.process.store
     import wrenchgap.plant.model_file
-    import wrenchgap.plant.trajectory_file  # noqa: F401
+    import wrenchgap.plant.trajectory.file  # noqa: F401
     from benchmarks.faults.fuzz.targets import TARGETS
     from wrenchgap.flight.formats import kernels
 

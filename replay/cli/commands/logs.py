@@ -80,7 +80,7 @@ def simulate(
     """
     from wrenchgap.flight.write import write
     from wrenchgap.plant import model_file
-    from wrenchgap.plant.flight_plan import Plan, fly, prepare, provenance, summary
+    from wrenchgap.plant.simulation.flight_plan import Plan, fly, prepare, provenance, summary
     from wrenchgap.replay.present import simulation
 
     run.claim({"--output": output, "--truth": truth}, trajectory)

@@ -106,7 +106,7 @@ def show(model: o.ModelFile, figure: o.Figure = None, *, run: Run) -> None:
 
     Example: `wrenchgap model show vehicle.toml --figure vehicle.png`
     """
-    from wrenchgap.plant.drafts.sheet import Sheet
+    from wrenchgap.plant.drafts.draft import Sheet
 
     run.claim({"--figure": figure}, model)
     sheet = Sheet(run.model(model))

@@ -13,8 +13,8 @@ from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.learn.posterior.single_effects import Candidate
-from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts

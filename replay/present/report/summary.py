@@ -10,7 +10,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.diagnose.error_grid import FEWEST, Grid
-from wrenchgap.plant import trajectory_file
+from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import checks_json, sentences

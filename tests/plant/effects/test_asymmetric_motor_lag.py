@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wrenchgap.plant.effects.switched_lag import switched_lag
+from wrenchgap.plant.effects.asymmetric_motor_lag import switched_lag
 from wrenchgap.plant.state import Commands
 
 UP, DOWN = 0.0125, 0.025

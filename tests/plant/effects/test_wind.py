@@ -6,9 +6,9 @@ import pytest
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.so3 import rotate, rotate_inverse
 from wrenchgap.plant import model_file
-from wrenchgap.plant.closed_loop import Clock, fly, replayed
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulation.closed_loop import Clock, fly, replayed
 from wrenchgap.plant.state import rows
 from wrenchgap.plant.wrench_model import WrenchModel
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.plant.operations import Op
-from wrenchgap.plant.tape import Tape
+from wrenchgap.plant.trace.operations import Op
+from wrenchgap.plant.trace.tape import Tape
 
 
 class Untraceable(Exception):

@@ -3,7 +3,7 @@
     command at t_k -> command effects, h(u), thrust and wrench effects, + disturbance -> rigid body -> state at t_k+1
 
 Simulation, inference of a disturbance and re-simulation of a log all step through `fly`; they differ in the stages
-(`plant.loop`) that command and disturb.
+(`plant.simulation.loop`) that command and disturb.
 
 Stamps. A command stamped t_k is computed from what is known at t_k, without delay, and held until t_{k+1}: held
 signals are piecewise constant, and what a period sees is the value at its beginning. Pose and gyroscope read the state
@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.loop import Loop, Signals, Stage
 from wrenchgap.plant.rigid_body import NUMBERS, RigidBody, pack, unpack
+from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.traced_effects import leaves, rebuilt, written
-from wrenchgap.plant.tracing import Untraceable
+from wrenchgap.plant.trace.arrays import Untraceable
+from wrenchgap.plant.trace.effects import leaves, rebuilt, written
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.moves import KINDS, Moves, Shake, Shift, Swing, Tilt, Turn
+from wrenchgap.plant.trajectory.maneuvers import KINDS, Moves, Shake, Shift, Swing, Tilt, Turn
 from wrenchgap.plant.vehicle import GRAVITY
 
 HOME = (0.1, -0.2, 1.5)

@@ -19,8 +19,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.drafts.draft import Draft, Said
-from wrenchgap.plant.drafts.motor_plugins import motors_of
-from wrenchgap.plant.drafts.tree import Joint, Link, Motor, draft_of
+from wrenchgap.plant.drafts.robot_tree import Joint, Link, Motor, draft_of, motors_of
 from wrenchgap.plant.reader import inside, text_of
 
 MEMBERS = ("visual", "collision")

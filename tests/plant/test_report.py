@@ -1,10 +1,9 @@
-"""The compiled report against the plain form, and against Newton and Euler about a body's own centre of mass."""
+"""The reported wrench of many samples at once against one at a time, and against Newton and Euler about a com."""
 
 import numpy as np
 import pytest
 
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import State
 from wrenchgap.plant.wrench_model import WrenchModel
 
@@ -28,20 +27,25 @@ def wrenches(count, seed):
     return rng.normal(scale=8.0, size=(count, 6)), State(np.arange(float(count)), still, level, still, omega)
 
 
+def one_by_one(model, wrench, state, body=None):
+    parts = [slice(k, k + 1) for k in range(len(wrench))]
+    return np.concatenate([model.report(wrench[part], state.take(part), body) for part in parts])
+
+
 @pytest.mark.parametrize("added", BODIES.values(), ids=BODIES)
-def test_is_the_plain_form_but_for_rounding(hexarotor, added):
+def test_many_samples_at_once_are_the_same_as_one_at_a_time(hexarotor, added):
     model = WrenchModel(hexarotor, tuple(make_effect(hexarotor, name, values) for name, values in added.items()))
-    wrench, state = wrenches(50, 3)
-    np.testing.assert_allclose(report(model, wrench, state), model.report(wrench, state), rtol=1e-12, atol=1e-12)
+    wrench, state = wrenches(100, 3)
+    np.testing.assert_allclose(model.report(wrench, state), one_by_one(model, wrench, state), rtol=1e-12, atol=1e-12)
     other = WrenchModel(hexarotor, (make_effect(hexarotor, "mass", (-0.4,)),)).body
-    expected = model.report(wrench, state, other)
-    np.testing.assert_allclose(report(model, wrench, state, other), expected, rtol=1e-12, atol=1e-12)
+    expected = one_by_one(model, wrench, state, other)
+    np.testing.assert_allclose(model.report(wrench, state, other), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_a_believed_body_that_is_the_true_one_reports_the_wrench_about_its_centre_of_mass(hexarotor):
     """Whatever the rates: what goes in about O comes out, moved by the lever arm of the force."""
     model = WrenchModel(hexarotor)
-    wrench, state = wrenches(50, 4)
+    wrench, state = wrenches(100, 4)
     expected = wrench.copy()
-    expected[:, 3:] -= np.cross(np.broadcast_to(model.body.com_B, (50, 3)), wrench[:, :3])
-    np.testing.assert_allclose(report(model, wrench, state), expected, rtol=1e-11, atol=1e-11)
+    expected[:, 3:] -= np.cross(np.broadcast_to(model.body.com_B, (100, 3)), wrench[:, :3])
+    np.testing.assert_allclose(model.report(wrench, state), expected, rtol=1e-11, atol=1e-11)

@@ -14,10 +14,10 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import LIMITS, Allocation
-from wrenchgap.plant.closed_loop import Clock
 from wrenchgap.plant.controller import ControllerGains, evaluate, integrated, pushes_along_z_only
-from wrenchgap.plant.loop import ALWAYS, Loop, Signals, Stage
 from wrenchgap.plant.rigid_body import NUMBERS, unpack
+from wrenchgap.plant.simulation.closed_loop import Clock
+from wrenchgap.plant.simulation.loop import ALWAYS, Loop, Signals, Stage
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import Vehicle

@@ -1,6 +1,6 @@
-"""The operations of a tape (`plant.tape`): their values and slopes, each written once.
+"""The operations of a tape (`plant.trace.tape`): their values and slopes, each written once.
 
-numba compiles these functions (`plant.tape_kernels`), a tape works out with them what is constant, and the C of an
+numba compiles these functions (`plant.trace.tape`), a tape works out with them what is constant, and the C of an
 export is printed from their source (`replay.export.c_lines`), for which each `return` is one expression.
 """
 

@@ -14,14 +14,14 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.stamps import interpolated
-from wrenchgap.plant.air import require_force
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effect_values import with_hidden
+from wrenchgap.plant.effects import require_force
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
-from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import TRAJECTORIES, Trajectory, named
-from wrenchgap.plant.trajectory_file import TrajectoryFile, load
+from wrenchgap.plant.trajectory.file import TrajectoryFile, load
 
 LONGEST = 3600.0
 """Longest flight [s]."""

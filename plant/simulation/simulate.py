@@ -3,7 +3,8 @@
     reference -> controller (believed) -> W_des -> [compensator] -> W_cmd -> allocation (believed) -> u
               -> truth: command effects, h(u), thrust and wrench effects, + disturbance -> rigid body -> sensors
 
-Instants are t_k = k / rate, exact; `plant.closed_loop` says what is held from when to when and what a reading sees.
+Instants are t_k = k / rate, exact; `plant.simulation.closed_loop` says how long each signal is held and what a reading
+sees.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.plant.closed_loop import Clock, Flown, disturbed, fly, watch
-from wrenchgap.plant.flight_computer import Compensating, FlightComputer
-from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.loop import Loop, Signals, Stage
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import NUMBERS, unpack
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_pose
+from wrenchgap.plant.simulation.closed_loop import Clock, Flown, disturbed, fly, watch
+from wrenchgap.plant.simulation.flight_computer import Compensating, FlightComputer
+from wrenchgap.plant.simulation.flight_log import as_flight
+from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Motion, State
-from wrenchgap.plant.traced_effects import written
+from wrenchgap.plant.trace.effects import written
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel

@@ -1,4 +1,4 @@
-"""Effects as a tape sees them: their own `apply` on arrays that write down what is done with them (`plant.tracing`)."""
+"""Traced effects: their own `apply`, called on arrays that record every operation (`plant.trace.arrays`)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.plant.effects.effect import AnyEffect
-from wrenchgap.plant.tape import Tape
-from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
+from wrenchgap.plant.trace.tape import Tape
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 CATALOGUE = "wrenchgap.plant.effects."

@@ -11,7 +11,7 @@ away. For rotations R = R_1 R_2 with rates in their own frames,
     omega = R_2^T omega_1 + omega_2,    omega_dot = R_2^T omega_dot_1 - omega_2 x (R_2^T omega_1) + omega_dot_2.
 
 A vehicle that pushes along body z only takes its attitude from the thrust (`plant.trajectory.Flat`): its moves may
-not tilt. `plant.trajectory_file` reads and writes these trajectories.
+not tilt. `plant.trajectory.file` reads and writes these trajectories.
 """
 
 from __future__ import annotations

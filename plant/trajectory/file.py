@@ -2,7 +2,8 @@
 
     schema = 1
     [trajectory]    name, vehicle, duration [s], home [m, in E], attitude ("free" or "thrust")
-    [[moves]]       kind, start, duration and what the kind needs (plant.moves); angles in degrees, keys end in _deg
+    [[moves]]       kind, start, duration and the fields of that kind (`plant.trajectory.maneuvers`); angles in degrees,
+                    keys end in _deg
     [purpose]       what the flight is for; kept as it is, no part of the motion
 
 Reading checks every key (plant.reader). The motion is exactly that of the file: what is written has been rounded
@@ -25,7 +26,6 @@ from pydantic import Field
 from wrenchgap._escaping import storable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.moves import KINDS, Move, Moves
 from wrenchgap.plant.reader import (
     Number,
     Positive,
@@ -39,6 +39,7 @@ from wrenchgap.plant.reader import (
     toml,
     values_of,
 )
+from wrenchgap.plant.trajectory.maneuvers import KINDS, Move, Moves
 
 SCHEMA = 1
 PAGE = "docs/design-flights.md"

@@ -11,9 +11,11 @@ limit. An arm tilts where a joint with limits lies between a rotor and the root.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -151,3 +153,41 @@ def _tilt(index: int, links: Sequence[Link], direction: Array) -> Tilt | None:
             return Tilt(np.round(link.axis, 9) + 0.0, *link.limits)
         at = link.parent
     return None
+
+
+TURNS = {"ccw": 1, "cw": -1}
+
+
+def motors_of(document: Element) -> dict[str, Motor]:
+    """Motors by the name of their link, or of their joint where no link is named; in the order of their numbers."""
+    found: dict[str, Motor] = {}
+    for plugin in document.iter("plugin"):
+        turn = (plugin.findtext("turningDirection") or "").strip()
+        place = (plugin.findtext("linkName") or plugin.findtext("jointName") or "").strip()
+        if turn not in TURNS or not place:
+            continue
+        number = _number(plugin, "motorNumber")
+        if number is None:
+            number = _number(plugin, "actuator_number")
+        told = f"motor plugin of {place}"
+        found[place.rpartition("::")[2]] = Motor(
+            spin=Said(TURNS[turn], f"turningDirection {turn} of the {told}"),
+            kappa=_said(plugin, "momentConstant", told),
+            c_f=_said(plugin, "motorConstant", told),
+            speed_max=_said(plugin, "maxRotVelocity", told),
+            number=None if number is None else int(number),
+        )
+    return found
+
+
+def _number(plugin: Element, name: str) -> float | None:
+    try:
+        value = float(plugin.findtext(name) or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _said(plugin: Element, name: str, told: str) -> Said | None:
+    value = _number(plugin, name)
+    return None if value is None or value <= 0.0 else Said(value, f"{name} of the {told}")

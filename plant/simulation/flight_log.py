@@ -1,4 +1,4 @@
-"""A flown closed loop as a flight: what its log would hold (see `plant.closed_loop` for what each stamp means)."""
+"""A simulated closed loop as a flight: its log. `plant.simulation.closed_loop` says what the stamps mean."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-from wrenchgap.plant.closed_loop import Flown, around_stamps
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import read_imu
+from wrenchgap.plant.simulation.closed_loop import Flown, around_stamps
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
 

@@ -1,24 +1,105 @@
 """Loops of stages over signals: how everything that flies here is stepped.
 
-A loop holds named signals: a state, readings, commands, what effects remember. A stage makes some of them anew from
-all of them and from a row of numbers that is given for the occasion; stages that are due at a step act one after the
-other. They are written in numpy. What one does is written down once (`plant.tracing`) and from then on evaluated by
-compiled code (`plant.loop_kernels`); a stage that cannot be written down, such as an effect of a user's own, or that
-shall not be, such as a compensator, is called as it stands.
+A loop holds named signals: a state, readings, commands, the memory of effects. A stage computes new values of some of
+them from all of them and from a row of inputs; the stages that are due at a step act one after the other. Stages are
+written in numpy. Each is traced once (`plant.trace.arrays`) and then evaluated by compiled code. A stage that cannot be
+traced, such as an effect of a user's own, or that must not be, such as a compensator, is called in numpy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant import loop_kernels as kernels
-from wrenchgap.plant.tape import Tape, program
-from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
+from wrenchgap.plant.trace.tape import Tape, compiled, evaluate, program
+
+Ints = NDArray[np.int64]
+
+
+LINES, READS, ROWS, WRITES, LOGS, GIVEN, LOGGED = range(7)
+"""Columns of `Plan.begin`."""
+
+
+class Plan(NamedTuple):
+    """S stages as compiled code takes them, each part of theirs one behind the other.
+
+    code, value  (n, 4), (n,) lines of all tapes (`plant.trace.tape.Program`), and room for their values
+    reads        (R, 2) a line, and the place of the signal that it takes
+    rows         (G,) lines that take the row that is given
+    writes       (W, 2) a line with a result, and the place of the signal that it becomes
+    logs         (L,) places of signals that are kept
+    given        all rows that are given
+    logged       all that is kept
+    begin        (S + 1, 7) where each of these begins for a stage
+    every        (S,) steps from one time to the next
+    calls        (S,) steps in which Python is asked instead
+    stop         place of the signal that ends the loop where it is not zero
+    """
+
+    code: NDArray[np.int32]
+    value: Array
+    reads: Ints
+    rows: Ints
+    writes: Ints
+    logs: Ints
+    given: Array
+    logged: Array
+    begin: Ints
+    every: Ints
+    calls: Ints
+    stop: int
+
+
+@compiled
+def act(plan: Plan, signals: Array, s: int, k: int) -> None:
+    """Stage s, for the k-th time."""
+    begin, end, value = plan.begin[s], plan.begin[s + 1], plan.value
+    for i in range(begin[READS], end[READS]):
+        value[plan.reads[i, 0]] = signals[plan.reads[i, 1]]
+    width = end[ROWS] - begin[ROWS]
+    for i in range(width):
+        value[plan.rows[begin[ROWS] + i]] = plan.given[begin[GIVEN] + k * width + i]
+    evaluate(plan, begin[LINES], end[LINES])
+    for i in range(begin[WRITES], end[WRITES]):
+        signals[plan.writes[i, 1]] = value[plan.writes[i, 0]]
+
+
+@compiled
+def keep(plan: Plan, signals: Array, s: int, k: int) -> None:
+    """Log what stage s keeps, for the k-th time."""
+    begin = plan.begin[s]
+    width = plan.begin[s + 1, LOGS] - begin[LOGS]
+    for i in range(width):
+        plan.logged[begin[LOGGED] + k * width + i] = signals[plan.logs[begin[LOGS] + i]]
+
+
+@compiled
+def advance(plan: Plan, signals: Array, n: int, s: int, end: int) -> tuple[int, int]:
+    """Steps from stage s of step n until step `end`, a stage that Python acts for, or one that stops the loop.
+
+    The step, and the stage that is next: -1 where the loop was stopped.
+    """
+    count = len(plan.every)
+    while n < end:
+        while s < count:
+            if n % plan.every[s] == 0:
+                if n < plan.calls[s]:
+                    return n, s
+                act(plan, signals, s, n // plan.every[s])
+                keep(plan, signals, s, n // plan.every[s])
+                if signals[plan.stop] != 0.0:
+                    return n, -1
+            s += 1
+        s = 0
+        n += 1
+    return n, 0
+
 
 Signals = Mapping[str, Array]
 """Signals by name, each (C,)."""
@@ -84,7 +165,7 @@ class Loop:
         while n < self.steps:
             if progress is not None and s == 0:
                 progress(n / self.steps)
-            n, s = kernels.advance(self._plan, self._numbers, n, s, min(n - n % REPORT + REPORT, self.steps))
+            n, s = advance(self._plan, self._numbers, n, s, min(n - n % REPORT + REPORT, self.steps))
             if s >= 0 and n < self.steps and self._due(n, s):
                 s = self._call(n, s)
             if s < 0:
@@ -118,18 +199,18 @@ class Loop:
             made = stage.act({name: self.now(name) for name in self.signals}, stage.given[k])
         for name, value in made.items():
             self._numbers[self._at[name]] = value
-        kernels.keep(self._plan, self._numbers, s, k)
+        keep(self._plan, self._numbers, s, k)
         return -1 if self._numbers[self._plan.stop] != 0.0 else s + 1
 
     def _log(self, s: int) -> Array:
-        first, last = self._plan.begin[s : s + 2, kernels.LOGGED]
+        first, last = self._plan.begin[s : s + 2, LOGGED]
         return self._plan.logged[first:last].reshape(self._times(s), -1)
 
     def _times(self, s: int) -> int:
         """How often a stage is due."""
         return -(-self.steps // self.stages[s].every)
 
-    def _compiled(self) -> kernels.Plan:
+    def _compiled(self) -> Plan:
         """All stages in one table; what cannot be written down is called."""
         parts, calls = [], []
         for s in range(len(self.stages)):
@@ -142,10 +223,10 @@ class Loop:
             part.reads[:, 0] += start
             part.writes[:, 0] += start
             part.rows[:] += start
-        names = ("code", "reads", "rows", "writes", "logs", "given", "logged")  # columns of `kernels.Plan.begin`
+        names = ("code", "reads", "rows", "writes", "logs", "given", "logged")  # columns of `Plan.begin`
         sizes = np.array([[len(getattr(part, name)) for name in names] for part in parts])
         whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*names, "value")}
-        return kernels.Plan(
+        return Plan(
             **whole,
             begin=np.vstack((np.zeros((1, len(names)), dtype=int), np.cumsum(sizes, axis=0))),
             every=np.array([stage.every for stage in self.stages]),
@@ -206,23 +287,23 @@ class Loop:
         )
 
 
-def _integers(*shape: int) -> kernels.Ints:
+def _integers(*shape: int) -> Ints:
     return np.zeros(shape, dtype=np.int64)
 
 
-def _pairs(lines: kernels.Ints, places: Sequence[int]) -> kernels.Ints:
+def _pairs(lines: Ints, places: Sequence[int]) -> Ints:
     return np.column_stack((lines, np.array(places, dtype=np.int64)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What one stage is in a `kernels.Plan`; nothing where it is called."""
+    """What one stage is in a `Plan`; nothing where it is called."""
 
-    logs: kernels.Ints
+    logs: Ints
     logged: Array
     code: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int32))
     value: Array = field(default_factory=lambda: np.zeros(0))
-    reads: kernels.Ints = field(default_factory=lambda: _integers(0, 2))
-    rows: kernels.Ints = field(default_factory=lambda: _integers(0))
-    writes: kernels.Ints = field(default_factory=lambda: _integers(0, 2))
+    reads: Ints = field(default_factory=lambda: _integers(0, 2))
+    rows: Ints = field(default_factory=lambda: _integers(0))
+    writes: Ints = field(default_factory=lambda: _integers(0, 2))
     given: Array = field(default_factory=lambda: np.zeros(0))

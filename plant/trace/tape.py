@@ -1,21 +1,23 @@
 """Arithmetic written down as it is done: a tape of scalar operations, each on the results of earlier ones.
 
-What is written on a tape can be evaluated by a small compiled loop with its derivatives beside it (tangent propagation:
-Griewank and Walther, "Evaluating Derivatives", 2nd ed., 2008, ch. 3), and printed as a C program. Equal operations are
-written once; what is constant is worked out while writing.
+A compiled loop evaluates a tape, together with its derivatives where they are wanted (tangent propagation: Griewank and
+Walther, "Evaluating Derivatives", 2nd ed., 2008, ch. 3); an export prints it as C. Equal operations are written once;
+constants are evaluated while writing.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.operations import ARITY, Op, value_of
+from wrenchgap.plant.trace.operations import ARITY, Op, chosen_of, slopes_of, value_of
 
 Line = tuple[int, int, int, int]
 
@@ -153,3 +155,58 @@ def program(tape: Tape, inputs: Sequence[int], free: Sequence[int], results: Seq
         results=np.array([place[line] for line in results], dtype=np.int64),
         sections=tuple(tape.sections[line] for line in order),
     )
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compile without numba's reference counts: no array is allocated, and each call would count every argument."""
+    numba: Any = njit  # whose annotations leave _nrt out
+    made: F = numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
+    return made
+
+
+_value_of, _slopes_of, _chosen_of = compiled(value_of), compiled(slopes_of), compiled(chosen_of)
+
+
+@compiled
+def evaluate(tape: Any, first: int, last: int) -> None:
+    """Values of the lines first to last, without tangents."""
+    code, v = tape.code, tape.value
+    for k in range(first, last):
+        op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if op <= Op.CONSTANT:
+            continue
+        v[k] = _value_of(op, v[a], v[b], v[c])
+
+
+@compiled
+def differentiate(tape: Any) -> None:
+    """Values and tangents of the lines that depend on the free inputs.
+
+    The tangent of c = f(a, b) is f_a a' + f_b b'; at a kink it is that of the side that was taken. What is infinite
+    must not meet the zero of an argument that has no tangent.
+    """
+    code, v, t, split = tape.code, tape.value, tape.tangent, tape.split
+    count = t.shape[1]
+    for k in range(split, len(code)):
+        op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if op <= Op.CONSTANT:
+            continue
+        v[k] = _value_of(op, v[a], v[b], v[c])
+        if op == Op.MAX or op == Op.MIN or op == Op.SELECT:
+            chosen = code[k, 1 + _chosen_of(op, v[a], v[b])]
+            for i in range(count):
+                t[k, i] = t[chosen, i]
+            continue
+        da, db = _slopes_of(op, v[a], v[b], v[k])
+        if a < split:
+            for i in range(count):
+                t[k, i] = db * t[b, i]
+        elif b < split or db == 0.0:
+            for i in range(count):
+                t[k, i] = da * t[a, i]
+        else:
+            for i in range(count):
+                t[k, i] = da * t[a, i] + db * t[b, i]

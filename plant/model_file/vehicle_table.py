@@ -1,0 +1,322 @@
+"""The table [vehicle] of a model file: arms, rotors, and mass properties with their tolerances.
+
+A mass property is a bare number or, where it is known to a tolerance, `mass = { value = 1.52, tolerance = 0.005 }`.
+Tolerances are one standard deviation, in the unit of the value: of a vector one number for all entries or one for each;
+of an inertia one for all moments, one for each, or three rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.reader import (
+    LEAST,
+    MOST,
+    Direction,
+    Flag,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Table,
+    Vector,
+    broken,
+    expected,
+    partial,
+)
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Tolerances, Vehicle
+
+ROUNDED = 0.03
+"""Share by which rounding lets the largest moment of inertia exceed the sum of the others: papers give two digits."""
+PRODUCTS = 0.3
+"""Tolerance of a product of inertia, relative to those of its two moments, where it is not given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """A value as the file has it, and its tolerance, None where there is none."""
+
+    value: Any
+    tolerance: Any = None
+
+
+def told(tolerance: Callable[[Any], Any]) -> WrapValidator:
+    """A value of the wrapped kind, or a table of it with a tolerance, which `tolerance` reads; either as `Told`."""
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Told:
+        if not isinstance(value, dict):
+            return Told(handler(value))
+        if set(value) != {"value", "tolerance"}:
+            raise broken(f"got a table with {_keys(value)}, expected {{ value = ..., tolerance = ... }}")
+        return Told(handler(value["value"]), tolerance(value["tolerance"]))
+
+    return WrapValidator(check)
+
+
+def told_of(value: Any) -> Told:
+    """What was read, as `Told`; a default has no tolerance."""
+    return value if isinstance(value, Told) else Told(value)
+
+
+def _keys(table: dict[str, Any]) -> str:
+    return f"the keys {', '.join(table)}" if table else "no keys"
+
+
+def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
+    """The tolerance as an array of one of these shapes; an error of the file where it is none, or not positive."""
+    wrong = broken(f"tolerance: got {given!r}, expected {words}, positive")
+    flat = given if isinstance(given, list) else [given]
+    entries = [x for row in flat for x in (row if isinstance(row, list) else [row])]
+    if any(isinstance(x, bool) or not isinstance(x, int | float) for x in entries):
+        raise wrong
+    try:
+        values = np.array(given, dtype=float)
+    except ValueError:
+        raise wrong from None
+    if values.shape not in shapes or not np.all(np.isfinite(values)) or not np.all(values > 0.0):
+        raise wrong
+    return values
+
+
+def of_number(given: Any) -> float:
+    """Of one number."""
+    return float(_positive(given, ((),), "one number"))
+
+
+def of_vector(given: Any) -> Array:
+    """Of a vector, (3,)."""
+    return np.broadcast_to(_positive(given, ((), (3,)), "one number or three"), 3).copy()
+
+
+def of_inertia(given: Any) -> Array:
+    """Of an inertia, (3, 3)."""
+    values = _positive(given, ((), (3,), (3, 3)), "one number, three, or three rows of three")
+    if values.ndim == 2:
+        return values
+    moments = np.broadcast_to(values, 3)
+    out = PRODUCTS * np.sqrt(np.outer(moments, moments))
+    np.fill_diagonal(out, moments)
+    return out
+
+
+def inertia_of(given: Told) -> tuple[Array, str]:
+    """The inertia (3, 3) of the file's rows, and a note where it is impossible by no more than its tolerance.
+
+    No rigid body has a principal moment above the sum of the other two. Within rounding (`ROUNDED`), or within the
+    tolerances of the three moments together, that is said; beyond it is an error of the file.
+    """
+    rows = given.value
+    inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
+    low, middle, high = np.linalg.eigvalsh(inertia)
+    if 0.0 < low < LEAST:
+        raise broken(f"a principal moment is {low:.3g} kg m^2; expected at least {LEAST:g}")
+    excess = float(high - low - middle)
+    if excess <= 1e-3 * (low + middle):
+        return inertia, ""
+    granted = ROUNDED * (low + middle)
+    if given.tolerance is not None:
+        granted = max(granted, float(np.trace(given.tolerance)))
+    words = f"the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2"
+    if low <= 0.0 or excess > granted:
+        raise broken(f"no body has {words}: the largest exceeds the sum of the others by {excess:.2g}")
+    over = 100.0 * excess / (low + middle)
+    return inertia, (
+        f"vehicle.inertia: of {words} the largest exceeds the sum of the others by {over:.2g} %, which no body does; "
+        "taken as it is, since its tolerance allows it."
+    )
+
+
+MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
+"""Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
+WEAKEST = 1e-6
+"""Share of the strongest rotor's full thrust that a rotor must have: the allocation divides by it."""
+
+
+def _possible(given: Told) -> Told:
+    inertia_of(given)
+    return given
+
+
+def _spin(value: float) -> float:
+    if value not in (1.0, -1.0):
+        raise ValueError
+    return value
+
+
+Inertia = Annotated[
+    Vector | tuple[Vector, Vector, Vector],
+    expected("[xx, yy, zz] or three rows of three [kg m^2]"),
+    told(of_inertia),
+    AfterValidator(_possible),
+]
+Mass = Annotated[Positive, told(of_number)]
+Place = Annotated[Vector, told(of_vector)]
+Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise about thrust) or -1")]
+
+
+class RotorTable(Table):
+    """One rotor of an arm."""
+
+    name: Name | None = None
+    offset: Number = 0.0
+    spin: Spin
+    c_f: Positive
+    kappa: Number
+    radius: Positive
+    speed_min: NotNegative = 0.0
+    speed_max: Positive
+
+    @model_validator(mode="after")
+    def _speeds(self) -> RotorTable:
+        if self.speed_min >= self.speed_max:
+            raise broken(f"speed_min: got {self.speed_min:g}, expected less than speed_max, {self.speed_max:g}")
+        return self
+
+
+class ArmTable(Table):
+    """One arm: by azimuth and length, or by its pose."""
+
+    name: Name | None = None
+    azimuth_deg: Number | None = None
+    length: Number | None = None
+    position: Vector | None = None
+    tilt_axis: Direction | None = None
+    thrust_direction: Direction = (0.0, 0.0, 1.0)
+    tilts: Flag = True
+    tilt_min_deg: Number = -1e9
+    tilt_max_deg: Number = 1e9
+    tilt_rate_deg: Positive = 1e9
+    rotors: tuple[RotorTable, ...]
+
+    @model_validator(mode="after")
+    def _geometry(self) -> ArmTable:
+        if self.position is None:
+            for key in ("azimuth_deg", "length"):
+                if getattr(self, key) is None:
+                    raise broken(f"{key} is missing; an arm has azimuth_deg and length, or position")
+        elif self.tilt_axis is None and np.hypot(*self.position[:2]) <= 1e-9:
+            raise broken(f"tilt_axis is missing; no direction is outward at position {list(self.position)}")
+        if self.tilt_min_deg >= self.tilt_max_deg:
+            raise broken("tilt_min_deg must be below tilt_max_deg")
+        if self.tilts and abs(float(self.pose[1] @ np.array(self.thrust_direction))) > 1e-6:
+            raise broken("tilt_axis and thrust_direction must be at right angles")
+        return self
+
+    @property
+    def pose(self) -> tuple[Array, Array]:
+        """Hub point (3,) [m] and unit tilt axis (3,) in B."""
+        if self.position is not None:
+            position = np.array(self.position)
+            outward = position * [1.0, 1.0, 0.0] / max(float(np.hypot(*self.position[:2])), 1e-9)
+        else:
+            azimuth = np.radians(self.azimuth_deg or 0.0)
+            outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+            position = (self.length or 0.0) * outward
+        return position, outward if self.tilt_axis is None else np.array(self.tilt_axis)
+
+
+ArmDefaults, RotorDefaults = partial(ArmTable), partial(RotorTable)
+
+
+class VehicleTable(Table):
+    """The vehicle. `arm` and `rotor` hold defaults for all arms and rotors."""
+
+    name: Name
+    mass: Mass
+    inertia: Inertia
+    com: Place = (0.0, 0.0, 0.0)
+    imu_position: Place = (0.0, 0.0, 0.0)
+    arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
+    rotor: RotorDefaults | None = None  # type: ignore[valid-type]
+    arms: tuple[ArmTable, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_defaults(cls, values: Any) -> Any:
+        def over(defaults: Any, item: Any) -> Any:
+            return {**defaults, **item} if isinstance(item, dict) and isinstance(defaults, dict) else item
+
+        if not isinstance(values, dict) or not isinstance(values.get("arms"), list):
+            return values
+        arms = [over(values.get("arm"), arm) for arm in values["arms"]]
+        for arm in arms:
+            if isinstance(arm, dict) and isinstance(arm.get("rotors"), list):
+                arm["rotors"] = [over(values.get("rotor"), rotor) for rotor in arm["rotors"]]
+        return {**values, "arms": arms}
+
+    @model_validator(mode="after")
+    def _comparable_rotors(self) -> VehicleTable:
+        """No rotor's full thrust is below `WEAKEST` of the strongest's: a unit or a digit is wrong, or it is none."""
+        rotors = [(f"arms[{i}].rotors[{k}]", r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
+        full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
+        for place, thrust in full.items():
+            if not WEAKEST * max(full.values()) <= thrust <= MOST:
+                raise broken(
+                    f"{place}: its full thrust, c_f speed_max^2, is {thrust:.3g} N, and that of the strongest rotor "
+                    f"{max(full.values()):.3g} N; check c_f [N s^2] and speed_max [rad/s]"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _own_names(self) -> VehicleTable:
+        """Every arm and rotor has a name of its own: one that was given, or what parameters call it."""
+        arms = [(f"arms[{i}]", arm.name) for i, arm in enumerate(self.arms)]
+        rotors = [
+            (f"arms[{i}].rotors[{k}]", r.name) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)
+        ]
+        taken: dict[str, str] = {}
+        for kind, listed in (("arm", arms), ("rotor", rotors)):
+            for number, (place, given) in enumerate(listed):
+                name = given or f"{kind}_{number}"
+                if name in taken:
+                    raise broken(f"{place} and {taken[name]} are both called {name!r}; give each a name of its own")
+                taken[name] = place
+        return self
+
+    def made(self) -> Vehicle:
+        """The vehicle of these values."""
+        mass, inertia, com, imu = (told_of(getattr(self, name)) for name in MASS_PROPERTIES)
+        known = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
+        body = Body(mass.value, inertia_of(inertia)[0], np.array(com.value))
+        place = np.array(imu.value)
+        if not self.arms:
+            return Vehicle(self.name, body, None, None, place, tolerances=known)
+        axes = [arm.pose for arm in self.arms]
+        low, high, rate = (
+            np.radians([getattr(arm, f"tilt_{key}_deg") for arm in self.arms]) for key in ("min", "max", "rate")
+        )
+        arms = Arms(
+            np.array([position for position, _ in axes]),
+            np.array([axis for _, axis in axes]),
+            np.array([arm.thrust_direction for arm in self.arms]),
+            np.array([arm.tilts for arm in self.arms]),
+            *(low, high, rate),
+        )
+        rotors = [(on, rotor) for on, arm in enumerate(self.arms) for rotor in arm.rotors]
+        keys = [key for key in RotorTable.model_fields if key != "name"]
+        columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in keys}
+        on = np.array([arm for arm, _ in rotors], dtype=np.intp)
+        names = _names(self.arms), _names([rotor for _, rotor in rotors])
+        return Vehicle(self.name, body, arms, Rotors(on, **columns), place, *names, tolerances=known)
+
+    @property
+    def doubt(self) -> str:
+        """What a user should know of these values, "" for nothing."""
+        return inertia_of(told_of(self.inertia))[1]
+
+
+def _names(items: Sequence[ArmTable | RotorTable]) -> tuple[str, ...]:
+    """The names of arms or rotors, "" for one without; empty where none has one."""
+    names = tuple(item.name or "" for item in items)
+    return names if any(names) else ()
