@@ -22,7 +22,7 @@ from benchmarks.hidden_effects.airframe import GRAVITY, MASS, ROTORS, Airframe
 from benchmarks.pages import timed
 from wrenchgap.plant import model_file
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import evaluate, integrated
+from wrenchgap.plant.controller import control_law, next_integral
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
@@ -65,8 +65,8 @@ def by_solve_ivp(model, trajectory, seconds):
     for k, begin in enumerate(time.tolist()):
         found.append(y[:3])
         known = unpack(np.array([begin]), y[None])
-        wrench, error = evaluate(gains, MODEL.vehicle.body, known, reference.sample(k), integral[None])
-        integral = integrated(gains, integral, error[0], dt)
+        wrench, error = control_law(gains, MODEL.vehicle.body, known, reference.sample(k), integral[None])
+        integral = next_integral(gains, integral, error[0], dt)
         tilt, speed, _ = allocation.step(about_origin(MODEL.vehicle.body, wrench)[0], tilt, k == 0, dt)
 
         def slopes(t, now, sent=Commands(wrench, tilt[None], speed[None])):

@@ -32,8 +32,8 @@ from wrenchgap.plant.mismatch import (
     Follows,
     LinearMismatch,
     MismatchModel,
+    linear_expansion,
     output_indices,
-    straight_line,
 )
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
@@ -195,7 +195,7 @@ def tape_of(program: Program | None, outputs: int) -> Tape:
 def compensation_of(made: Plan) -> Compensation:
     """What a step takes of a plan."""
     outputs = len(made.gate.rows)
-    nothing = straight_line((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
+    nothing = linear_expansion((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
     process = process_of(nothing if made.expansion is None else made.expansion)
     mismatch, sent = (None, None) if made.physics is None else (made.physics.mismatch, made.physics.sent)
     return Compensation(made.reach.table, process, made.gate, tape_of(mismatch, outputs), tape_of(sent, outputs))

@@ -25,7 +25,7 @@ from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
-from wrenchgap.plant.trace.effects import leaves, rebuilt, wrapped
+from wrenchgap.plant.trace.effects import memory_arrays, memory_of_arrays, traced_effect
 from wrenchgap.plant.trace.tape import Program, Tape, program
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
@@ -50,7 +50,7 @@ def trace(physics: PhysicsMismatch, dt: float) -> PhysicsPrograms:
 
     Raises Untraceable, naming the effect, where one cannot be written down.
     """
-    model = WrenchModel(physics.model.vehicle, tuple(wrapped(item) for item in physics.model.effects))
+    model = WrenchModel(physics.model.vehicle, tuple(traced_effect(item) for item in physics.model.effects))
     tracer = _Tracer(physics, model, dt)
     tape, mean, after = tracer.run()
     inputs = tracer.inputs
@@ -103,7 +103,7 @@ class _Tracer:
         self.tape.section = "measured wrench"
         mean = Traced.of(measured_wrench(self.model.vehicle.body, made))[0] - wrench
         rows = output_indices(self.physics.outputs)
-        after = [node.line for leaf in leaves(kept) for node in self._nodes(leaf)]
+        after = [node.line for leaf in memory_arrays(kept) for node in self._nodes(leaf)]
         return self.tape, [node.line for node in self._nodes(mean[rows])], tilt + after
 
     def _inputs(self, kind: str, names: Sequence[str]) -> Traced:
@@ -137,7 +137,7 @@ class _Tracer:
             asked = Traced.of(np.full(np.shape(array), fresh))
             return Traced.of(np.where(asked, array, given.reshape(np.shape(array))))
 
-        return rebuilt(equilibrium, leaf)
+        return memory_of_arrays(equilibrium, leaf)
 
     def _effective(self, commands: Commands, state: State, memory: Any) -> tuple[Commands, Any]:
         """As `PhysicsHere._effective`, sample by sample; and what is remembered after the first."""

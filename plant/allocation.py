@@ -126,9 +126,9 @@ class Allocation:
         """Angles (T,) of arms that tilt, turned and limited in rate as the module says; where they were limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]
-        tilt = beside(tilt, before)
+        tilt = nearest_angle(tilt, before)
         stopped = np.flatnonzero(np.minimum(most, -least) < NO_STOP)
-        tilt[stopped] = into_range(tilt[stopped], least[stopped], most[stopped])
+        tilt[stopped] = angle_in_range(tilt[stopped], least[stopped], most[stopped])
         if dt is None:
             return tilt, np.zeros_like(tilt)
         step = np.where(fresh, np.inf, arms.tilt_rate_max[arms.tilts] * dt)
@@ -177,12 +177,12 @@ def allocation_of(vehicle: Vehicle) -> Allocation:
     return Allocation(vehicle)
 
 
-def beside(tilt: Array, before: Array) -> Array:
+def nearest_angle(tilt: Array, before: Array) -> Array:
     """Angles (...) [rad] by whole turns next to those before."""
     return np.asanyarray(tilt + TURN * np.floor((before - tilt) / TURN + 0.5))
 
 
-def into_range(tilt: Array, least: Array, most: Array) -> Array:
+def angle_in_range(tilt: Array, least: Array, most: Array) -> Array:
     """Angles (...) [rad] by whole turns within their range where one of the same direction is, else as they are."""
     back = np.ceil(np.maximum(tilt - most, 0.0) / TURN - ROUNDING)
     forth = np.ceil(np.maximum(least - tilt, 0.0) / TURN - ROUNDING)

@@ -134,7 +134,7 @@ def desired_force(gains: ControllerGains, mass: float, state: State, reference: 
     return np.asanyarray(mass * (acceleration + np.array([0.0, 0.0, GRAVITY])))
 
 
-def evaluate(
+def control_law(
     gains: ControllerGains,
     body: Body,
     state: State,
@@ -168,13 +168,13 @@ def evaluate(
     return np.concatenate((force_B, torque_B), axis=-1), error
 
 
-def integrated(gains: ControllerGains, integral: Array, error: Array, dt: float) -> Array:
+def next_integral(gains: ControllerGains, integral: Array, error: Array, dt: float) -> Array:
     """The integral q (..., 3) [rad s] a period of `dt` [s] after it was `integral`, with the error e_R (..., 3)."""
     return np.clip(integral + dt * error, -gains.integral_limit, gains.integral_limit)
 
 
-def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Array | None = None) -> Array:
-    """The integral q (N, 3) that the law had at each of N consecutive samples `dt` apart: `integrated`, one by one.
+def integral_series(gains: ControllerGains, error: Array, dt: float, start: Array | None = None) -> Array:
+    """The integral q (N, 3) that the law had at each of N consecutive samples `dt` apart: `next_integral`, one by one.
 
     `error` (N, 3) is e_R, `start` (3,) the value at the first sample.
     """

@@ -35,13 +35,15 @@ def _number(value: str, text: str) -> float:
         raise UsageError(f"{text!r}: {value.strip()!r} is not a number") from None
 
 
-def made(model: Model, text: str) -> ModelEffect:
+def effect_of_text(model: Model, text: str) -> ModelEffect:
     """The effect that a text like `servo_lag=tau:0.05` describes; parameters that are not named are zero.
 
     Raises ModelError for unknown names, with a list of the known ones.
     """
     name, values = parse_value(text)
-    parameters = find(name).parameters(model.untold.vehicle)  # a truth may contradict what the file is sure of
+    parameters = find(name).parameters(
+        model.without_tolerances.vehicle
+    )  # a truth may contradict what the file is sure of
     if isinstance(values, dict) and set(values) <= {p.name for p in parameters}:
         values = {p.name: 0.0 for p in parameters} | values
     effect = make_effect(model.vehicle, name, values)
@@ -54,12 +56,12 @@ def made(model: Model, text: str) -> ModelEffect:
     return effect
 
 
-def set_by_hand(model: Model, texts: Sequence[str]) -> Model:
+def with_values(model: Model, texts: Sequence[str]) -> Model:
     """The model with effects of given values, in place of its own of the same names."""
     source = Provenance(
         fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method="set by hand"
     )
-    new = [replace(made(model, text), provenance=source) for text in texts]
+    new = [replace(effect_of_text(model, text), provenance=source) for text in texts]
     names = {e.name for e in new}
     return model.with_effects((*(e for e in model.effects if e.name not in names), *new))
 
@@ -68,7 +70,7 @@ def with_hidden(model: Model, texts: Sequence[str]) -> Model:
     """The model with further effects; values add to those of an effect that it has already."""
     truth = replace(model, history=())
     for text in texts:
-        new = made(model, text)
+        new = effect_of_text(model, text)
         old = truth.effect(new.name)
         if old is not None:
             new = replace(new, theta=old.theta + new.theta)

@@ -141,7 +141,7 @@ def changes(before: Version | None, after: Version) -> Changes:
     )
 
 
-def order_of(versions: Sequence[Version], names: Sequence[str]) -> tuple[str, ...]:
+def order_of_addition(versions: Sequence[Version], names: Sequence[str]) -> tuple[str, ...]:
     """These effects in the order in which they came into the model; those that it always had first."""
     seen: list[str] = []
     for version in versions:

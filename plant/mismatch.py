@@ -160,7 +160,7 @@ class LinearMismatch:
 
     def expansion(self) -> Expansion:
         """See `plant.mismatch.Expands`."""
-        return straight_line(self.outputs, self.offset, self.gain, self.sigma)
+        return linear_expansion(self.outputs, self.offset, self.gain, self.sigma)
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class Expands(Protocol):
         """The arrays."""
 
 
-def straight_line(outputs: tuple[str, ...], offset: Array, gain: Array, sigma: Array) -> Expansion:
+def linear_expansion(outputs: tuple[str, ...], offset: Array, gain: Array, sigma: Array) -> Expansion:
     """Offset (L,) + gain (L, 6) W with the same standard deviation (L,) everywhere."""
     count, dims = gain.shape
     return Expansion(

@@ -41,7 +41,7 @@ POSED = ("velocity", "position")
 """Groups that need the pose of the hull."""
 
 
-def checked(names: Sequence[str]) -> tuple[str, ...]:
+def ordered_groups(names: Sequence[str]) -> tuple[str, ...]:
     """The groups in the order of `COLUMNS`; raises UsageError on an unknown name or one that comes twice."""
     for name in names:
         if name not in COLUMNS:

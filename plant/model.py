@@ -63,7 +63,7 @@ class Model:
         return replace(self, effects=())
 
     @property
-    def untold(self) -> Model:
+    def without_tolerances(self) -> Model:
         """The same without tolerances: for what asks by how much a vehicle changed since its numbers were measured."""
         return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 

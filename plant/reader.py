@@ -51,7 +51,7 @@ def expected(words: str) -> WrapValidator:
     return WrapValidator(check)
 
 
-def broken(words: str) -> PydanticCustomError:
+def rule_error(words: str) -> PydanticCustomError:
     """The error of a value or table that breaks a rule, in these words; to be raised in a validator."""
     return PydanticCustomError("rule", "{words}", {"words": words})
 
@@ -59,20 +59,20 @@ def broken(words: str) -> PydanticCustomError:
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
     norm = float(np.linalg.norm(value))
     if norm < 1e-9:
-        raise broken(f"has no direction: {list(value)}")
+        raise rule_error(f"has no direction: {list(value)}")
     x, y, z = (np.array(value) / norm).tolist()
     return x, y, z
 
 
 def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
     if not set(names) < set(AXES):
-        raise broken("")
+        raise rule_error("")
     return tuple(axis for axis in AXES if axis in names)
 
 
 def _name(text: str) -> str:
     if not text.strip() or not text.isprintable() or len(text) > LONGEST_NAME:
-        raise broken("")
+        raise rule_error("")
     return text.strip()
 
 
@@ -198,13 +198,13 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
     raise error(f"{name}: cannot be read {words}: {reason}{remedy}")
 
 
-def inside(folder: Path, name: str, where: str) -> Path:
+def path_inside(folder: Path, name: str, where: str) -> Path:
     """Where the name of a file leads that a file in `folder` gives under the key `where`; there may be none.
 
     Raises ModelError for all but ordinary files in that folder or below, also after links were followed: who reads a
     model of somebody else's opens nothing else of his machine.
     """
-    said = f"{where}: {shortened(repr(name))}"
+    said = f"{where}: {quoted(repr(name))}"
     try:
         path = (folder / name).resolve()
         ordinary = path.is_file() or not path.exists()
@@ -219,11 +219,11 @@ def inside(folder: Path, name: str, where: str) -> Path:
     return path
 
 
-def beside(folder: Path, name: str, ending: str, where: str) -> Path:
-    """A file that is there, `inside`, and ends as it should."""
-    path = inside(folder, name, where)
+def sibling_file(folder: Path, name: str, ending: str, where: str) -> Path:
+    """A file that is there, `path_inside`, and ends as it should."""
+    path = path_inside(folder, name, where)
     if not path.is_file() or path.suffix.lower() != ending:
-        said = f"{where}: {shortened(repr(name))}"
+        said = f"{where}: {quoted(repr(name))}"
         raise ModelError(f"{said}: no such {ending} file in the folder of the file that names it")
     return path
 
@@ -242,7 +242,7 @@ def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlki
     except RecursionError:
         raise error("is not TOML: tables or lists within one another without end") from None
     except Exception as found:  # a damaged document makes tomlkit raise many kinds
-        raise error(f"is not TOML: {shortened(' '.join(str(found).split()))}") from None
+        raise error(f"is not TOML: {quoted(' '.join(str(found).split()))}") from None
 
 
 def check_schema(document: Mapping[str, Any], schema: int, error: type[WrenchgapError] = ModelError) -> None:
@@ -264,10 +264,10 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
         return f"{path}: is missing{f'; see {page}' if page else ''}"
     shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
     got = repr(found["input"])
-    got = shortened(got)
+    got = quoted(got)
     return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
 
 
-def shortened(text: str) -> str:
+def quoted(text: str) -> str:
     """What a message quotes of a text: `LONGEST` characters at most."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

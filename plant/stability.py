@@ -147,7 +147,7 @@ def margin(slope: Array, outputs: tuple[str, ...], loop: Loop, past: Array | Non
     return Margin(np.where(singular > 1e-6, along, 0.0), peak, loop.lag, loop.delay)
 
 
-def of_model(model: MismatchModel, inputs: Array, loop: Loop) -> Margin:
+def margin_of_model(model: MismatchModel, inputs: Array, loop: Loop) -> Margin:
     """The margin of a mismatch model along inputs (N, D) of it: the command first, `past` last where it looks at it."""
     slope, size = model.jacobian(inputs), len(AXES)
     past = slope[:, :, -size:] if "past" in getattr(model, "input_groups", ()) else None

@@ -28,7 +28,7 @@ def changed(
     processes, by default one for each core.
     """
     return changing.changed(
-        listed(suspects), listed(healthy), model_of(model).untold, names=names, jobs=jobs, progress=progress
+        listed(suspects), listed(healthy), model_of(model).without_tolerances, names=names, jobs=jobs, progress=progress
     )
 
 
@@ -43,4 +43,4 @@ def trend(
 
     `effects` are fitted, by default those of the model, else `thrust_scale` and `com_offset`.
     """
-    return trending.trend(listed(flights), model_of(model).untold, effects, progress=progress)
+    return trending.trend(listed(flights), model_of(model).without_tolerances, effects, progress=progress)

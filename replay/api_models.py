@@ -15,9 +15,9 @@ from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.plant import model_file
-from wrenchgap.plant.drafts.draft import Sheet, assumed, finished
+from wrenchgap.plant.drafts.draft import Sheet, assumptions, completed
 from wrenchgap.plant.drafts.model_text import text_of
-from wrenchgap.plant.drafts.sources import Ask, Given, asked, drafted, with_spins
+from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, with_spins
 from wrenchgap.plant.model import Model
 
 
@@ -35,11 +35,11 @@ def draft_model(
     Nothing is written. Raises UsageError, ModelError or LogError, in one line, for what is missing or cannot be read.
     """
     path, said = None if source is None else Path(source), given or Given()
-    found = drafted(path, said, budget)
+    found = draft_of_source(path, said, budget)
     if ask is not None:
-        said = Given(**asked(asdict(said), found, ask))  # type: ignore[arg-type]
-        found = with_spins(drafted(path, said, budget), ask)
-    found = finished(found)
+        said = Given(**answers(asdict(said), found, ask))  # type: ignore[arg-type]
+        found = with_spins(draft_of_source(path, said, budget), ask)
+    found = completed(found)
     words = command or shlex.join(["wrenchgap", "model", "new", *(["--from", str(path)] if path else [])])
     origin = found.origin if path is None else f"{found.origin} (SHA-256 {sha256(path.read_bytes()).hexdigest()})"
     headline = (
@@ -47,7 +47,7 @@ def draft_model(
         f"with `{words}`.",
         "Every number says where it comes from; what is marked ASSUMED nobody said: replace it where you know better.",
     )
-    return Sheet(model_file.loads(text_of(found, headline)), tuple(assumed(found)), found.notes)
+    return Sheet(model_file.loads(text_of(found, headline)), tuple(assumptions(found)), found.notes)
 
 
 def save_draft(drawn: Sheet, path: str | Path, *, force: bool = False) -> Sheet:

@@ -31,7 +31,7 @@ from wrenchgap.learn.identify.learning import absorption, default_mean, learn_pr
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
 from wrenchgap.learn.posterior.explain import Explanation, explain
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, check_effects
-from wrenchgap.plant.history import order_of
+from wrenchgap.plant.history import order_of_addition
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 
@@ -144,7 +144,7 @@ def report(
     added = add(model, found.effects, flights, fitted=found.fit)
     data = replace(dataset_of(flights, model), answering=found.answering)
     tell(0.5, "error step by step")
-    order = [*order_of(model.history, [e.name for e in model.effects]), *found.effects]
+    order = [*order_of_addition(model.history, [e.name for e in model.effects]), *found.effects]
     made = steps(data, model, order, whole=added.fit)
     tell(0.55, "what remains to be learnt")
     rest = _learnt(flights, model, added.model, made, data) if gp is None else _given(flights, model, gp)

@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, create_model
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, shortened, text_of
+from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, text_of
 from wrenchgap.plant.reader import read as read_table
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
@@ -68,7 +68,7 @@ def parse(text: str, where: str = "saved view") -> ViewState:
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(
-            f"{where}: schema is {shortened(repr(found))}, expected {SCHEMA!r}; expected what `Save view` wrote"
+            f"{where}: schema is {quoted(repr(found))}, expected {SCHEMA!r}; expected what `Save view` wrote"
         )
     del content["schema"]
     try:

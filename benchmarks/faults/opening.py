@@ -138,12 +138,12 @@ def _trajectory(path: Path) -> Opened:
 
 def _description(path: Path) -> Opened:
     """As `wrenchgap model new --from`, of which the log readers' part is in the other forms."""
-    from wrenchgap.plant.drafts.draft import finished
+    from wrenchgap.plant.drafts.draft import completed
     from wrenchgap.plant.drafts.model_text import text_of
-    from wrenchgap.plant.drafts.sources import Given, drafted
+    from wrenchgap.plant.drafts.sources import Given, draft_of_source
     from wrenchgap.plant.model_file import loads
 
-    drawn = finished(drafted(path, Given(mass=1.2, arm=0.2)))
+    drawn = completed(draft_of_source(path, Given(mass=1.2, arm=0.2)))
     text = text_of(drawn, ("",))
     loads(text)
     return Opened(_digest(text), 1, frozenset(drawn.notes))

@@ -30,7 +30,7 @@ from wrenchgap.learn.design.manoeuvres import MANOEUVRES, Limits, violations
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
 from wrenchgap.learn.identify.bias_and_trim import ACCELEROMETER_BIAS
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import evaluate, pushes_along_z_only
+from wrenchgap.plant.controller import control_law, pushes_along_z_only
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import imu_errors
 from wrenchgap.plant.state import Commands, State
@@ -175,7 +175,7 @@ def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int 
     state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
     vehicle, dt = model.vehicle, 1.0 / SCREEN.rate
     along_z, rest = pushes_along_z_only(vehicle), np.zeros_like(r.omega_D)
-    wrench, _ = evaluate(model.controller, vehicle.body, state, r, rest, along_z=along_z)
+    wrench, _ = control_law(model.controller, vehicle.body, state, r, rest, along_z=along_z)
     commands, beyond = Commands(wrench), []
     if vehicle.has_rotors:
         allocation = Allocation(vehicle)

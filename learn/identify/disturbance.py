@@ -33,10 +33,10 @@ from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import evaluate, integrate_error, pushes_along_z_only
+from wrenchgap.plant.controller import control_law, integral_series, pushes_along_z_only
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import unpack
-from wrenchgap.plant.simulation.closed_loop import fly, over_periods, replayed
+from wrenchgap.plant.simulation.closed_loop import command_stage, fly, mean_over_periods
 from wrenchgap.plant.simulation.flight_computer import RecordedPilot, beyond_allocation
 from wrenchgap.plant.simulation.loop import Signals, Stage
 from wrenchgap.plant.state import Commands, State
@@ -117,8 +117,8 @@ def infer(
 
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
-    base: Array = _measured(plant.body, r, over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt)))
-    command, signals = replayed(nominal.take(window))
+    base: Array = _measured(plant.body, r, mean_over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt)))
+    command, signals = command_stage(nominal.take(window))
     towards = np.hstack((base, state.position_E, state.quat_EB, state.velocity_E, state.omega_B))[window]
 
     def disturb(now: Signals, row: Array) -> Signals:
@@ -188,12 +188,12 @@ def _law(model: Model, r: Recording, states: State, along_z: bool) -> tuple[Arra
     gains, body, window = model.controller, model.vehicle.body, r.window
 
     def at(rows: slice, state: State, integral: Array) -> tuple[Array, Array]:
-        return evaluate(gains, body, state, r.reference.take(rows), integral, along_z=along_z)
+        return control_law(gains, body, state, r.reference.take(rows), integral, along_z=along_z)
 
     integral = np.zeros(3)
     if r.first:
         before = slice(0, r.first + 1)
         error = at(before, r.motion.state.take(before), np.zeros((r.first + 1, 3)))[1]
-        integral = integrate_error(gains, error, r.dt)[-1]
+        integral = integral_series(gains, error, r.dt)[-1]
     error = at(window, states, np.zeros((r.count, 3)))[1]
-    return integral, at(window, states, integrate_error(gains, error, r.dt, integral))[0]
+    return integral, at(window, states, integral_series(gains, error, r.dt, integral))[0]

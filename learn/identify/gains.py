@@ -28,7 +28,7 @@ from wrenchgap.plant.controller import (
     ControllerGains,
     attitude_error,
     default_gains,
-    integrate_error,
+    integral_series,
     pushes_along_z_only,
 )
 from wrenchgap.plant.model import Model
@@ -108,7 +108,7 @@ def _regression(samples: Samples, flight: Flight, model: Model) -> tuple[Array, 
     turning, growing = _rates(reference, time)
     e_omega = omega - so3.rotate(quat_BD, turning)
     ahead = so3.rotate(quat_BD, growing)
-    X = np.stack((-e_omega, -e, -integrate_error(model.controller, e, samples.dt), ahead, np.ones_like(e)), axis=2)
+    X = np.stack((-e_omega, -e, -integral_series(model.controller, e, samples.dt), ahead, np.ones_like(e)), axis=2)
     return low_pass(X, samples.dt, CUTOFF_HZ), low_pass(y, samples.dt, CUTOFF_HZ)
 
 

@@ -30,7 +30,7 @@ from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.stability import Loop, Margin, of_model
+from wrenchgap.plant.stability import Loop, Margin, margin_of_model
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def guarded_process(
         data = samples(records, base, settings.inputs)
         gp, held = _fitted(data, outputs, settings, provenance, progress)
         gp = gp if held is None else believed(gp, held, gp.gain, data.inputs)
-        return Guarded(gp, data, of_model(gp, data.inputs, loop_of(base)))
+        return Guarded(gp, data, margin_of_model(gp, data.inputs, loop_of(base)))
     settings = replace(settings, blind=_blind(records, base, outputs))
     late = _lags(records, base, outputs, settings)
     found, supported = _attempt(records, base, outputs, settings, provenance, late, progress)
@@ -137,7 +137,7 @@ def _attempt(
     if held is not None and supported is not None:
         supported = _worth(supported, rms(data.outputs[:, rows]), rms(samples(records, base).outputs[:, rows]))
         gp = believed(gp, held, supported.gain, data.inputs)
-    return Guarded(gp, data, of_model(gp, data.inputs, loop_of(base, float(late.max())))), supported
+    return Guarded(gp, data, margin_of_model(gp, data.inputs, loop_of(base, float(late.max())))), supported
 
 
 def _worth(supported: Support, left: Array, plain: Array) -> Support:

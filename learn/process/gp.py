@@ -153,7 +153,7 @@ class FitSettings:
     search: Search = "closed-form"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "inputs", mismatch_inputs.checked(self.inputs))
+        object.__setattr__(self, "inputs", mismatch_inputs.ordered_groups(self.inputs))
         if self.blind:
             output_indices(self.blind)
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Said
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
 from wrenchgap.plant.drafts.frames import ardupilot_frame, rotors_of
 from wrenchgap.plant.drafts.px4 import flipped
 
@@ -63,12 +63,14 @@ def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[
     return rotors_of(frame, arm, f"frame {frame} of FRAME_CLASS, FRAME_TYPE; --arm {arm:g}")
 
 
-def imu_of(parameters: Parameters) -> Said | None:
+def imu_of(parameters: Parameters) -> Sourced | None:
     """The first IMU's place, INS_POS1_*."""
     if "INS_POS1_X" not in parameters:
         return None
     at = flipped(*(parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"))
-    return Said(at, "INS_POS1_X, _Y, _Z" + ("" if any(at) else ", which are ArduPilot's default"), assumed=not any(at))
+    return Sourced(
+        at, "INS_POS1_X, _Y, _Z" + ("" if any(at) else ", which are ArduPilot's default"), assumed=not any(at)
+    )
 
 
 def command_of(parameters: Parameters) -> CommandDraft:
@@ -82,12 +84,12 @@ def command_of(parameters: Parameters) -> CommandDraft:
     (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
     ends = [low + share * (high - low) for share in (idle, full)]
     keys = {
-        "unit": Said("pwm", "motor outputs of RCOU [us]"),
-        "range": Said(ends, f"{named}, MOT_SPIN_MIN, _MAX", assumed=unknown),
-        "factor": Said(factor, "MOT_THST_EXPO" + (", ArduPilot's default" if curve else ""), assumed=curve),
+        "unit": Sourced("pwm", "motor outputs of RCOU [us]"),
+        "range": Sourced(ends, f"{named}, MOT_SPIN_MIN, _MAX", assumed=unknown),
+        "factor": Sourced(factor, "MOT_THST_EXPO" + (", ArduPilot's default" if curve else ""), assumed=curve),
     }
     words = f"hovering at MOT_THST_HOVER = {hover:.3g}" + (", ArduPilot's default" if still else "")
-    return CommandDraft(keys, hover=Said(hover, words, assumed=still))
+    return CommandDraft(keys, hover=Sourced(hover, words, assumed=still))
 
 
 def _pulses(parameters: Parameters) -> tuple[tuple[float, float], str, bool]:

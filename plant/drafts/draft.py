@@ -1,6 +1,6 @@
 """What is known of a vehicle before there is a model file: values, each with where it comes from.
 
-Frames as in `plant.vehicle`: B is x forward, y left, z up. `finished` fills in what a model file must have and nobody
+Frames as in `plant.vehicle`: B is x forward, y left, z up. `completed` fills in what a model file must have and nobody
 said, each of it marked as assumed; nothing is filled in silently.
 """
 
@@ -31,7 +31,7 @@ HEADROOM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
+class Sourced:
     """A value, and where it comes from in a few words; `assumed` where nobody said it. `tolerance`: one sigma."""
 
     value: Any
@@ -53,14 +53,14 @@ class Tilt:
 class RotorDraft:
     """One rotor: hub (3,) [m] and thrust direction (3,) in B, the rest as in `plant.vehicle.Rotors`, if it was said."""
 
-    position_B: Said
-    direction_B: Said
-    spin: Said
-    kappa: Said | None = None
-    c_f: Said | None = None
-    radius: Said | None = None
-    speed_max: Said | None = None
-    thrust_max: Said | None = None
+    position_B: Sourced
+    direction_B: Sourced
+    spin: Sourced
+    kappa: Sourced | None = None
+    c_f: Sourced | None = None
+    radius: Sourced | None = None
+    speed_max: Sourced | None = None
+    thrust_max: Sourced | None = None
     name: str = ""
     tilt: Tilt | None = None
 
@@ -72,9 +72,9 @@ class CommandDraft:
     `thrust_max` [N] is known, or follows from mass and `hover`.
     """
 
-    keys: Mapping[str, Said]
-    hover: Said | None = None
-    thrust_max: Said | None = None
+    keys: Mapping[str, Sourced]
+    hover: Sourced | None = None
+    thrust_max: Sourced | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,16 +84,16 @@ class Draft:
     name: str
     origin: str
     rotors: tuple[RotorDraft, ...] = ()
-    mass: Said | None = None
-    inertia: Said | None = None
-    com: Said | None = None
-    imu_position: Said | None = None
+    mass: Sourced | None = None
+    inertia: Sourced | None = None
+    com: Sourced | None = None
+    imu_position: Sourced | None = None
     command: CommandDraft | None = None
     notes: tuple[str, ...] = ()
     topics: Mapping[str, str] = field(default_factory=dict)
 
 
-def finished(draft: Draft) -> Draft:
+def completed(draft: Draft) -> Draft:
     """The draft with everything that a model file needs. Raises ModelError where the mass or the rotors are missing."""
     if draft.mass is None:
         raise ModelError(f"{draft.origin}: does not say what the vehicle weighs; weigh it and say --mass KG")
@@ -105,8 +105,8 @@ def finished(draft: Draft) -> Draft:
     hubs = np.array([r.position_B.value for r in draft.rotors])
     filled = replace(
         draft,
-        com=draft.com or Said((0.0, 0.0, 0.0), "the point from which the rotors are given", assumed=True),
-        imu_position=draft.imu_position or Said((0.0, 0.0, 0.0), "not said: at the origin", assumed=True),
+        com=draft.com or Sourced((0.0, 0.0, 0.0), "the point from which the rotors are given", assumed=True),
+        imu_position=draft.imu_position or Sourced((0.0, 0.0, 0.0), "not said: at the origin", assumed=True),
         inertia=draft.inertia or _estimated(float(draft.mass.value), hubs),
     )
     radii = _radii(hubs)
@@ -114,7 +114,7 @@ def finished(draft: Draft) -> Draft:
     return _with_thrust(replace(filled, rotors=rotors, notes=(*draft.notes, *_doubts(draft.mass, rotors))))
 
 
-def _doubts(mass: Said, rotors: Sequence[RotorDraft]) -> list[str]:
+def _doubts(mass: Sourced, rotors: Sequence[RotorDraft]) -> list[str]:
     """What is hardly possible of mass and size: another unit, most likely."""
     area = sum(np.pi * float(r.radius.value) ** 2 for r in rotors if r.radius is not None)
     loading = GRAVITY * float(mass.value) / area
@@ -126,13 +126,13 @@ def _doubts(mass: Said, rotors: Sequence[RotorDraft]) -> list[str]:
     ]
 
 
-def _estimated(mass: float, hubs: Array) -> Said:
+def _estimated(mass: float, hubs: Array) -> Sourced:
     moments = inertia_of_mass(mass, hubs)
     words = (
         f"estimated from mass and geometry: {100 * SHARE:.0f} % of the mass at the rotors, the rest in the middle; "
         f"+-{100 * UNCERTAINTY:.0f} % (one sigma)"
     )
-    return Said(tuple(moments), words, assumed=True, tolerance=tuple(UNCERTAINTY * moments))
+    return Sourced(tuple(moments), words, assumed=True, tolerance=tuple(UNCERTAINTY * moments))
 
 
 def _radii(hubs: Array) -> Array:
@@ -146,8 +146,8 @@ def _radii(hubs: Array) -> Array:
 
 
 def _filled(rotor: RotorDraft, radius: float) -> RotorDraft:
-    room = Said(float(radius), f"{100 * ROOM:.0f} % of the distance to the nearest rotor", assumed=True)
-    kappa = Said(KAPPA, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
+    room = Sourced(float(radius), f"{100 * ROOM:.0f} % of the distance to the nearest rotor", assumed=True)
+    kappa = Sourced(KAPPA, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
     return replace(rotor, radius=rotor.radius or room, kappa=rotor.kappa or kappa)
 
 
@@ -161,29 +161,29 @@ def _with_thrust(draft: Draft) -> Draft:
         full = command.thrust_max
         if full is None and command.hover is not None:
             hover = command.hover
-            full = Said(share / float(hover.value), f"weight over {len(up)} rotors, {hover.source}", hover.assumed)
+            full = Sourced(share / float(hover.value), f"weight over {len(up)} rotors, {hover.source}", hover.assumed)
         draft = replace(draft, command=replace(command, thrust_max=full))
     rotors = tuple(_powered(r, full, share) for r in draft.rotors)
     return replace(draft, rotors=rotors)
 
 
-def _powered(rotor: RotorDraft, full: Said | None, share: float) -> RotorDraft:
+def _powered(rotor: RotorDraft, full: Sourced | None, share: float) -> RotorDraft:
     assert rotor.radius is not None
     estimate = COEFFICIENT * DENSITY * np.pi * float(rotor.radius.value) ** 4
     words = f"estimated from the radius, C_T = {COEFFICIENT:g}" + ("; names the thrust of [command]" if full else "")
-    c_f = rotor.c_f or Said(estimate, words, assumed=True)
+    c_f = rotor.c_f or Sourced(estimate, words, assumed=True)
     limit = "full throttle" if full else f"{HEADROOM:g} times the thrust of hover"
-    full = full or rotor.thrust_max or Said(HEADROOM * share, "", assumed=True)
+    full = full or rotor.thrust_max or Sourced(HEADROOM * share, "", assumed=True)
     words = f"speed at {rotor.thrust_max.source if rotor.thrust_max else limit}"
-    top = Said(float(np.sqrt(float(full.value) / float(c_f.value))), words, assumed=rotor.thrust_max is None)
+    top = Sourced(float(np.sqrt(float(full.value) / float(c_f.value))), words, assumed=rotor.thrust_max is None)
     return replace(rotor, c_f=c_f, speed_max=rotor.speed_max or top)
 
 
-def assumed(draft: Draft) -> list[str]:
+def assumptions(draft: Draft) -> list[str]:
     """What nobody said, in words: for the user to check."""
     found = [f"{k}: {s.source}" for k in ("inertia", "com", "imu_position") if (s := getattr(draft, k)).assumed]
     for key in ("spin", "kappa", "c_f", "radius", "speed_max"):
-        values: Sequence[Said] = [getattr(r, key) for r in draft.rotors]
+        values: Sequence[Sourced] = [getattr(r, key) for r in draft.rotors]
         if any(v.assumed for v in values):
             found.append(f"{key}: {next(v.source for v in values if v.assumed)}")
     if draft.command is not None:

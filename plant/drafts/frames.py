@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.drafts.draft import RotorDraft, Said
+from wrenchgap.plant.drafts.draft import RotorDraft, Sourced
 
 Frame = tuple[tuple[float, int], ...]
 
@@ -46,9 +46,9 @@ def rotors_of(frame: str, arm: float, source: str, *, assumed: bool = False) -> 
         place = (float(arm * np.cos(azimuth)), float(arm * np.sin(azimuth)), 0.0)
         out.append(
             RotorDraft(
-                Said(place, source),
-                Said((0.0, 0.0, 1.0), source),
-                Said(turn, source, assumed),
+                Sourced(place, source),
+                Sourced((0.0, 0.0, 1.0), source),
+                Sourced(turn, source, assumed),
                 name=f"M{number}",
             )
         )

@@ -18,9 +18,9 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.plant.drafts.draft import Draft, Said
+from wrenchgap.plant.drafts.draft import Draft, Sourced
 from wrenchgap.plant.drafts.robot_tree import Joint, Link, Motor, draft_of, motors_of
-from wrenchgap.plant.reader import inside, text_of
+from wrenchgap.plant.reader import path_inside, text_of
 
 MEMBERS = ("visual", "collision")
 INCLUDING = ("include", "model")
@@ -66,7 +66,7 @@ def _mujoco(path: Path) -> Any:
 
 
 def _check_files(path: Path) -> None:
-    """Raise ModelError unless all files that an MJCF, or what it includes, names lie in its folder (`inside`)."""
+    """Raise ModelError unless all files that an MJCF, or what it includes, names lie in its folder (`path_inside`)."""
     folder, waiting = path.parent, [path]
     names, folders = list[tuple[str, str]](), {""}
     for one in waiting:  # grows
@@ -79,11 +79,13 @@ def _check_files(path: Path) -> None:
             where = f"{path.name}: <{element.tag} {key}>"
             names.append((where, name))
             if element.tag.lower() in INCLUDING:
-                found = [inside(folder, str(PurePath(start, name)) if start else name, where) for start in ("", here)]
+                found = [
+                    path_inside(folder, str(PurePath(start, name)) if start else name, where) for start in ("", here)
+                ]
                 waiting += [each for each in found if each.is_file() and each not in waiting]
     for where, name in names:
         for start in sorted(folders):
-            inside(folder, str(PurePath(start, name)) if start else name, where)
+            path_inside(folder, str(PurePath(start, name)) if start else name, where)
 
 
 def _elements(one: Path, path: Path) -> list[ElementTree.Element]:
@@ -239,9 +241,9 @@ def _motor(model: Any, number: int, name: str, direction: Any, hub: Any) -> Moto
     gain = float(model.actuator_gainprm[number, 0])
     limited = bool(model.actuator_ctrllimited[number])
     return Motor(
-        spin=Said(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, told) if ratio else None,
-        kappa=Said(abs(ratio), told) if ratio else None,
-        thrust_max=Said(most * gain, f"ctrlrange and {told}") if limited and most * gain > 0.0 else None,
+        spin=Sourced(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, told) if ratio else None,
+        kappa=Sourced(abs(ratio), told) if ratio else None,
+        thrust_max=Sourced(most * gain, f"ctrlrange and {told}") if limited and most * gain > 0.0 else None,
         number=number,
         position=hub,
         direction=direction,

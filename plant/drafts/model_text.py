@@ -9,7 +9,7 @@ import numpy as np
 import tomlkit
 
 from wrenchgap._escaping import printable
-from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
 from wrenchgap.plant.reader import LONGEST_NAME
 
 COMMENT = 58
@@ -59,16 +59,16 @@ def _value(value: Any) -> str:
     return text if any(c in text for c in ".en") else f"{text}.0"
 
 
-def _told(said: Said) -> str:
+def _told(said: Sourced) -> str:
     value = _value(said.value)
     return value if said.tolerance is None else f"{{ value = {value}, tolerance = {_value(said.tolerance)} }}"
 
 
-def _line(key: str, value: str, said: Said) -> str:
+def _line(key: str, value: str, said: Sourced) -> str:
     return f"{key} = {value}".ljust(COMMENT) + f"  # {_words(said)}"
 
 
-def _words(said: Said) -> str:
+def _words(said: Sourced) -> str:
     return printable(f"ASSUMED: {said.source}" if said.assumed else said.source)
 
 

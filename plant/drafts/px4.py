@@ -18,7 +18,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Said
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
 
 Parameters = Mapping[str, float]
 MULTIROTORS = {0: "multirotor", 7: "motors in all directions", 8: "multirotor with tilt"}
@@ -62,36 +62,36 @@ def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:
     usual = abs(abs(km) - KM) < 1e-6
     words = f"{name}_KM = {km:.4g}" + (", which is PX4's default" if usual else "")
     return RotorDraft(
-        Said(flipped(read("PX"), read("PY"), read("PZ")), f"{name}_PX, _PY, _PZ; forward, left, up"),
-        Said(tuple((axis / length + 0.0).tolist()), f"{name}_AX, _AY, _AZ"),
-        Said(1 if km >= 0.0 else -1, f"{name}_KM {'positive' if km >= 0.0 else 'negative'}"),
-        kappa=Said(abs(km), words, assumed=usual) if km else None,
+        Sourced(flipped(read("PX"), read("PY"), read("PZ")), f"{name}_PX, _PY, _PZ; forward, left, up"),
+        Sourced(tuple((axis / length + 0.0).tolist()), f"{name}_AX, _AY, _AZ"),
+        Sourced(1 if km >= 0.0 else -1, f"{name}_KM {'positive' if km >= 0.0 else 'negative'}"),
+        kappa=Sourced(abs(km), words, assumed=usual) if km else None,
         name=f"M{number + 1}",
     )
 
 
-def imu_of(parameters: Parameters) -> Said | None:
+def imu_of(parameters: Parameters) -> Sourced | None:
     """The IMU's place, EKF2_IMU_POS_*."""
     if "EKF2_IMU_POS_X" not in parameters:
         return None
     at = flipped(*(parameters.get(f"EKF2_IMU_POS_{axis}", 0.0) for axis in "XYZ"))
     words = "EKF2_IMU_POS_X, _Y, _Z" + ("" if any(at) else ", which are PX4's default")
-    return Said(at, words, assumed=not any(at))
+    return Sourced(at, words, assumed=not any(at))
 
 
-def com_of(parameters: Parameters) -> Said | None:
+def com_of(parameters: Parameters) -> Sourced | None:
     """PX4 gives rotors from the centre of mass."""
-    return Said((0.0, 0.0, 0.0), "CA_ROTOR* are from the centre of mass") if has_geometry(parameters) else None
+    return Sourced((0.0, 0.0, 0.0), "CA_ROTOR* are from the centre of mass") if has_geometry(parameters) else None
 
 
 def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft:
     """[command] for `actuator_motors`, or for pulse widths where `unit` is "pwm" (older firmware)."""
     factor = float(parameters.get("THR_MDL_FAC", 0.0))
-    keys = {"unit": Said(unit, "actuator_motors: 0 to 1" if unit == "normalised" else "actuator_outputs [us]")}
+    keys = {"unit": Sourced(unit, "actuator_motors: 0 to 1" if unit == "normalised" else "actuator_outputs [us]")}
     if unit == "pwm":
         low, high = (float(parameters.get(f"PWM_{end}", usual)) for end, usual in (("MIN", 1000.0), ("MAX", 2000.0)))
-        keys["range"] = Said([low, high], "PWM_MIN, PWM_MAX", assumed="PWM_MIN" not in parameters)
-        shape = Said(
+        keys["range"] = Sourced([low, high], "PWM_MIN, PWM_MAX", assumed="PWM_MIN" not in parameters)
+        shape = Sourced(
             factor or 1.0,
             "THR_MDL_FAC"
             if factor
@@ -99,9 +99,9 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
             not factor,
         )
     elif factor > 0.0:
-        shape = Said(0.0, f"THR_MDL_FAC = {factor:.3g}: PX4 commands shares of thrust")
+        shape = Sourced(0.0, f"THR_MDL_FAC = {factor:.3g}: PX4 commands shares of thrust")
     else:
-        shape = Said(
+        shape = Sourced(
             1.0,
             "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square of the command",
             assumed=True,
@@ -110,7 +110,7 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
     said = "" if hover != HOVER and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
     share = hover if shape.value == 0.0 else float(shape.value) * hover**2 + (1.0 - float(shape.value)) * hover
     words = f"hovering at MPC_THR_HOVER = {hover:.3g}{said}"
-    return CommandDraft({**keys, "factor": shape}, hover=Said(share, words, assumed=bool(said)))
+    return CommandDraft({**keys, "factor": shape}, hover=Sourced(share, words, assumed=bool(said)))
 
 
 def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said, Tilt
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced, Tilt
 
 Joint = Literal["fixed", "hinge", "turning", "other"]
 """How a body is joined to its parent: not, by a hinge with limits, by one without, otherwise."""
@@ -55,11 +55,11 @@ class Link:
 class Motor:
     """What a plugin or an actuator says of a rotor; where it sits if that is not its link's frame."""
 
-    spin: Said | None = None
-    kappa: Said | None = None
-    c_f: Said | None = None
-    speed_max: Said | None = None
-    thrust_max: Said | None = None
+    spin: Sourced | None = None
+    kappa: Sourced | None = None
+    c_f: Sourced | None = None
+    speed_max: Sourced | None = None
+    thrust_max: Sourced | None = None
     number: int | None = None
     position: Array | None = None
     direction: Array | None = None
@@ -70,7 +70,7 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
     rows = sorted(motors, key=lambda k: (motors[k].number is None, motors[k].number or 0, k))
     notes = []
     if not rows:
-        rows = turning(links)
+        rows = free_leaf_bodies(links)
         if rows:
             notes.append(
                 f"{origin}: names no motors; the {len(rows)} bodies that turn without limit are taken for rotors, in "
@@ -85,7 +85,7 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
         numbers = (one.position, one.rotation, one.centre, one.inertia, np.array([one.mass]))
         if not all(np.isfinite(part).all() and np.abs(part).max(initial=0.0) < ABSURD for part in numbers):
             raise ModelError(f"{origin}: {one.name}: mass, inertia and place must be numbers below {ABSURD:g}")
-    mass, centre, inertia = together(links)
+    mass, centre, inertia = combined_mass_properties(links)
     if mass <= 0.0:
         raise ModelError(f"{origin}: the bodies have no mass; say what the vehicle weighs with --mass KG and --frame")
     words = f"{len(links)} bodies of the {kind}"
@@ -94,14 +94,14 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
         name,
         origin,
         rotors,
-        mass=Said(mass, f"sum of {words}"),
-        inertia=Said(tuple(map(tuple, inertia.tolist())), f"{words} about their centre of mass, joints at rest"),
-        com=Said(tuple(centre.tolist()), words),
+        mass=Sourced(mass, f"sum of {words}"),
+        inertia=Sourced(tuple(map(tuple, inertia.tolist())), f"{words} about their centre of mass, joints at rest"),
+        com=Sourced(tuple(centre.tolist()), words),
         notes=tuple(notes),
     )
 
 
-def together(links: Sequence[Link]) -> tuple[float, Array, Array]:
+def combined_mass_properties(links: Sequence[Link]) -> tuple[float, Array, Array]:
     """Mass [kg], centre (3,) [m] and inertia (3, 3) [kg m^2] about it of all bodies."""
     masses = np.array([one.mass for one in links])
     mass = float(masses.sum())
@@ -114,7 +114,7 @@ def together(links: Sequence[Link]) -> tuple[float, Array, Array]:
     return mass, np.asarray(centre), inertia
 
 
-def turning(links: Sequence[Link]) -> list[int]:
+def free_leaf_bodies(links: Sequence[Link]) -> list[int]:
     """Leaf bodies on joints that turn without limit."""
     parents = {one.parent for one in links}
     return [k for k, one in enumerate(links) if one.joint == "turning" and k not in parents]
@@ -124,11 +124,13 @@ def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: s
     link = links[index]
     position = link.position if motor.position is None else motor.position
     direction = _direction(link) if motor.direction is None else motor.direction
-    turn = Said(1 if number % 2 == 0 else -1, f"the {kind} does not say; taken in turn, check every one", assumed=True)
+    turn = Sourced(
+        1 if number % 2 == 0 else -1, f"the {kind} does not say; taken in turn, check every one", assumed=True
+    )
     where = f"{link.name} of the {kind}"
     return RotorDraft(
-        Said(tuple((np.round(position, 9) + 0.0).tolist()), where),
-        Said(tuple((np.round(direction, 9) + 0.0).tolist()), where),
+        Sourced(tuple((np.round(position, 9) + 0.0).tolist()), where),
+        Sourced(tuple((np.round(direction, 9) + 0.0).tolist()), where),
         motor.spin or turn,
         kappa=motor.kappa,
         c_f=motor.c_f,
@@ -171,7 +173,7 @@ def motors_of(document: Element) -> dict[str, Motor]:
             number = _number(plugin, "actuator_number")
         told = f"motor plugin of {place}"
         found[place.rpartition("::")[2]] = Motor(
-            spin=Said(TURNS[turn], f"turningDirection {turn} of the {told}"),
+            spin=Sourced(TURNS[turn], f"turningDirection {turn} of the {told}"),
             kappa=_said(plugin, "momentConstant", told),
             c_f=_said(plugin, "motorConstant", told),
             speed_max=_said(plugin, "maxRotVelocity", told),
@@ -188,6 +190,6 @@ def _number(plugin: Element, name: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _said(plugin: Element, name: str, told: str) -> Said | None:
+def _said(plugin: Element, name: str, told: str) -> Sourced | None:
     value = _number(plugin, name)
-    return None if value is None or value <= 0.0 else Said(value, f"{name} of the {told}")
+    return None if value is None or value <= 0.0 else Sourced(value, f"{name} of the {told}")

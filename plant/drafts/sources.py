@@ -16,9 +16,9 @@ from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.drafts import ardupilot, px4, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
-from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
 from wrenchgap.plant.drafts.frames import FRAMES, rotors_of
-from wrenchgap.plant.drafts.thrust_curve_fit import levelled
+from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 
 KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .urdf, .sdf, .xml (MuJoCo)"
 
@@ -36,8 +36,8 @@ class Given:
     thrust_max: float | None = None
 
 
-def drafted(source: Path | None, given: Given, budget: Budget | str | None = None) -> Draft:
-    """What a source says of a vehicle, with what the user says over it; `finished` completes it.
+def draft_of_source(source: Path | None, given: Given, budget: Budget | str | None = None) -> Draft:
+    """What a source says of a vehicle, with what the user says over it; `completed` completes it.
 
     `budget` is what reading a log may take (`flight.budget`).
     Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
@@ -85,20 +85,20 @@ def _over(draft: Draft, given: Given) -> Draft:
     if given.frame is not None and given.arm is not None:
         rotors = rotors_of(given.frame, given.arm, f"--frame {given.frame} --arm {given.arm:g}")
     if given.radius is not None:
-        said = Said(given.radius, "--rotor-radius")
+        said = Sourced(given.radius, "--rotor-radius")
         rotors = tuple(replace(r, radius=said) for r in rotors)
     mass = draft.mass
     if given.mass is not None:
-        mass = Said(given.mass, "--mass", tolerance=given.mass_tolerance)
+        mass = Sourced(given.mass, "--mass", tolerance=given.mass_tolerance)
     inertia = draft.inertia
     if given.mass is not None and draft.mass is not None and inertia is not None:
         share = given.mass / float(draft.mass.value)
         scaled = np.asarray(inertia.value) * share
         words = f"{inertia.source}, times {share:.4g} for --mass"
-        inertia = Said(tuple(map(tuple, scaled.tolist())), words, inertia.assumed)
+        inertia = Sourced(tuple(map(tuple, scaled.tolist())), words, inertia.assumed)
     command = draft.command
     if given.thrust_max is not None:
-        full = Said(given.thrust_max, "--thrust-max")
+        full = Sourced(given.thrust_max, "--thrust-max")
         rotors = tuple(replace(r, thrust_max=full) for r in rotors)
         command = None if command is None else replace(command, thrust_max=full)
     return replace(draft, name=given.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
@@ -154,7 +154,7 @@ def _ardupilot(source: Path, given: Given, budget: Budget | str | None = None) -
 def _level(draft: Draft, flown: Flight | None) -> Draft:
     """The draft with the level of its curve from the flight, unless it was said."""
     said = draft.command is None or draft.command.thrust_max is not None
-    return draft if flown is None or said else levelled(draft, flown)
+    return draft if flown is None or said else with_fitted_thrust(draft, flown)
 
 
 def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tuple[str, ...]]:
@@ -187,7 +187,7 @@ Ask = Callable[[str, type, str | None, Sequence[str]], str]
 WAYS = {"ccw": 1, "cw": -1}
 
 
-def asked(given: dict[str, float | str | None], draft: Draft, ask: Ask) -> dict[str, float | str | None]:
+def answers(given: dict[str, float | str | None], draft: Draft, ask: Ask) -> dict[str, float | str | None]:
     """What the user said, with answers to what neither that nor the draft has."""
     out = dict(given)
     if draft.mass is None and out["mass"] is None:
@@ -214,6 +214,6 @@ def with_spins(draft: Draft, ask: Ask) -> Draft:
             usual = "ccw" if rotor.spin.value > 0 else "cw"
             x, y = rotor.position_B.value[:2]
             words = f"How does {rotor.name or 'the rotor'} at x {x:.3f} m, y {y:.3f} m turn, seen from above?"
-            rotor = replace(rotor, spin=Said(WAYS[ask(words, str, usual, tuple(WAYS))], "your answer"))
+            rotor = replace(rotor, spin=Sourced(WAYS[ask(words, str, usual, tuple(WAYS))], "your answer"))
         rotors.append(rotor)
     return replace(draft, rotors=tuple(rotors))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.plant.drafts.draft import Draft, Said
+from wrenchgap.plant.drafts.draft import Draft, Sourced
 from wrenchgap.plant.vehicle import GRAVITY
 
 FLYING = 0.6
@@ -37,7 +37,7 @@ STRETCHES = 8
 """Into which the flight is cut for that."""
 
 
-def levelled(draft: Draft, flown: Flight) -> Draft:
+def with_fitted_thrust(draft: Draft, flown: Flight) -> Draft:
     """The draft with the level of its thrust curve from this flight, and its shape where that was assumed.
 
     As it was where the flight does not say it: too short, or commands of another unit or number.
@@ -57,7 +57,7 @@ def levelled(draft: Draft, flown: Flight) -> Draft:
     factor, keys = command.keys["factor"], dict(command.keys)
     if factor.assumed and (found := _factor(lift, carried)) is not None:
         value, std = found
-        factor = Said(
+        factor = Sourced(
             round(value, 3), f"fitted: the accelerometer's force over the commands, {where}, +-{max(std, 0.01):.2g}"
         )
         keys["factor"] = factor
@@ -72,7 +72,7 @@ def levelled(draft: Draft, flown: Flight) -> Draft:
     if not STRONG[0] < ratio < STRONG[1]:
         note = f"{where}: full throttle would lift {ratio:.3g} times the weight; not believed, is this a flight?"
         return replace(draft, notes=(*draft.notes, note))
-    return replace(draft, command=replace(command, keys=keys, thrust_max=Said(float(middle), words)))
+    return replace(draft, command=replace(command, keys=keys, thrust_max=Sourced(float(middle), words)))
 
 
 def _columns(draft: Draft, raw: Array) -> Array:

@@ -14,7 +14,18 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
-from wrenchgap.plant.reader import Number, Positive, Table, Text, beside, broken, expected, text_of, toml, toml_document
+from wrenchgap.plant.reader import (
+    Number,
+    Positive,
+    Table,
+    Text,
+    expected,
+    rule_error,
+    sibling_file,
+    text_of,
+    toml,
+    toml_document,
+)
 
 GRAM_FORCE, RPM = 9.80665e-3, np.pi / 30.0
 COLUMNS = {
@@ -63,12 +74,12 @@ class BenchTable(Table):
     def _columns(self) -> BenchTable:
         measured = [name for name in COLUMNS if getattr(self, name) is not None]
         if len(measured) != 1:
-            raise broken(f"got {' and '.join(measured) or 'neither'}, expected one column of {', '.join(COLUMNS)}")
+            raise rule_error(f"got {' and '.join(measured) or 'neither'}, expected one column of {', '.join(COLUMNS)}")
         given = {name: getattr(self, name) for name in ("command", *measured, "voltage")}
         lengths = {name: len(values) for name, values in given.items() if values is not None}
         if len(set(lengths.values())) != 1 or lengths["command"] < 2:
             said = ", ".join(f"{n} of {name}" for name, n in lengths.items())
-            raise broken(f"got {said}; expected as many of each, two or more")
+            raise rule_error(f"got {said}; expected as many of each, two or more")
         return self
 
     def made(self) -> tuple[str, Bench]:
@@ -90,7 +101,7 @@ class VoltageTable(Table):
 
 def _bench(value: Any) -> Any:
     if isinstance(value, str):
-        raise broken(f"{value}: a bench table is found beside the model file; load the model by its path")
+        raise rule_error(f"{value}: a bench table is found beside the model file; load the model by its path")
     return value
 
 
@@ -111,13 +122,15 @@ class CommandTable(Table):
     def _one_law(self) -> CommandTable:
         given = [name for name in LAWS if getattr(self, name) is not None]
         if len(given) != 1:
-            raise broken(f"got {' and '.join(given) or 'no curve'}, expected one of {', '.join(LAWS)}")
+            raise rule_error(f"got {' and '.join(given) or 'no curve'}, expected one of {', '.join(LAWS)}")
         if self.factor is not None and (self.thrust_max is None or not 0.0 <= self.factor <= 1.0):
-            raise broken(f"factor: got {self.factor:g}, expected 0 to 1, beside thrust_max")
+            raise rule_error(f"factor: got {self.factor:g}, expected 0 to 1, beside thrust_max")
         if self.unit == "pwm" and self.range is None and self.table is None:
-            raise broken("range: is missing; expected the pulse widths at no and at full throttle, e.g. [1000, 2000]")
+            raise rule_error(
+                "range: is missing; expected the pulse widths at no and at full throttle, e.g. [1000, 2000]"
+            )
         if self.range is not None and abs(self.range[1] - self.range[0]) <= DISTINCT * max(1.0, *map(abs, self.range)):
-            raise broken(f"range: got {list(self.range)}, expected two different commands")
+            raise rule_error(f"range: got {list(self.range)}, expected two different commands")
         return self
 
     def made(self) -> CommandCurve:
@@ -151,7 +164,7 @@ def table_of(curve: CommandCurve) -> dict[str, Any]:
     return out | ({"source": curve.source} if curve.source else {})
 
 
-def with_bench(text: str, folder: Path) -> str:
+def with_bench_table(text: str, folder: Path) -> str:
     """The text of a model file with a bench table that lies in a file beside it put in its place.
 
     So a model that is written elsewhere still has it, and a bench table that was changed is noticed.
@@ -163,7 +176,7 @@ def with_bench(text: str, folder: Path) -> str:
     if not isinstance(named, dict) or not isinstance(named.get("table"), str):
         return text
     file = str(named["table"])
-    columns = read_bench(beside(folder, file, ".csv", "command.table"))
+    columns = read_bench(sibling_file(folder, file, ".csv", "command.table"))
     named["table"] = tomlkit.value("{" + ", ".join(f"{head} = {values}" for head, values in columns.items()) + "}")
     named.setdefault("source", f"bench table {Path(file).name}")
     return tomlkit.dumps(document)

@@ -23,10 +23,10 @@ from wrenchgap.plant.reader import (
     SixMeasured,
     Table,
     Text,
-    broken,
     check_schema,
     expected,
     read,
+    rule_error,
     toml,
     values_of,
 )
@@ -73,7 +73,7 @@ class HeldOutTable(Table):
             return values
         said = SENTENCE.fullmatch(str(values["verdict"]))
         if said is None:
-            raise broken(
+            raise rule_error(
                 f"verdict: got {values['verdict']!r}, expected words like 'better: error energy -65 %, t 12.3'"
             )
         numbers = {"change": float(said[1]) / 100.0, "t": float(said[2])}

@@ -31,9 +31,9 @@ from wrenchgap.plant.reader import (
     Positive,
     Table,
     Vector,
-    broken,
     expected,
     partial,
+    rule_error,
 )
 from wrenchgap.plant.vehicle import Arms, Body, Rotors, Tolerances, Vehicle
 
@@ -44,29 +44,29 @@ PRODUCTS = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class Toleranced:
     """A value as the file has it, and its tolerance, None where there is none."""
 
     value: Any
     tolerance: Any = None
 
 
-def told(tolerance: Callable[[Any], Any]) -> WrapValidator:
-    """A value of the wrapped kind, or a table of it with a tolerance, which `tolerance` reads; either as `Told`."""
+def toleranced(tolerance: Callable[[Any], Any]) -> WrapValidator:
+    """Validator of a value, or of a table of it with a tolerance, which `tolerance` reads; either as `Toleranced`."""
 
-    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Told:
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Toleranced:
         if not isinstance(value, dict):
-            return Told(handler(value))
+            return Toleranced(handler(value))
         if set(value) != {"value", "tolerance"}:
-            raise broken(f"got a table with {_keys(value)}, expected {{ value = ..., tolerance = ... }}")
-        return Told(handler(value["value"]), tolerance(value["tolerance"]))
+            raise rule_error(f"got a table with {_keys(value)}, expected {{ value = ..., tolerance = ... }}")
+        return Toleranced(handler(value["value"]), tolerance(value["tolerance"]))
 
     return WrapValidator(check)
 
 
-def told_of(value: Any) -> Told:
-    """What was read, as `Told`; a default has no tolerance."""
-    return value if isinstance(value, Told) else Told(value)
+def as_toleranced(value: Any) -> Toleranced:
+    """What was read, as `Toleranced`; a default has no tolerance."""
+    return value if isinstance(value, Toleranced) else Toleranced(value)
 
 
 def _keys(table: dict[str, Any]) -> str:
@@ -75,7 +75,7 @@ def _keys(table: dict[str, Any]) -> str:
 
 def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
     """The tolerance as an array of one of these shapes; an error of the file where it is none, or not positive."""
-    wrong = broken(f"tolerance: got {given!r}, expected {words}, positive")
+    wrong = rule_error(f"tolerance: got {given!r}, expected {words}, positive")
     flat = given if isinstance(given, list) else [given]
     entries = [x for row in flat for x in (row if isinstance(row, list) else [row])]
     if any(isinstance(x, bool) or not isinstance(x, int | float) for x in entries):
@@ -89,17 +89,17 @@ def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Ar
     return values
 
 
-def of_number(given: Any) -> float:
+def number_tolerance(given: Any) -> float:
     """Of one number."""
     return float(_positive(given, ((),), "one number"))
 
 
-def of_vector(given: Any) -> Array:
+def vector_tolerance(given: Any) -> Array:
     """Of a vector, (3,)."""
     return np.broadcast_to(_positive(given, ((), (3,)), "one number or three"), 3).copy()
 
 
-def of_inertia(given: Any) -> Array:
+def inertia_tolerance(given: Any) -> Array:
     """Of an inertia, (3, 3)."""
     values = _positive(given, ((), (3,), (3, 3)), "one number, three, or three rows of three")
     if values.ndim == 2:
@@ -110,7 +110,7 @@ def of_inertia(given: Any) -> Array:
     return out
 
 
-def inertia_of(given: Told) -> tuple[Array, str]:
+def checked_inertia(given: Toleranced) -> tuple[Array, str]:
     """The inertia (3, 3) of the file's rows, and a note where it is impossible by no more than its tolerance.
 
     No rigid body has a principal moment above the sum of the other two. Within rounding (`ROUNDED`), or within the
@@ -120,7 +120,7 @@ def inertia_of(given: Told) -> tuple[Array, str]:
     inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
     low, middle, high = np.linalg.eigvalsh(inertia)
     if 0.0 < low < LEAST:
-        raise broken(f"a principal moment is {low:.3g} kg m^2; expected at least {LEAST:g}")
+        raise rule_error(f"a principal moment is {low:.3g} kg m^2; expected at least {LEAST:g}")
     excess = float(high - low - middle)
     if excess <= 1e-3 * (low + middle):
         return inertia, ""
@@ -129,7 +129,7 @@ def inertia_of(given: Told) -> tuple[Array, str]:
         granted = max(granted, float(np.trace(given.tolerance)))
     words = f"the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2"
     if low <= 0.0 or excess > granted:
-        raise broken(f"no body has {words}: the largest exceeds the sum of the others by {excess:.2g}")
+        raise rule_error(f"no body has {words}: the largest exceeds the sum of the others by {excess:.2g}")
     over = 100.0 * excess / (low + middle)
     return inertia, (
         f"vehicle.inertia: of {words} the largest exceeds the sum of the others by {over:.2g} %, which no body does; "
@@ -143,8 +143,8 @@ WEAKEST = 1e-6
 """Share of the strongest rotor's full thrust that a rotor must have: the allocation divides by it."""
 
 
-def _possible(given: Told) -> Told:
-    inertia_of(given)
+def _possible(given: Toleranced) -> Toleranced:
+    checked_inertia(given)
     return given
 
 
@@ -157,11 +157,11 @@ def _spin(value: float) -> float:
 Inertia = Annotated[
     Vector | tuple[Vector, Vector, Vector],
     expected("[xx, yy, zz] or three rows of three [kg m^2]"),
-    told(of_inertia),
+    toleranced(inertia_tolerance),
     AfterValidator(_possible),
 ]
-Mass = Annotated[Positive, told(of_number)]
-Place = Annotated[Vector, told(of_vector)]
+Mass = Annotated[Positive, toleranced(number_tolerance)]
+Place = Annotated[Vector, toleranced(vector_tolerance)]
 Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise about thrust) or -1")]
 
 
@@ -180,7 +180,7 @@ class RotorTable(Table):
     @model_validator(mode="after")
     def _speeds(self) -> RotorTable:
         if self.speed_min >= self.speed_max:
-            raise broken(f"speed_min: got {self.speed_min:g}, expected less than speed_max, {self.speed_max:g}")
+            raise rule_error(f"speed_min: got {self.speed_min:g}, expected less than speed_max, {self.speed_max:g}")
         return self
 
 
@@ -204,13 +204,13 @@ class ArmTable(Table):
         if self.position is None:
             for key in ("azimuth_deg", "length"):
                 if getattr(self, key) is None:
-                    raise broken(f"{key} is missing; an arm has azimuth_deg and length, or position")
+                    raise rule_error(f"{key} is missing; an arm has azimuth_deg and length, or position")
         elif self.tilt_axis is None and np.hypot(*self.position[:2]) <= 1e-9:
-            raise broken(f"tilt_axis is missing; no direction is outward at position {list(self.position)}")
+            raise rule_error(f"tilt_axis is missing; no direction is outward at position {list(self.position)}")
         if self.tilt_min_deg >= self.tilt_max_deg:
-            raise broken("tilt_min_deg must be below tilt_max_deg")
+            raise rule_error("tilt_min_deg must be below tilt_max_deg")
         if self.tilts and abs(float(self.pose[1] @ np.array(self.thrust_direction))) > 1e-6:
-            raise broken("tilt_axis and thrust_direction must be at right angles")
+            raise rule_error("tilt_axis and thrust_direction must be at right angles")
         return self
 
     @property
@@ -262,7 +262,7 @@ class VehicleTable(Table):
         full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
         for place, thrust in full.items():
             if not WEAKEST * max(full.values()) <= thrust <= MOST:
-                raise broken(
+                raise rule_error(
                     f"{place}: its full thrust, c_f speed_max^2, is {thrust:.3g} N, and that of the strongest rotor "
                     f"{max(full.values()):.3g} N; check c_f [N s^2] and speed_max [rad/s]"
                 )
@@ -280,15 +280,15 @@ class VehicleTable(Table):
             for number, (place, given) in enumerate(listed):
                 name = given or f"{kind}_{number}"
                 if name in taken:
-                    raise broken(f"{place} and {taken[name]} are both called {name!r}; give each a name of its own")
+                    raise rule_error(f"{place} and {taken[name]} are both called {name!r}; give each a name of its own")
                 taken[name] = place
         return self
 
     def made(self) -> Vehicle:
         """The vehicle of these values."""
-        mass, inertia, com, imu = (told_of(getattr(self, name)) for name in MASS_PROPERTIES)
+        mass, inertia, com, imu = (as_toleranced(getattr(self, name)) for name in MASS_PROPERTIES)
         known = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
-        body = Body(mass.value, inertia_of(inertia)[0], np.array(com.value))
+        body = Body(mass.value, checked_inertia(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
         if not self.arms:
             return Vehicle(self.name, body, None, None, place, tolerances=known)
@@ -313,7 +313,7 @@ class VehicleTable(Table):
     @property
     def doubt(self) -> str:
         """What a user should know of these values, "" for nothing."""
-        return inertia_of(told_of(self.inertia))[1]
+        return checked_inertia(as_toleranced(self.inertia))[1]
 
 
 def _names(items: Sequence[ArmTable | RotorTable]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import LIMITS, Allocation
-from wrenchgap.plant.controller import ControllerGains, evaluate, integrated, pushes_along_z_only
+from wrenchgap.plant.controller import ControllerGains, control_law, next_integral, pushes_along_z_only
 from wrenchgap.plant.rigid_body import NUMBERS, unpack
 from wrenchgap.plant.simulation.closed_loop import Clock
 from wrenchgap.plant.simulation.loop import ALWAYS, Loop, Signals, Stage
@@ -125,7 +125,7 @@ class FlightComputer:
             time = c.time[:: c.per_command]
             volts = np.full(count, np.nan) if c.voltage is None else c.voltage[:: c.per_command]
             given = np.column_stack((time, volts))
-            stages.append(Stage("compensator", self._compensate, given, c.per_command, calls=ALWAYS))
+            stages.append(Stage("compensator", self._compensate, given, c.per_command, numpy_steps=ALWAYS))
         if self.allocation is None:
             return [*stages, Stage("command", lambda now, row: {}, np.zeros((count, 0)), c.per_command, ("commanded",))]
         more = np.zeros((count, len(self.signals["tilt"]) + len(self.signals["speed"])))
@@ -138,13 +138,13 @@ class FlightComputer:
         p, q, v, w, a, dw, offset, correction = (part[None] for part in np.split(row, np.cumsum([3, 4, 3, 3, 3, 3, 6])))
         asked = Reference(np.zeros(1), p, v, a, q, w, dw)
         state, integral = unpack(np.zeros(1), known[None]), now["integral"]
-        wrench, error = evaluate(self.gains, self.believed.body, state, asked, integral[None], along_z=self.along_z)
+        wrench, error = control_law(self.gains, self.believed.body, state, asked, integral[None], along_z=self.along_z)
         desired = (wrench + offset)[0]
         return {
             "known": known,
             "desired": desired,
             "commanded": desired + correction[0],
-            "integral": integrated(self.gains, integral, error[0], self.clock.period),
+            "integral": next_integral(self.gains, integral, error[0], self.clock.period),
         }
 
     def _compensate(self, now: Signals, row: Array) -> Signals:

@@ -19,14 +19,14 @@ from wrenchgap.flight.flight import (
 )
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import read_imu
-from wrenchgap.plant.simulation.closed_loop import Flown, around_stamps
+from wrenchgap.plant.simulation.closed_loop import LoopFlight, mean_around_stamps
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
 
 
 def as_flight(
     name: str,
-    flown: Flown,
+    flown: LoopFlight,
     model: Model,
     desired: Array,
     reference: Reference,
@@ -70,10 +70,10 @@ def as_flight(
     )
 
 
-def _imu(flown: Flown, model: Model, every: int, errors: Array | None) -> ImuSeries:
+def _imu(flown: LoopFlight, model: Model, every: int, errors: Array | None) -> ImuSeries:
     """Gyroscope and accelerometer at every so many steps."""
     at = slice(None, None, every)
-    state, wrench, plant = flown.state.take(at), around_stamps(flown.wrench)[at], model.wrench_model
+    state, wrench, plant = flown.state.take(at), mean_around_stamps(flown.wrench)[at], model.wrench_model
     motion = plant.read_imu(plant.motion(wrench, state.omega_B), state)
     errors = np.zeros((len(wrench), 6)) if errors is None else errors[: len(wrench)]
     return ImuSeries("/imu", state.time, *read_imu(motion, model.vehicle.imu_position_B, errors))

@@ -23,12 +23,12 @@ from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import NUMBERS, unpack
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_pose
-from wrenchgap.plant.simulation.closed_loop import Clock, Flown, disturbed, fly, watch
+from wrenchgap.plant.simulation.closed_loop import Clock, LoopFlight, disturbance_stage, fly, loss_of_control_stage
 from wrenchgap.plant.simulation.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Motion, State
-from wrenchgap.plant.trace.effects import written
+from wrenchgap.plant.trace.effects import traced_model
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -64,12 +64,12 @@ class _Sensors:
                 partial(self._gyroscope, truth),
                 np.hstack((imu, self.imu_errors[:, :3])),
                 self.per_imu,
-                written=lambda now, row: self._gyroscope(written(truth), now, row),
-                foreign=True,
+                traced=lambda now, row: self._gyroscope(traced_model(truth), now, row),
+                user_code=True,
             ),
         ]
 
-    def poses(self, flown: Flown, loop: Loop) -> State:
+    def poses(self, flown: LoopFlight, loop: Loop) -> State:
         """What the pose sensor read; the generator is left as after so many readings."""
         steps = len(flown.wrench) + (flown.lost is not None)  # they were read once more before control was lost
         count, clock = -(-steps // self.per_pose), flown.clock
@@ -135,12 +135,12 @@ def simulate(
         compensator=compensator, integral=integral, measured=feedback == "measured",
     )  # fmt: skip
     avionics = _Sensors(truth.wrench_model, sensors or truth.sensors, clock, physics_rate, rng)
-    pushes = [] if disturbance is None else [disturbed(np.array([disturbance(t) for t in clock.time.tolist()]))]
-    stages = [*avionics.stages, watch(reference, clock), *computer.stages, *pushes]
+    pushes = [] if disturbance is None else [disturbance_stage(np.array([disturbance(t) for t in clock.time.tolist()]))]
+    stages = [*avionics.stages, loss_of_control_stage(reference, clock), *computer.stages, *pushes]
     start = _on(reference.sample(0)) if initial is None else initial
     flown, loop = fly(
         truth.wrench_model, start, clock, stages, avionics.signals | computer.signals,
-        gravity=gravity, plain=not compiled, progress=progress,
+        gravity=gravity, compiled=compiled, progress=progress,
     )  # fmt: skip
     periods = len(flown.command_time)
     logged = as_flight(
@@ -157,15 +157,15 @@ def _on(reference: Reference) -> State:
     return State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
 
 
-def _notes(flown: Flown, limited: dict[str, int], periods: int) -> tuple[str, ...]:
+def _notes(flown: LoopFlight, limited: dict[str, int], periods: int) -> tuple[str, ...]:
     lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
     limits = [
         f"{what.replace('_', ' ')} was limited in {number} of {periods} commands"
         for what, number in limited.items()
         if number
     ]
-    slow = [f"flown in plain numpy, which takes a hundred times as long as compiled: {flown.plainly}"]
-    return (*lost, *limits, *(slow if flown.plainly else []))
+    slow = [f"flown in plain numpy, which takes a hundred times as long as compiled: {flown.not_compiled}"]
+    return (*lost, *limits, *(slow if flown.not_compiled else []))
 
 
 def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:

@@ -16,7 +16,7 @@ CATALOGUE = "wrenchgap.plant.effects."
 """Where effects stand whose `apply` is known to depend on nothing but its arguments."""
 
 
-def written(model: WrenchModel) -> WrenchModel:
+def traced_model(model: WrenchModel) -> WrenchModel:
     """The model, whose effects write down what they do.
 
     Raises Untraceable for effects of a user's own, which may depend on more than their arguments.
@@ -24,10 +24,10 @@ def written(model: WrenchModel) -> WrenchModel:
     for item in model.effects:
         if not type(item.effect).__module__.startswith(CATALOGUE):
             raise Untraceable(f"effect {item.name} is not of the catalogue")
-    return WrenchModel(model.vehicle, tuple(wrapped(item) for item in model.effects))
+    return WrenchModel(model.vehicle, tuple(traced_effect(item) for item in model.effects))
 
 
-def wrapped(item: ModelEffect) -> ModelEffect:
+def traced_effect(item: ModelEffect) -> ModelEffect:
     """The effect, whose results are arrays that go on writing down, and whose name is in what it raises."""
     effect = item.effect
 
@@ -75,23 +75,23 @@ def _traced(result: Any) -> Any:
     return result
 
 
-def leaves(memory: Any) -> Iterator[Any]:
+def memory_arrays(memory: Any) -> Iterator[Any]:
     """The arrays in what effects remember, in a fixed order."""
     if isinstance(memory, dict):
         for key in sorted(memory):
-            yield from leaves(memory[key])
+            yield from memory_arrays(memory[key])
     elif isinstance(memory, tuple):
         for part in memory:
-            yield from leaves(part)
+            yield from memory_arrays(part)
     elif memory is not None:
         yield np.asarray(memory)
 
 
-def rebuilt(memory: Any, make: Callable[[Any], Any]) -> Any:
-    """The same structure with other arrays, made one after the other in the order of `leaves`."""
+def memory_of_arrays(memory: Any, make: Callable[[Any], Any]) -> Any:
+    """The same structure with other arrays, made one after the other in the order of `memory_arrays`."""
     if isinstance(memory, dict):
-        made = {key: rebuilt(memory[key], make) for key in sorted(memory)}
+        made = {key: memory_of_arrays(memory[key], make) for key in sorted(memory)}
         return {key: made[key] for key in memory}
     if isinstance(memory, tuple):
-        return tuple(rebuilt(part, make) for part in memory)
+        return tuple(memory_of_arrays(part, make) for part in memory)
     return None if memory is None else make(memory)

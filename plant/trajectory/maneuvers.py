@@ -276,7 +276,7 @@ class Moves(Trajectory):
         phi = _sum([_during(m, time) for m in self.moves if isinstance(m, Tilt)], time.shape)
         heading = (psi[0] + phi[0], psi[1] + phi[1], psi[2] + phi[2])
         back = (-phi[0], -phi[1], -phi[2])
-        return composed(composed(about(_Z, heading), about(_Y, s)), about(_Z, back))
+        return composed(composed(axis_rotation(_Z, heading), axis_rotation(_Y, s)), axis_rotation(_Z, back))
 
 
 def _during(tilt: Tilt, time: Array) -> Profile:
@@ -291,7 +291,7 @@ def _sum(profiles: list[Profile], shape: tuple[int, ...]) -> Profile:
     return value, rate, change
 
 
-def about(axis: Array, angle: Profile) -> Rotation:
+def axis_rotation(axis: Array, angle: Profile) -> Rotation:
     """Rotation about a fixed axis (3,) by a profile (N,) [rad]."""
     value, rate, change = (part[:, None] * axis for part in angle)
     return so3.exp(value), rate, change

@@ -108,7 +108,7 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
                 f"{where}: `fit` of {one.flight.name} has {len(values.theta)} values and {len(values.std)} standard "
                 f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
             )
-    return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.untold)
+    return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.without_tolerances)
 
 
 def _fit_of(row: Mapping[str, Any], where: str) -> tuple[FollowedFlight, FlightValues]:

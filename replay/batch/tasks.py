@@ -126,7 +126,7 @@ def _compare(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
     one, model, row = _open(path, plan, text)
     found = api.compare([one], model)
     rms = {"rms": plain(found.evaluations[-1].pooled.rms), "rms_nominal": plain(found.evaluations[0].pooled.rms)}
-    fitted = fit_json(flight_values(one, model.untold, plan.names), followed_flight(one))
+    fitted = fit_json(flight_values(one, model.without_tolerances, plan.names), followed_flight(one))
     return {**row, **rms, "fit": _text(fitted), "result": _text(found.to_json())}
 
 

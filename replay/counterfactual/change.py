@@ -12,7 +12,7 @@ from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
-from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.effect_values import with_values
 from wrenchgap.plant.simulation.flight_computer import Compensating
 from wrenchgap.replay.compensation import compensators as compensating
 
@@ -94,7 +94,7 @@ def change(
     """
     if lead is not None and gp is None:
         raise UsageError(f"--lead {lead:g}: is the lead time of a compensation, and there is none; give one with --gp")
-    plant = set_by_hand(model.without(without), with_) if without or with_ else None
+    plant = with_values(model.without(without), with_) if without or with_ else None
     words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
     words += [f"gains {text}" for text in gains]
     if believe is not None:

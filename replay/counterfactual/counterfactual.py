@@ -34,7 +34,7 @@ from wrenchgap.plant import Model
 from wrenchgap.plant.simulation.closed_loop import Lost
 from wrenchgap.plant.simulation.flight_computer import Compensating
 from wrenchgap.plant.simulation.tracking import Deviation, Tracking
-from wrenchgap.plant.stability import Margin, of_model
+from wrenchgap.plant.stability import Margin, margin_of_model
 from wrenchgap.replay.counterfactual.change import Change
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
@@ -153,7 +153,7 @@ class Counterfactual(Result):
         every = (self.change.compensator, *(one for _, one in self.change.beside))
         slow = [one.not_compiled for one in every if isinstance(one, Compensator | Combined)]
         found += [reason for reason in dict.fromkeys(slow) if reason is not None]
-        found += [FlownPlainly(why) for why in dict.fromkeys(run.flown.plainly for run in runs.values()) if why]
+        found += [FlownPlainly(why) for why in dict.fromkeys(run.flown.not_compiled for run in runs.values()) if why]
         harmed = self._harmed()
         return tuple(found) if harmed is None else (*found, harmed)
 
@@ -227,4 +227,4 @@ def _margin(recording: Recording, model: Model, process: GaussianProcess | None)
     if process is None:
         return None
     lag = max(process.provenance.lags, default=0.0)
-    return of_model(process, process_inputs(process.settings.inputs, recording.record), loop_of(model, lag))
+    return margin_of_model(process, process_inputs(process.settings.inputs, recording.record), loop_of(model, lag))

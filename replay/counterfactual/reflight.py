@@ -17,7 +17,13 @@ from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
-from wrenchgap.plant.simulation.closed_loop import Flown, disturbed, fly, loss_of_control, watch
+from wrenchgap.plant.simulation.closed_loop import (
+    LoopFlight,
+    disturbance_stage,
+    fly,
+    loss_of_control,
+    loss_of_control_stage,
+)
 from wrenchgap.plant.simulation.flight_computer import Compensating, Correction, FlightComputer
 from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
@@ -28,7 +34,7 @@ class Reflight:
     """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew."""
 
     recording: Recording
-    flown: Flown
+    flown: LoopFlight
     desired: Array
     steps: tuple[Correction, ...]
     model: Model
@@ -108,10 +114,14 @@ def refly(
         model.wrench_model,
         r.start,
         r.clock,
-        [watch(reference, r.clock, forgiven), *computer.stages, disturbed(inference.disturbance)],
+        [
+            loss_of_control_stage(reference, r.clock, forgiven),
+            *computer.stages,
+            disturbance_stage(inference.disturbance),
+        ],
         computer.signals,
         memory=inference.memory,
-        plain=not compiled,
+        compiled=compiled,
         progress=progress,
     )
     desired = loop.logged("law", "desired", len(flown.commands.wrench_B))

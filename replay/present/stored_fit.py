@@ -12,7 +12,7 @@ from pydantic import Field
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight
-from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, read, shortened
+from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, read
 from wrenchgap.replay.present.numbers import entries
 
 OrNull = NotNegative | None
@@ -48,9 +48,7 @@ def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UsageError(
-            f"{where}: is no JSON ({shortened(str(error))}); expected what `batch compare` wrote"
-        ) from None
+        raise UsageError(f"{where}: is no JSON ({quoted(str(error))}); expected what `batch compare` wrote") from None
     body = read(StoredFit, values, where=where, error=UsageError)
     flight = Flight(body.name, Path(body.file), body.sha256, body.start_ns)
     theta, std, left, noise = (np.array(v, dtype=float) for v in (body.theta, body.std, body.left, body.noise))

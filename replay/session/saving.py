@@ -7,7 +7,6 @@ from pathlib import Path
 
 from wrenchgap.flight.atomic import Identity, check_replaceable, check_writable, write_below
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import shortened
 
 NAME = re.compile(r"(?!(?:con|prn|aux|nul|com\d|lpt\d)\.)[a-z0-9][a-z0-9._-]{0,99}\.toml", re.IGNORECASE | re.ASCII)
 """What a file may be called: a name on every system, no device on Windows, nothing hidden, no way out of the folder."""
@@ -17,7 +16,7 @@ def file_name(name: str) -> str:
     """`name`, as a client gave it. Raises UsageError for anything but the plain name of a TOML file."""
     if NAME.fullmatch(name) is None:
         raise UsageError(
-            f"{shortened(name) or 'no name'}: expected a file name that ends in .toml, of letters, digits and ._-, at "
+            f"{quoted(name) or 'no name'}: expected a file name that ends in .toml, of letters, digits and ._-, at "
             "most 100 before it; the page names no folders"
         )
     return name

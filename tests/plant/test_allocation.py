@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.allocation import HOLD_THRUST, Allocation, into_range
+from wrenchgap.plant.allocation import HOLD_THRUST, Allocation, angle_in_range
 
 HEXAROTOR = model_file.load("tilt_hexarotor").vehicle
 WRENCHES = st.lists(st.floats(-1, 1), min_size=6, max_size=6)
@@ -106,7 +106,7 @@ def test_an_arm_at_a_stop_is_turned_round_where_its_range_has_the_direction(hexa
 @given(st.floats(-50, 50), st.floats(-20, 0), st.floats(0.01, 20))
 def test_into_range_keeps_the_direction_and_is_in_range_where_any_is(angle, least, width):
     most = least + width
-    found = into_range(np.array(angle), least, most)
+    found = angle_in_range(np.array(angle), least, most)
     assert np.cos(found - angle) == pytest.approx(1.0, abs=1e-12)
     exists = any(least <= angle + 2 * np.pi * k <= most for k in range(-20, 21))
     assert (least - 1e-8 <= found <= most + 1e-8) or not exists

@@ -9,12 +9,12 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.simulation.closed_loop import (
     Clock,
-    around_stamps,
+    command_stage,
     fly,
     loss_of_control,
-    over_periods,
-    replayed,
-    watch,
+    loss_of_control_stage,
+    mean_around_stamps,
+    mean_over_periods,
 )
 from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Stage
@@ -41,7 +41,7 @@ def flown(time, start=None, commands=None, push=None, stages=(), **options):
     """A flight on commands (K, 6), by default the weight, whatever the state, with a push (S, 6)."""
     steps = len(time.time)
     given = np.tile(WEIGHT, (-(-steps // time.per_command), 1)) if commands is None else commands
-    command, signals = replayed(Commands(given), time.per_command)
+    command, signals = command_stage(Commands(given), time.per_command)
     pushed = Stage("push", lambda now, row: {"disturbance": row}, np.zeros((steps, 6)) if push is None else push)
     return fly(MODEL.wrench_model, start or still(), time, [*stages, command, pushed], signals, **options)[0]
 
@@ -79,8 +79,10 @@ def test_the_accelerometer_reads_the_mean_around_a_jump():
 
 def test_what_is_read_at_stamps_and_what_is_held_between_them_are_each_others_means():
     line = np.arange(6.0)[:, None]
-    np.testing.assert_allclose(over_periods(line)[:-1], line[:-1] + 0.5)  # a straight line in the middle of its period
-    np.testing.assert_allclose(around_stamps(line)[1:], line[1:] - 0.5)
+    np.testing.assert_allclose(
+        mean_over_periods(line)[:-1], line[:-1] + 0.5
+    )  # a straight line in the middle of its period
+    np.testing.assert_allclose(mean_around_stamps(line)[1:], line[1:] - 0.5)
 
 
 def test_the_flight_ends_where_control_is_lost_and_says_why():
@@ -91,7 +93,7 @@ def test_the_flight_ends_where_control_is_lost_and_says_why():
     def tumbling(*stages):
         return flown(time, push=tumble, stages=stages)
 
-    found = tumbling(watch(reference, time))
+    found = tumbling(loss_of_control_stage(reference, time))
     assert found.lost.what == "attitude"
     assert found.lost.size > np.radians(100.0)
     assert found.lost.time == pytest.approx(found.state.time[-1] + 0.005)
@@ -99,7 +101,7 @@ def test_the_flight_ends_where_control_is_lost_and_says_why():
     np.testing.assert_allclose(found.wrench[:, 3:], tumble[: len(found.wrench), 3:], atol=1e-9)
     # Against a recorded flight that was lost at the same times nothing ends: it shall be repeated as it was.
     recorded = tumbling().state
-    again = tumbling(watch(reference, time, loss_of_control(recorded, reference)[0] > 0.0))
+    again = tumbling(loss_of_control_stage(reference, time, loss_of_control(recorded, reference)[0] > 0.0))
     assert again.lost is None
     assert len(again.state.time) == 1000
 
@@ -120,4 +122,4 @@ def test_what_control_is_lost_in():
 def test_a_start_that_is_lost_already_is_refused():
     time = clock(10)
     with pytest.raises(UsageError, match=r"7\.0 m from the reference: the flight cannot begin there"):
-        flown(time, still(7.0), stages=[watch(Hover(1.0).at(time.time), time)])
+        flown(time, still(7.0), stages=[loss_of_control_stage(Hover(1.0).at(time.time), time)])

@@ -10,9 +10,9 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.controller import (
     ControllerGains,
     attitude_error,
-    evaluate,
-    integrate_error,
-    integrated,
+    control_law,
+    integral_series,
+    next_integral,
     pushes_along_z_only,
 )
 from wrenchgap.plant.state import State
@@ -36,7 +36,7 @@ def reference(n=1, **parts):
 
 def wrench_of(known, asked, integral=None, gains=GAINS):
     """Of the control law, (N, 6)."""
-    return evaluate(gains, BODY, known, asked, np.zeros((len(known.time), 3)) if integral is None else integral)[0]
+    return control_law(gains, BODY, known, asked, np.zeros((len(known.time), 3)) if integral is None else integral)[0]
 
 
 def vehicle(normals, tilts):
@@ -125,10 +125,12 @@ def test_turning_the_inertial_frame_about_gravity_leaves_the_wrench():
 
 def test_the_integral_is_clamped_and_reset():
     gains, integral = ControllerGains(integral_limit=0.05), np.zeros(3)
-    error = evaluate(gains, BODY, state(quat_EB=so3.exp(np.array([[0.1, 0.0, 0.0]]))), reference(), np.zeros((1, 3)))[1]
-    np.testing.assert_allclose(integrated(gains, integral, error[0], 0.005), [np.sin(0.1) * 0.005, 0.0, 0.0])
+    error = control_law(
+        gains, BODY, state(quat_EB=so3.exp(np.array([[0.1, 0.0, 0.0]]))), reference(), np.zeros((1, 3))
+    )[1]
+    np.testing.assert_allclose(next_integral(gains, integral, error[0], 0.005), [np.sin(0.1) * 0.005, 0.0, 0.0])
     for _ in range(200):
-        integral = integrated(gains, integral, error[0], 0.005)
+        integral = next_integral(gains, integral, error[0], 0.005)
     np.testing.assert_allclose(integral, [0.05, 0.0, 0.0], atol=1e-15)
 
 
@@ -137,10 +139,10 @@ def test_a_recorded_error_gives_back_the_integral_that_the_loop_had():
     quats = so3.exp(0.2 * np.random.default_rng(4).normal(size=(60, 3)))
     wrenches, now = np.zeros((60, 6)), np.zeros(3)
     for k, q in enumerate(quats):
-        wrench, error = evaluate(gains, BODY, state(quat_EB=q[None]), reference(), now[None])
-        wrenches[k], now = wrench[0], integrated(gains, now, error[0], 0.005)
+        wrench, error = control_law(gains, BODY, state(quat_EB=q[None]), reference(), now[None])
+        wrenches[k], now = wrench[0], next_integral(gains, now, error[0], 0.005)
     known, asked = state(60, quat_EB=quats), reference(60)
-    integral = integrate_error(gains, evaluate(gains, BODY, known, asked, np.zeros((60, 3)))[1], 0.005)
+    integral = integral_series(gains, control_law(gains, BODY, known, asked, np.zeros((60, 3)))[1], 0.005)
     assert np.any(np.abs(integral) == 0.004)
     np.testing.assert_allclose(wrench_of(known, asked, integral, gains), wrenches, atol=1e-13)
 
@@ -149,7 +151,7 @@ def test_a_vehicle_that_pushes_along_z_leans_towards_where_it_must_go():
     fixed = vehicle([[0, 0, 1], [0, 0, 1]], [False, False])
     assert pushes_along_z_only(fixed)
     behind = state(position_E=np.array([[-1.0, 0.0, 0.0]]))
-    wrench = evaluate(GAINS, fixed.body, behind, reference(), np.zeros((1, 3)), along_z=True)[0][0]
+    wrench = control_law(GAINS, fixed.body, behind, reference(), np.zeros((1, 3)), along_z=True)[0][0]
     np.testing.assert_allclose(wrench[:2], 0.0)
     omega_dot = np.linalg.solve(BODY.inertia, wrench[3:])
     assert omega_dot[1] > 0  # wants to go to +x: leans there, which is a positive rotation about y

@@ -5,7 +5,7 @@ import pytest
 
 from wrenchgap.flight import so3
 from wrenchgap.plant import model_file
-from wrenchgap.plant.controller import default_gains, evaluate
+from wrenchgap.plant.controller import control_law, default_gains
 from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
@@ -49,7 +49,7 @@ def test_a_small_attitude_error_asks_for_the_weight_at_the_radius_of_gyration(bo
     made, rest = model(body), named("hover", 1.0).at(np.zeros(1))
     body = made.vehicle.body
     still = State(np.zeros(1), rest.position_E, so3.exp(1e-4 * axis[None]), np.zeros((1, 3)), np.zeros((1, 3)))
-    wrench, _ = evaluate(made.controller, body, still, rest, np.zeros((1, 3)))
+    wrench, _ = control_law(made.controller, body, still, rest, np.zeros((1, 3)))
     radius = np.sqrt(axis @ body.inertia @ axis / body.mass)
     assert wrench[0, 3:] @ axis == pytest.approx(-1e-4 * body.mass * GRAVITY * radius, rel=1e-6)
 

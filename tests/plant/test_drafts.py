@@ -12,11 +12,11 @@ from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometryS
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import px4
-from wrenchgap.plant.drafts.draft import Draft, Said, finished, inertia_of_mass
+from wrenchgap.plant.drafts.draft import Draft, Sourced, completed, inertia_of_mass
 from wrenchgap.plant.drafts.frames import FRAMES, rotors_of
 from wrenchgap.plant.drafts.model_text import text_of
-from wrenchgap.plant.drafts.sources import Given, drafted
-from wrenchgap.plant.drafts.thrust_curve_fit import levelled
+from wrenchgap.plant.drafts.sources import Given, draft_of_source
+from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -31,7 +31,7 @@ for number, (forward, right, km) in enumerate(PLACES):
 
 
 def model_of(draft):
-    return model_file.loads(text_of(finished(draft), ["a test"]))
+    return model_file.loads(text_of(completed(draft), ["a test"]))
 
 
 def iris(**changed):
@@ -40,7 +40,7 @@ def iris(**changed):
         "iris",
         "iris.ulg",
         px4.rotors_of(parameters, "iris.ulg"),
-        mass=Said(1.5, "scales", tolerance=0.005),
+        mass=Sourced(1.5, "scales", tolerance=0.005),
         com=px4.com_of(parameters),
         imu_position=px4.imu_of(parameters),
         command=px4.command_of(parameters),
@@ -108,7 +108,7 @@ def test_tilted_rotors_keep_their_direction():
 
 
 def test_every_number_of_the_file_says_where_it_is_from():
-    lines = text_of(finished(iris()), ["a test"]).splitlines()
+    lines = text_of(completed(iris()), ["a test"]).splitlines()
     keys = [line for line in lines if " = " in line and not line.startswith(("#", "schema", "name", "tilts", "source"))]
     assert len(keys) > 12
     assert [line for line in keys if "  # " not in line] == []
@@ -117,15 +117,15 @@ def test_every_number_of_the_file_says_where_it_is_from():
 
 def test_what_is_missing_is_asked_for():
     with pytest.raises(ModelError, match="weigh it and say --mass KG"):
-        finished(Draft("x", "x.ulg", px4.rotors_of(IRIS, "x.ulg")))
+        completed(Draft("x", "x.ulg", px4.rotors_of(IRIS, "x.ulg")))
     with pytest.raises(ModelError, match="--frame quad_x --arm METRES"):
-        finished(Draft("x", "x.ulg", mass=Said(1.0, "scales")))
+        completed(Draft("x", "x.ulg", mass=Sourced(1.0, "scales")))
 
 
 @pytest.mark.parametrize("frame", FRAMES)
 def test_every_frame_can_hover_and_yaw(frame):
     """Equal rotors make no torque, half of them turn each way, and all four axes can be commanded."""
-    model = model_of(Draft(frame, frame, rotors_of(frame, 0.3, "x"), mass=Said(2.0, "scales")))
+    model = model_of(Draft(frame, frame, rotors_of(frame, 0.3, "x"), mass=Sourced(2.0, "scales")))
     _, rotors = model.vehicle.geometry()
     assert wrench(model, 500.0)[[0, 1, 3, 4, 5]] == pytest.approx(np.zeros(5), abs=1e-4)
     assert rotors.spin.sum() == 0
@@ -158,7 +158,7 @@ def test_the_estimated_inertia_is_that_of_masses_at_the_rotors():
     ],
 )
 def test_published_inertias_lie_within_twice_the_tolerance(mass, arm, published):
-    draft = finished(Draft("x", "x", rotors_of("quad_x", arm, "x"), mass=Said(mass, "scales")))
+    draft = completed(Draft("x", "x", rotors_of("quad_x", arm, "x"), mass=Sourced(mass, "scales")))
     away = (np.array(published) - draft.inertia.value) / draft.inertia.tolerance
     assert np.all(np.abs(away) < 2.0)
 
@@ -179,7 +179,7 @@ def test_level_and_shape_of_the_curve_come_from_a_flight(factor):
     u = np.concatenate((np.linspace(0.0, 0.25, 300), 0.5 + 0.12 * np.sin(0.02 * np.arange(1500))))
     made = 4 * 7.0 * (factor * u**2 + (1 - factor) * u) / 1.5
     force = np.where(np.arange(len(u)) < 300, GRAVITY, made) + 0.05 * rng.normal(size=len(u))
-    command = levelled(iris(), flown(u, force)).command
+    command = with_fitted_thrust(iris(), flown(u, force)).command
     assert command.thrust_max.value == pytest.approx(7.0, rel=0.02)
     assert command.keys["factor"].value == pytest.approx(factor, abs=0.1)
     assert command.thrust_max.source.startswith("fitted: ")
@@ -190,7 +190,7 @@ def test_a_steady_hover_shows_the_level_and_not_the_shape():
     rng = np.random.default_rng(1)
     u = 0.5 + 0.002 * rng.normal(size=1000)
     force = np.full(1000, GRAVITY) + 0.1 * rng.normal(size=1000)
-    command = levelled(iris(), flown(u, force)).command
+    command = with_fitted_thrust(iris(), flown(u, force)).command
     assert command.keys["factor"].assumed
     assert command.thrust_max.value * 0.25 * 4 == pytest.approx(1.5 * GRAVITY, rel=0.01)
 
@@ -198,30 +198,30 @@ def test_a_steady_hover_shows_the_level_and_not_the_shape():
 def test_idling_on_the_ground_is_no_flight():
     """Rotors at 2 %, or at 30 % of a vehicle that never leaves the ground: the accelerometer reads g all the same."""
     still = np.full(1000, GRAVITY)
-    assert levelled(iris(), flown(np.full(1000, 0.02), still)).command.thrust_max is None
+    assert with_fitted_thrust(iris(), flown(np.full(1000, 0.02), still)).command.thrust_max is None
     grounded = flown(np.full(1000, 0.3), still)
     at = np.zeros((1000, 3)) + np.array([0.0, 0.0, 0.05])
     odometry = OdometrySeries("/odometry", grounded.imu.time, at, np.tile([1.0, 0.0, 0.0, 0.0], (1000, 1)))
-    assert levelled(iris(), replace(grounded, odometry=odometry)).command.thrust_max is None
+    assert with_fitted_thrust(iris(), replace(grounded, odometry=odometry)).command.thrust_max is None
 
 
 def test_a_thrust_that_no_multirotor_has_is_not_believed():
-    found = levelled(iris(), flown(np.full(1000, 0.15), np.full(1000, GRAVITY)))
+    found = with_fitted_thrust(iris(), flown(np.full(1000, 0.15), np.full(1000, GRAVITY)))
     assert found.command.thrust_max is None
     assert "is this a flight?" in found.notes[-1]
 
 
 def test_a_mass_in_grams_is_doubted():
-    draft = finished(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Said(1500.0, "scales")))
+    draft = completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(1500.0, "scales")))
     assert "is the mass in kilograms" in draft.notes[-1]
-    assert finished(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Said(1.5, "scales"))).notes == ()
+    assert completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(1.5, "scales"))).notes == ()
 
 
 def test_a_log_on_the_ground_or_in_another_unit_shows_nothing():
     short = flown(np.full(60, 0.5), np.full(60, GRAVITY))
-    assert levelled(iris(), short).command.thrust_max is None
+    assert with_fitted_thrust(iris(), short).command.thrust_max is None
     pulses = flown(np.full(1000, 1500.0), np.full(1000, GRAVITY), unit="pwm")
-    assert levelled(iris(), pulses).command.thrust_max is None
+    assert with_fitted_thrust(iris(), pulses).command.thrust_max is None
 
 
 ARDUPILOT = """# from Mission Planner
@@ -241,7 +241,7 @@ INS_POS1_Z,-0.05
 
 def test_ardupilot_parameters_hover_at_the_learned_throttle(tmp_path):
     (tmp_path / "quad.param").write_text(ARDUPILOT)
-    model = model_of(drafted(tmp_path / "quad.param", Given(mass=2.2, arm=0.3)))
+    model = model_of(draft_of_source(tmp_path / "quad.param", Given(mass=2.2, arm=0.3)))
     assert model.vehicle.imu_position_B == pytest.approx([0.02, 0.0, 0.05])
     # share 0.3 of full thrust is the root u of 0.65 u^2 + 0.35 u, between spin min and spin max
     u = (-0.35 + np.sqrt(0.35**2 + 4 * 0.65 * 0.3)) / (2 * 0.65)
@@ -255,10 +255,10 @@ def test_ardupilot_parameters_hover_at_the_learned_throttle(tmp_path):
 def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_path):
     text = ARDUPILOT.replace("MOT_PWM_MIN,1000", "MOT_PWM_MIN,0").replace("MOT_PWM_MAX,2000", "MOT_PWM_MAX,0")
     (tmp_path / "old.param").write_text(text + "RC3_MIN,1100\nRC3_MAX,1900\n")
-    found = drafted(tmp_path / "old.param", Given(mass=2.2, arm=0.3)).command.keys["range"].value
+    found = draft_of_source(tmp_path / "old.param", Given(mass=2.2, arm=0.3)).command.keys["range"].value
     assert found == pytest.approx((1100.0 + 0.15 * 800.0, 1100.0 + 0.95 * 800.0))
     (tmp_path / "less.param").write_text(text)
-    said = drafted(tmp_path / "less.param", Given(mass=2.2, arm=0.3)).command.keys["range"]
+    said = draft_of_source(tmp_path / "less.param", Given(mass=2.2, arm=0.3)).command.keys["range"]
     assert said.value == pytest.approx((1150.0, 1950.0))
     assert said.assumed
 
@@ -288,7 +288,7 @@ def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_pat
 def test_ardupilot_says_what_is_missing(tmp_path, text, given, message):
     (tmp_path / "quad.param").write_text(text)
     with pytest.raises(ModelError, match=message) as caught:
-        drafted(tmp_path / "quad.param", given)
+        draft_of_source(tmp_path / "quad.param", given)
     assert "\n" not in str(caught.value)
 
 
@@ -302,4 +302,4 @@ def test_ardupilot_says_what_is_missing(tmp_path, text, given, message):
 )
 def test_wrong_answers_are_refused(given, message):
     with pytest.raises(UsageError, match=message):
-        drafted(None, given)
+        draft_of_source(None, given)

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS, checked, columns, extra_inputs
+from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS, columns, extra_inputs, ordered_groups
 from wrenchgap.plant.state import State
 
 DT = 0.005
@@ -93,8 +93,8 @@ def test_columns_have_names_in_one_order():
     every = columns(tuple(COLUMNS))
     assert len(set(every)) == len(every) == 15
     assert columns(("past",))[5] == "past_torque_z"
-    assert checked(()) == ()
-    assert checked(("past", "velocity")) == checked(("velocity", "past")) == ("velocity", "past")
+    assert ordered_groups(()) == ()
+    assert ordered_groups(("past", "velocity")) == ordered_groups(("velocity", "past")) == ("velocity", "past")
 
 
 @pytest.mark.parametrize(
@@ -106,4 +106,4 @@ def test_columns_have_names_in_one_order():
 )
 def test_unknown_and_doubled_names_are_refused(names, message):
     with pytest.raises(UsageError, match=message):
-        checked(names)
+        ordered_groups(names)

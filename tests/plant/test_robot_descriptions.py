@@ -8,9 +8,9 @@ import pytest
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.drafts.draft import finished
+from wrenchgap.plant.drafts.draft import completed
 from wrenchgap.plant.drafts.model_text import text_of
-from wrenchgap.plant.drafts.sources import Given, drafted
+from wrenchgap.plant.drafts.sources import Given, draft_of_source
 from wrenchgap.plant.state import Commands
 
 HULL, MOTOR, ARM, HEIGHT = 1.0, 0.05, 0.2, 0.03
@@ -100,11 +100,11 @@ FORMS = {"quad.urdf": urdf, "quad.sdf": sdf, "quad.xml": mjcf}
 def read(tmp_path, name, text, given=None):
     path = Path(tmp_path) / name
     path.write_text(text)
-    return drafted(path, given or Given())
+    return draft_of_source(path, given or Given())
 
 
 def model_of(draft):
-    return model_file.loads(text_of(finished(draft), ["a test"]))
+    return model_file.loads(text_of(completed(draft), ["a test"]))
 
 
 @pytest.fixture(params=FORMS)
@@ -149,7 +149,7 @@ def test_mujoco_itself_agrees_with_the_torque_of_its_actuator(tmp_path):
 
 
 def test_without_plugins_turning_joints_are_taken_and_what_is_assumed_is_said(tmp_path):
-    draft = finished(read(tmp_path, "quad.urdf", urdf(plugins=False)))
+    draft = completed(read(tmp_path, "quad.urdf", urdf(plugins=False)))
     assert len(draft.rotors) == 4
     assert all(r.spin.assumed for r in draft.rotors)
     assert any("names no motors" in note for note in draft.notes)
@@ -216,7 +216,7 @@ def test_coaxial_rotors_share_an_arm(tmp_path):
 )
 def test_what_is_broken_is_told_in_one_line(tmp_path, name, text, message):
     with pytest.raises(ModelError, match=message) as caught:
-        finished(read(tmp_path, name, text))
+        completed(read(tmp_path, name, text))
     assert "\n" not in str(caught.value)
 
 
@@ -232,7 +232,7 @@ def test_a_hull_without_rotors_is_refused(tmp_path):
 def test_other_files_are_refused_with_the_remedy(tmp_path, name, message):
     (tmp_path / name).write_text("")
     with pytest.raises(UsageError, match=message):
-        drafted(tmp_path / name, Given())
+        draft_of_source(tmp_path / name, Given())
 
 
 @pytest.mark.parametrize("name", ["quad.urdf", "quad.sdf"])
@@ -244,7 +244,7 @@ def test_a_number_that_is_none_is_refused_by_name(name, number, tmp_path, monkey
     assert mass in text
     (tmp_path / name).write_text(text.replace(mass, mass.replace(str(MOTOR), number), 1))
     with pytest.raises(ModelError) as caught:
-        drafted(tmp_path / name, Given())
+        draft_of_source(tmp_path / name, Given())
     assert "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == [name]  # MuJoCo by itself writes MUJOCO_LOG.TXT here
 
@@ -252,7 +252,7 @@ def test_a_number_that_is_none_is_refused_by_name(name, number, tmp_path, monkey
 def test_a_motor_without_a_number_is_still_a_motor(tmp_path):
     text = urdf().replace("<motorNumber>0<", "<motorNumber>nan<")
     (tmp_path / "quad.urdf").write_text(text)
-    assert len(drafted(tmp_path / "quad.urdf", Given()).rotors) == 4
+    assert len(draft_of_source(tmp_path / "quad.urdf", Given()).rotors) == 4
 
 
 @pytest.mark.parametrize("name", ["quad.sdf", "quad.xml"])

@@ -14,7 +14,7 @@ from wrenchgap.plant.stability import (
     growing_modes,
     loop_peak,
     margin,
-    of_model,
+    margin_of_model,
     open_loop,
     sensitivity_peak,
 )
@@ -100,7 +100,7 @@ def test_past_of_the_command_counts_by_its_own_loop():
 
 def test_model_is_looked_at_along_its_inputs():
     line = LinearMismatch(AXIS, np.zeros(1), slope(-0.5)[0], np.ones(1))
-    found = of_model(line, np.zeros((7, 6)), Loop(gains(0.7, 3.5), J))
+    found = margin_of_model(line, np.zeros((7, 6)), Loop(gains(0.7, 3.5), J))
     assert len(found.along) == 7
     assert found.least == pytest.approx(1.0 / loop_peak(Loop(gains(0.7, 3.5), J)))
 

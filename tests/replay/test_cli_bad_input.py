@@ -15,7 +15,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.effect_values import with_values
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.plant.trajectory.maneuvers import Moves, Tilt
@@ -174,7 +174,7 @@ def spoilt(logs, tmp_path_factory):
         (place / "a.mcap").write_bytes(logs.test.read_bytes())
     (folder / "logs" / "tuned.toml").write_text(text, encoding="utf-8")
     model = wg.load_model(MODEL)
-    wg.save_model(set_by_hand(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
+    wg.save_model(with_values(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
     (folder / "logs" / "Makefile").write_text("a process under a name that an export has")
     few = FitSettings(points=20, restarts=0)
     wg.save_gp(wg.learn_gp(wg.open_flights(logs.ideal, model), model, settings=few, guard=False), folder / "some.gp")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.effect_values import with_values
 from wrenchgap.replay.present import save_figure
 from wrenchgap.replay.present.figures import style
 
@@ -26,7 +26,7 @@ def no_figures_left():
 @pytest.fixture(scope="module")
 def compared(logs):
     """Two flights, the nominal vehicle and one with an offset of the centre of mass."""
-    model = set_by_hand(MODEL, ["com_offset=-0.004,0.007,-0.005"])
+    model = with_values(MODEL, ["com_offset=-0.004,0.007,-0.005"])
     return wg.compare(wg.open_flights([logs.test, logs.train], model), model)
 
 

@@ -34,12 +34,12 @@ COMMANDS = {
 def inputs(logs, tmp_path_factory):
     """A log and a model with an effect; a command must leave them as they are."""
     import wrenchgap as wg
-    from wrenchgap.plant.effect_values import set_by_hand
+    from wrenchgap.plant.effect_values import with_values
 
     folder = tmp_path_factory.mktemp("in")
     (folder / "log.mcap").write_bytes(logs.test.read_bytes())
     model = wg.load_model("tilt_hexarotor")
-    wg.save_model(set_by_hand(model, ["com_offset=x:0.001,y:0,z:0"]), folder / "fitted.toml")
+    wg.save_model(with_values(model, ["com_offset=x:0.001,y:0,z:0"]), folder / "fitted.toml")
     return folder
 
 

@@ -160,11 +160,11 @@ def add(
 
 
 def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -> None:
-    from wrenchgap.plant.effect_values import set_by_hand
+    from wrenchgap.plant.effect_values import with_values
     from wrenchgap.replay import api
     from wrenchgap.replay.present.addition import effects_json, model_table
 
-    saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=run.force)
+    saved = api.save_model(with_values(base, values), output, before=base, command=command, force=run.force)
     run.show(model_table(saved))
     run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
 

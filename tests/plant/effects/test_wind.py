@@ -8,7 +8,7 @@ from wrenchgap.flight.so3 import rotate, rotate_inverse
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.simulation.closed_loop import Clock, fly, replayed
+from wrenchgap.plant.simulation.closed_loop import Clock, command_stage, fly
 from wrenchgap.plant.state import rows
 from wrenchgap.plant.wrench_model import WrenchModel
 
@@ -85,7 +85,7 @@ def drifting(bench, values, velocity, seconds=4.0, dt=0.01):
     """A level vehicle whose thrust balances its weight, left to the air."""
     clock = Clock(np.arange(0.0, seconds, dt), dt)
     u = bench.commands()
-    command, signals = replayed(rows(u, np.zeros(len(clock.time), dtype=int)))
+    command, signals = command_stage(rows(u, np.zeros(len(clock.time), dtype=int)))
     return fly(model(bench, values), bench.state(velocity=velocity), clock, [command], signals)[0].state
 
 
