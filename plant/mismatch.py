@@ -1,9 +1,17 @@
-"""What is known about the gap between commanded and real wrench, as a function of the command.
+"""Models of the mismatch between commanded and real wrench, as a function of the command.
 
     W = W_cmd + g(W_cmd)                                    (paper, 'Learning model-plant mismatch')
 
 A *mismatch model* estimates some components of g together with a standard deviation. `learn` makes them from logs,
 `compensate` inverts them, simulations fly with them; none needs to know which kind it holds.
+
+An `Expansion` is a process or a linear model as plain arrays: what compiled code evaluates, and what is exported. With
+x = (xi - input_mean) / input_scale and, for each of L outputs, q = x / lengthscale,
+
+    mean = output_scale (b_0 + b . x + sum_n alpha_n s_f^2 exp(-1/2 |q - p_n|^2))
+    std  = output_scale sigma_scale sqrt(max(s_f^2 - |C^-1 k|^2, 0) + s_n^2)
+
+as in `learn.process.gp`, which specifies it and names the source. A linear model has no points.
 """
 
 from __future__ import annotations

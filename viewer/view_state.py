@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, create_model
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, text_of
+from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, quoted, text_of
 from wrenchgap.plant.reader import read as read_table
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 

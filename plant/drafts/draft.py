@@ -1,7 +1,7 @@
-"""What is known of a vehicle before there is a model file: values, each with where it comes from.
+"""A draft of a vehicle, before there is a model file: values, each with its source.
 
-Frames as in `plant.vehicle`: B is x forward, y left, z up. `completed` fills in what a model file must have and nobody
-said, each of it marked as assumed; nothing is filled in silently.
+Frames as in `plant.vehicle`: B is x forward, y left, z up. `completed` estimates what a model file must have and no
+source states; every estimate is marked as assumed.
 """
 
 from __future__ import annotations
@@ -18,21 +18,48 @@ from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 
-KAPPA = 0.016
-"""Drag torque per thrust [m] of a propeller of which nothing is known: between 0.006 m (4 cm) and 0.05 m (50 cm)."""
-COEFFICIENT, DENSITY = 0.012, 1.225
-"""Thrust coefficient C_T = T / (rho A (Omega R)^2) of small propellers at rest, and the air's density [kg/m^3]."""
-ROOM = 0.45
-"""Radius of a rotor, relative to the distance of the nearest one, where nobody said it."""
-LOADING = (8.0, 800.0)
-"""Weight over the rotors' area [N/m^2] of multirotors from 20 g to 100 kg, with room on both sides."""
-HEADROOM = 2.0
-"""Thrust at full throttle over that in hover, where nobody said it."""
+
+@dataclass(frozen=True)
+class TypicalVehicle:
+    """Numbers of multirotors that stand in for what no source states.
+
+    The inertia is estimated as if the share `mass_at_rotors` of the mass sat at the rotors (motors, propellers, outer
+    arms) and the rest at their mean. Published moments about the vertical give J_zz / (m mean d^2) of 0.51 (Crazyflie
+    2: Foerster, ETH 2015), 0.60 (3DR Iris) and 0.33 (Holybro X500, both PX4's Gazebo models), 0.58 (AscTec Hummingbird)
+    and 0.42 (the omnidirectional hexarotor, both RotorS): 0.49 on average with a standard deviation of 0.11.
+
+    Attributes
+    ----------
+    kappa
+        Drag torque per thrust [m] of a propeller: 0.006 m (4 cm) to 0.05 m (50 cm).
+    thrust_coefficient, air_density
+        C_T = T / (rho A (Omega R)^2) of small propellers at rest, and rho [kg/m^3].
+    radius_share
+        Radius of a rotor, relative to the distance of the nearest one.
+    disc_loading
+        Range of the weight per rotor area [N/m^2], from 20 g to 100 kg, with a margin on both sides.
+    thrust_ratio
+        Thrust at full throttle over that in hover.
+    mass_at_rotors, inertia_std
+        Share of the mass at the rotors, and relative standard deviation of the estimated moments of inertia.
+    min_moment
+        Smallest moment of inertia, relative to the largest: of rotors in one line, arms and hull still have width.
+    """
+
+    kappa: float = 0.016
+    thrust_coefficient: float = 0.012
+    air_density: float = 1.225
+    radius_share: float = 0.45
+    disc_loading: tuple[float, float] = (8.0, 800.0)
+    thrust_ratio: float = 2.0
+    mass_at_rotors: float = 0.5
+    inertia_std: float = 0.3
+    min_moment: float = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Sourced:
-    """A value, and where it comes from in a few words; `assumed` where nobody said it. `tolerance`: one sigma."""
+    """A value and its source in a few words; `assumed`: no source states it; `tolerance`: one standard deviation."""
 
     value: Any
     source: str
@@ -51,7 +78,7 @@ class Tilt:
 
 @dataclass(frozen=True, eq=False)
 class RotorDraft:
-    """One rotor: hub (3,) [m] and thrust direction (3,) in B, the rest as in `plant.vehicle.Rotors`, if it was said."""
+    """One rotor: hub (3,) [m] and thrust direction (3,) in B, the rest as in `plant.vehicle.Rotors`, None: unknown."""
 
     position_B: Sourced
     direction_B: Sourced
@@ -79,7 +106,7 @@ class CommandDraft:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A vehicle as far as it is known; `origin` says in a line what it was drafted from."""
+    """A vehicle as far as it is known; `origin` names in a line what it was drafted from."""
 
     name: str
     origin: str
@@ -93,7 +120,7 @@ class Draft:
     topics: Mapping[str, str] = field(default_factory=dict)
 
 
-def completed(draft: Draft) -> Draft:
+def completed(draft: Draft, typical: TypicalVehicle = TypicalVehicle()) -> Draft:
     """The draft with everything that a model file needs. Raises ModelError where the mass or the rotors are missing."""
     if draft.mass is None:
         raise ModelError(f"{draft.origin}: does not say what the vehicle weighs; weigh it and say --mass KG")
@@ -107,80 +134,93 @@ def completed(draft: Draft) -> Draft:
         draft,
         com=draft.com or Sourced((0.0, 0.0, 0.0), "the point from which the rotors are given", assumed=True),
         imu_position=draft.imu_position or Sourced((0.0, 0.0, 0.0), "not said: at the origin", assumed=True),
-        inertia=draft.inertia or _estimated(float(draft.mass.value), hubs),
+        inertia=draft.inertia or _estimated_inertia(float(draft.mass.value), hubs, typical),
     )
-    radii = _radii(hubs)
-    rotors = tuple(_filled(r, radii[k]) for k, r in enumerate(draft.rotors))
-    return _with_thrust(replace(filled, rotors=rotors, notes=(*draft.notes, *_doubts(draft.mass, rotors))))
+    rotors = _with_radius_and_kappa(draft.rotors, hubs, typical)
+    notes = (*draft.notes, *_loading_notes(draft.mass, rotors, typical))
+    return _with_thrust(replace(filled, rotors=rotors, notes=notes), typical)
 
 
-def _doubts(mass: Sourced, rotors: Sequence[RotorDraft]) -> list[str]:
-    """What is hardly possible of mass and size: another unit, most likely."""
+def _loading_notes(mass: Sourced, rotors: Sequence[RotorDraft], typical: TypicalVehicle) -> list[str]:
+    """A note where mass and rotor area do not fit together: most likely one of them is in another unit."""
     area = sum(np.pi * float(r.radius.value) ** 2 for r in rotors if r.radius is not None)
-    loading = GRAVITY * float(mass.value) / area
-    if LOADING[0] < loading < LOADING[1]:
+    loading, (least, most) = GRAVITY * float(mass.value) / area, typical.disc_loading
+    if least < loading < most:
         return []
     return [
-        f"the rotors would carry {loading:.3g} N per square metre of disc, where {LOADING[0]:g} to {LOADING[1]:g} are "
-        "usual: is the mass in kilograms, are arms and rotors in metres?"
+        f"the rotors would carry {loading:.3g} N per square metre of disc, where {least:g} to {most:g} are usual: is "
+        "the mass in kilograms, are arms and rotors in metres?"
     ]
 
 
-def _estimated(mass: float, hubs: Array) -> Sourced:
-    moments = inertia_of_mass(mass, hubs)
+def _estimated_inertia(mass: float, hubs_B: Array, typical: TypicalVehicle) -> Sourced:
+    moments = inertia_of_mass(mass, hubs_B, typical)
     words = (
-        f"estimated from mass and geometry: {100 * SHARE:.0f} % of the mass at the rotors, the rest in the middle; "
-        f"+-{100 * UNCERTAINTY:.0f} % (one sigma)"
+        f"estimated from mass and geometry: {100 * typical.mass_at_rotors:.0f} % of the mass at the rotors, the rest "
+        f"in the middle; +-{100 * typical.inertia_std:.0f} % (one sigma)"
     )
-    return Sourced(tuple(moments), words, assumed=True, tolerance=tuple(UNCERTAINTY * moments))
+    return Sourced(tuple(moments), words, assumed=True, tolerance=tuple(typical.inertia_std * moments))
 
 
-def _radii(hubs: Array) -> Array:
-    """A radius (R,) [m] for each rotor that leaves room to its nearest neighbour beside it."""
-    out = np.empty(len(hubs))
-    for k, hub in enumerate(hubs):
-        beside = np.linalg.norm(hubs[:, :2] - hub[:2], axis=1)
-        near = beside[beside > 1e-3]
-        out[k] = ROOM * (near.min() if near.size else 2.0 * max(float(np.linalg.norm(hub)), 0.05))
-    return out
+def inertia_of_mass(mass: float, hubs_B: Array, typical: TypicalVehicle = TypicalVehicle()) -> Array:
+    """Moments (3,) [kg m^2] about B's axes of a mass [kg] with rotors at `hubs_B` (R, 3) [m].
+
+    J = share m mean_r (|d_r|^2 I - d_r d_r^T), d_r from the mean of the hubs to hub r.
+    """
+    square = ((hubs_B - hubs_B.mean(axis=0)) ** 2).mean(axis=0)
+    moments = typical.mass_at_rotors * mass * (square[[1, 0, 0]] + square[[2, 2, 1]])
+    return np.asarray(np.maximum(moments, typical.min_moment * moments.max()))
 
 
-def _filled(rotor: RotorDraft, radius: float) -> RotorDraft:
-    room = Sourced(float(radius), f"{100 * ROOM:.0f} % of the distance to the nearest rotor", assumed=True)
-    kappa = Sourced(KAPPA, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
-    return replace(rotor, radius=rotor.radius or room, kappa=rotor.kappa or kappa)
+def _with_radius_and_kappa(
+    rotors: Sequence[RotorDraft], hubs: Array, typical: TypicalVehicle
+) -> tuple[RotorDraft, ...]:
+    """The rotors with radii that leave a gap to the nearest rotor, and a typical kappa, where these are unknown."""
+    kappa = Sourced(typical.kappa, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
+    words = f"{100 * typical.radius_share:.0f} % of the distance to the nearest rotor"
+    out = []
+    for rotor, hub in zip(rotors, hubs, strict=True):
+        distance = np.linalg.norm(hubs[:, :2] - hub[:2], axis=1)
+        others = distance[distance > 1e-3]
+        free = others.min() if others.size else 2.0 * max(float(np.linalg.norm(hub)), 0.05)
+        radius = Sourced(float(typical.radius_share * free), words, assumed=True)
+        out.append(replace(rotor, radius=rotor.radius or radius, kappa=rotor.kappa or kappa))
+    return tuple(out)
 
 
-def _with_thrust(draft: Draft) -> Draft:
+def _with_thrust(draft: Draft, typical: TypicalVehicle) -> Draft:
     """The draft with thrust coefficients and speed limits, and the level of the curve of [command]."""
     up = np.array([r.direction_B.value for r in draft.rotors])[:, 2]
     assert draft.mass is not None
-    share = GRAVITY * float(draft.mass.value) / max(float(np.abs(up).sum()), 1e-9)
+    hover_thrust = GRAVITY * float(draft.mass.value) / max(float(np.abs(up).sum()), 1e-9)
     command, full = draft.command, None
     if command is not None:
         full = command.thrust_max
-        if full is None and command.hover is not None:
-            hover = command.hover
-            full = Sourced(share / float(hover.value), f"weight over {len(up)} rotors, {hover.source}", hover.assumed)
+        if full is None and (hover := command.hover) is not None:
+            words = f"weight over {len(up)} rotors, {hover.source}"
+            full = Sourced(hover_thrust / float(hover.value), words, hover.assumed)
         draft = replace(draft, command=replace(command, thrust_max=full))
-    rotors = tuple(_powered(r, full, share) for r in draft.rotors)
-    return replace(draft, rotors=rotors)
+    return replace(draft, rotors=tuple(_with_speed_limit(r, full, hover_thrust, typical) for r in draft.rotors))
 
 
-def _powered(rotor: RotorDraft, full: Sourced | None, share: float) -> RotorDraft:
+def _with_speed_limit(
+    rotor: RotorDraft, full: Sourced | None, hover_thrust: float, typical: TypicalVehicle
+) -> RotorDraft:
+    """The rotor with c_f and the speed that makes its full thrust [N]."""
     assert rotor.radius is not None
-    estimate = COEFFICIENT * DENSITY * np.pi * float(rotor.radius.value) ** 4
-    words = f"estimated from the radius, C_T = {COEFFICIENT:g}" + ("; names the thrust of [command]" if full else "")
+    c_t, ratio = typical.thrust_coefficient, typical.thrust_ratio
+    estimate = c_t * typical.air_density * np.pi * float(rotor.radius.value) ** 4
+    words = f"estimated from the radius, C_T = {c_t:g}" + ("; names the thrust of [command]" if full else "")
     c_f = rotor.c_f or Sourced(estimate, words, assumed=True)
-    limit = "full throttle" if full else f"{HEADROOM:g} times the thrust of hover"
-    full = full or rotor.thrust_max or Sourced(HEADROOM * share, "", assumed=True)
+    limit = "full throttle" if full else f"{ratio:g} times the thrust of hover"
+    full = full or rotor.thrust_max or Sourced(ratio * hover_thrust, "", assumed=True)
     words = f"speed at {rotor.thrust_max.source if rotor.thrust_max else limit}"
     top = Sourced(float(np.sqrt(float(full.value) / float(c_f.value))), words, assumed=rotor.thrust_max is None)
     return replace(rotor, c_f=c_f, speed_max=rotor.speed_max or top)
 
 
 def assumptions(draft: Draft) -> list[str]:
-    """What nobody said, in words: for the user to check."""
+    """The assumed values, in words: for the user to check."""
     found = [f"{k}: {s.source}" for k in ("inertia", "com", "imu_position") if (s := getattr(draft, k)).assumed]
     for key in ("spin", "kappa", "c_f", "radius", "speed_max"):
         values: Sequence[Sourced] = [getattr(r, key) for r in draft.rotors]
@@ -192,23 +232,9 @@ def assumptions(draft: Draft) -> list[str]:
     return found
 
 
-SHARE, UNCERTAINTY = 0.5, 0.3
-"""Share of the mass at the rotors; relative standard deviation of what comes out."""
-LEAST = 0.05
-"""Smallest moment, relative to the largest: where all rotors are in one line, arms and hull still are not."""
-
-
-def inertia_of_mass(mass: float, hubs_B: Array) -> Array:
-    """Moments (3,) [kg m^2] about B's axes of a mass [kg] with rotors at `hubs_B` (R, 3) [m]."""
-    away = hubs_B - hubs_B.mean(axis=0)
-    square = (away**2).mean(axis=0)
-    moments = SHARE * mass * np.array([square[1] + square[2], square[0] + square[2], square[0] + square[1]])
-    return np.asarray(np.maximum(moments, LEAST * moments.max()))
-
-
 @dataclass(frozen=True, repr=False)
 class Sheet(Result):
-    """A model to look at: `assumed` is what nobody said, in words, `notes` what its source said besides."""
+    """A model to look at: `assumed` lists the assumed values in words, `notes` further statements of its source."""
 
     model: Model
     assumed: tuple[str, ...] = ()

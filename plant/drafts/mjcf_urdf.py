@@ -29,12 +29,10 @@ FOLDERS = ("assetdir", "meshdir", "texturedir")
 """Attributes with the folders of the others' files."""
 WORLD = "wrenchgap_world"
 """Name of the link that stands in for the world in a URDF."""
-REPEATING, MOST_COPIES = ("replicate", "composite", "flexcomp"), 1000
-"""Elements of MJCF that repeat what is in them, and how often all of a file may together: MuJoCo makes each body."""
+REPEATING = ("replicate", "composite", "flexcomp")
+"""Elements of MJCF that repeat what is in them."""
 COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
 """Bodies keep their names; those without mass (frames) become too light to matter."""
-NOTHING = 1e-7
-"""Mass of a body [kg] below which it is one of those."""
 
 
 def from_mjcf(path: Path) -> Draft:
@@ -88,8 +86,8 @@ def _check_files(path: Path) -> None:
             path_inside(folder, str(PurePath(start, name)) if start else name, where)
 
 
-def _elements(one: Path, path: Path) -> list[ElementTree.Element]:
-    """Of the MJCF `one`, which `path` includes or is."""
+def _elements(one: Path, path: Path, max_copies: int = 1000) -> list[ElementTree.Element]:
+    """Elements of the MJCF `one`, which `path` includes or is; MuJoCo allocates every one of the repeated bodies."""
     text = text_of(one, "as MJCF")
     if "<!DOCTYPE" in text:  # MuJoCo skips what it declares in another way than we do
         raise ModelError(f"{path.name}: {one.name} has a DOCTYPE, which MJCF does not need; take it out")
@@ -100,9 +98,9 @@ def _elements(one: Path, path: Path) -> list[ElementTree.Element]:
     copies = 1
     for count in (e.get("count", "") for e in found if e.tag.lower() in REPEATING):
         copies *= math.prod(int(n) for n in count.split() if n.isdecimal() and n != "0")
-    if copies > MOST_COPIES:
+    if copies > max_copies:
         raise ModelError(
-            f"{path.name}: {one.name} repeats bodies {copies:,} times; a vehicle has at most {MOST_COPIES:,}"
+            f"{path.name}: {one.name} repeats bodies {copies:,} times; a vehicle has at most {max_copies:,}"
         )
     return found
 
@@ -176,6 +174,7 @@ def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
     for body in bodies:
         frame, principal = data.xmat[body].reshape(3, 3), turned.T @ data.ximat[body].reshape(3, 3)
         mass = float(model.body_mass[body])
+        heavy = mass > 1e-7  # kg; lighter ones are frames, see `COMPILER`
         joint, axis, limits, name = _joint(mujoco, model, data, body, turned) if body != root else _FIXED
         out.append(
             Link(
@@ -183,9 +182,9 @@ def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
                 bodies.index(int(model.body_parentid[body])) if body != root else -1,
                 turned.T @ (data.xpos[body] - origin),
                 turned.T @ frame,
-                mass if mass > NOTHING else 0.0,
+                mass if heavy else 0.0,
                 turned.T @ (data.xipos[body] - origin),
-                principal @ np.diag(model.body_inertia[body]) @ principal.T if mass > NOTHING else np.zeros((3, 3)),
+                principal @ np.diag(model.body_inertia[body]) @ principal.T if heavy else np.zeros((3, 3)),
                 *(joint, axis, limits, name),
             )
         )
@@ -236,14 +235,14 @@ def _actuators(mujoco: Any, model: Any, numbers: dict[int, int], links: list[Lin
 def _motor(model: Any, number: int, name: str, direction: Any, hub: Any) -> Motor:
     gear = model.actuator_gear[number]
     ratio = float(gear[5] / abs(gear[2]))
-    told = f"gear of actuator {name}"
+    source = f"gear of actuator {name}"
     most = float(abs(gear[2]) * np.abs(model.actuator_ctrlrange[number]).max())
     gain = float(model.actuator_gainprm[number, 0])
     limited = bool(model.actuator_ctrllimited[number])
     return Motor(
-        spin=Sourced(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, told) if ratio else None,
-        kappa=Sourced(abs(ratio), told) if ratio else None,
-        thrust_max=Sourced(most * gain, f"ctrlrange and {told}") if limited and most * gain > 0.0 else None,
+        spin=Sourced(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, source) if ratio else None,
+        kappa=Sourced(abs(ratio), source) if ratio else None,
+        thrust_max=Sourced(most * gain, f"ctrlrange and {source}") if limited and most * gain > 0.0 else None,
         number=number,
         position=hub,
         direction=direction,

@@ -12,10 +12,6 @@ from wrenchgap._escaping import printable
 from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
 from wrenchgap.plant.reader import LONGEST_NAME
 
-COMMENT = 58
-"""Column at which comments begin."""
-ALIKE = 1e-6
-"""Distance [m] below which two rotors are above one another."""
 SHARED = ("c_f", "kappa", "radius", "speed_max")
 """Numbers that rotors usually have in common."""
 
@@ -25,7 +21,7 @@ def text_of(draft: Draft, headline: Sequence[str]) -> str:
     top = [f"# {printable(line)}" for line in headline]
     lines = [*top, "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
     for key in ("mass", "inertia", "com", "imu_position"):
-        lines.append(_line(key, _told(getattr(draft, key)), getattr(draft, key)))
+        lines.append(_line(key, _with_tolerance(getattr(draft, key)), getattr(draft, key)))
     lines += ["", *_shared(draft.rotors)]
     for group in _arms(draft.rotors):
         lines += ["", *_arm(draft.rotors, group)]
@@ -59,13 +55,17 @@ def _value(value: Any) -> str:
     return text if any(c in text for c in ".en") else f"{text}.0"
 
 
-def _told(said: Sourced) -> str:
+def _with_tolerance(said: Sourced) -> str:
     value = _value(said.value)
     return value if said.tolerance is None else f"{{ value = {value}, tolerance = {_value(said.tolerance)} }}"
 
 
 def _line(key: str, value: str, said: Sourced) -> str:
-    return f"{key} = {value}".ljust(COMMENT) + f"  # {_words(said)}"
+    return _commented(f"{key} = {value}", _words(said))
+
+
+def _commented(entry: str, words: str, column: int = 58) -> str:
+    return entry.ljust(column) + f"  # {words}"
 
 
 def _words(said: Sourced) -> str:
@@ -99,12 +99,13 @@ def _arms(rotors: Sequence[RotorDraft]) -> list[list[int]]:
     return groups
 
 
-def _coaxial(first: RotorDraft, second: RotorDraft) -> bool:
+def _coaxial(first: RotorDraft, second: RotorDraft, tolerance: float = 1e-6) -> bool:
+    """Whether one rotor is above the other, to a tolerance [m]."""
     away = np.subtract(second.position_B.value, first.position_B.value)
     along = np.asarray(first.direction_B.value)
-    same = np.linalg.norm(np.subtract(second.direction_B.value, along)) < ALIKE
+    same = np.linalg.norm(np.subtract(second.direction_B.value, along)) < tolerance
     height = float(away @ along)
-    return bool(same and abs(height) > ALIKE and np.linalg.norm(away - height * along) < ALIKE)
+    return bool(same and abs(height) > tolerance and np.linalg.norm(away - height * along) < tolerance)
 
 
 def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
@@ -121,7 +122,7 @@ def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
     for r, hub in zip(group, hubs, strict=True):
         rotor, offset = rotors[r], float((hub - middle) @ along)
         row = [f"name = {_text(rotor.name)}"] if rotor.name else []
-        row += [f"spin = {int(rotor.spin.value)}", *([f"offset = {_value(offset)}"] if abs(offset) > ALIKE else [])]
+        row += [f"spin = {int(rotor.spin.value)}", *([f"offset = {_value(offset)}"] if abs(offset) > 1e-6 else [])]
         rows.append(", ".join([*row, *(f"{key} = {_value(getattr(rotor, key).value)}" for key in own)]))
     said = [f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)]
     return [*lines, *_rotor_lines(rows, "; ".join(said))]
@@ -139,5 +140,5 @@ def _tilting(first: RotorDraft, rotors: Sequence[RotorDraft], middle: Any) -> li
 
 def _rotor_lines(rows: Sequence[str], words: str) -> list[str]:
     if len(rows) == 1:
-        return [f"rotors = [{{ {rows[0]} }}]".ljust(COMMENT) + f"  # {words}"]
+        return [_commented(f"rotors = [{{ {rows[0]} }}]", words)]
     return [f"rotors = [  # {words}", *(f"  {{ {row} }}," for row in rows), "]"]

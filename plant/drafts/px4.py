@@ -23,10 +23,8 @@ from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
 Parameters = Mapping[str, float]
 MULTIROTORS = {0: "multirotor", 7: "motors in all directions", 8: "multirotor with tilt"}
 """CA_AIRFRAME of what rotors alone carry."""
-HOVER = 0.5
-"""MPC_THR_HOVER where nobody set it."""
-KM, CT = 0.05, 6.5
-"""CA_ROTOR*_KM and _CT where nobody set them."""
+DEFAULTS = {"KM": 0.05, "MPC_THR_HOVER": 0.5}
+"""PX4's defaults of CA_ROTOR*_KM and MPC_THR_HOVER."""
 
 
 def flipped(x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -58,8 +56,8 @@ def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:
         raise ModelError(
             f"{where}: {name}_AX, _AY, _AZ are all zero, so the rotor has no direction; set them and log anew"
         )
-    km = read("KM", KM)
-    usual = abs(abs(km) - KM) < 1e-6
+    km = read("KM", DEFAULTS["KM"])
+    usual = abs(abs(km) - DEFAULTS["KM"]) < 1e-6
     words = f"{name}_KM = {km:.4g}" + (", which is PX4's default" if usual else "")
     return RotorDraft(
         Sourced(flipped(read("PX"), read("PY"), read("PZ")), f"{name}_PX, _PY, _PZ; forward, left, up"),
@@ -106,8 +104,9 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
             "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square of the command",
             assumed=True,
         )
-    hover = float(parameters.get("MPC_THR_HOVER", HOVER))
-    said = "" if hover != HOVER and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
+    default = DEFAULTS["MPC_THR_HOVER"]
+    hover = float(parameters.get("MPC_THR_HOVER", default))
+    said = "" if hover != default and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
     share = hover if shape.value == 0.0 else float(shape.value) * hover**2 + (1.0 - float(shape.value)) * hover
     words = f"hovering at MPC_THR_HOVER = {hover:.3g}{said}"
     return CommandDraft({**keys, "factor": shape}, hover=Sourced(share, words, assumed=bool(said)))

@@ -7,6 +7,11 @@ those of all bodies together,
 
 (parallel axes). Rotors are what a motor plugin or an actuator names, else leaf bodies on joints that turn without
 limit. An arm tilts where a joint with limits lies between a rotor and the root.
+
+Motor plugins are those of Gazebo in SDF and URDF, classic (`libgazebo_motor_model.so` of RotorS and PX4) and new
+(`gz-sim-multicopter-motor-model-system`): thrust motorConstant omega^2 [N s^2] along the link's z axis, torque
+momentConstant thrust [m] against the turning direction, which is seen from above the link. Source: RotorS,
+gazebo_motor_model; gz-sim, MulticopterMotorModel.
 """
 
 from __future__ import annotations
@@ -25,9 +30,6 @@ from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced, Tilt
 
 Joint = Literal["fixed", "hinge", "turning", "other"]
 """How a body is joined to its parent: not, by a hinge with limits, by one without, otherwise."""
-
-ABSURD = 1e9
-"""No mass, length or inertia of a vehicle is larger in SI."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Motor:
-    """What a plugin or an actuator says of a rotor; where it sits if that is not its link's frame."""
+    """A rotor as a plugin or an actuator describes it, and its place if that is not its link's frame."""
 
     spin: Sourced | None = None
     kappa: Sourced | None = None
@@ -81,10 +83,11 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
             f"{origin}: no rotors found among {len(links)} bodies: neither motor plugins, actuators on sites, nor "
             "joints that turn without limit; describe them by hand in a model file (docs/model-file.md)"
         )
+    limit = 1e9  # no mass, length or inertia of a vehicle is larger in SI
     for one in links:
         numbers = (one.position, one.rotation, one.centre, one.inertia, np.array([one.mass]))
-        if not all(np.isfinite(part).all() and np.abs(part).max(initial=0.0) < ABSURD for part in numbers):
-            raise ModelError(f"{origin}: {one.name}: mass, inertia and place must be numbers below {ABSURD:g}")
+        if not all(np.isfinite(part).all() and np.abs(part).max(initial=0.0) < limit for part in numbers):
+            raise ModelError(f"{origin}: {one.name}: mass, inertia and place must be numbers below {limit:g}")
     mass, centre, inertia = combined_mass_properties(links)
     if mass <= 0.0:
         raise ModelError(f"{origin}: the bodies have no mass; say what the vehicle weighs with --mass KG and --frame")
@@ -171,12 +174,12 @@ def motors_of(document: Element) -> dict[str, Motor]:
         number = _number(plugin, "motorNumber")
         if number is None:
             number = _number(plugin, "actuator_number")
-        told = f"motor plugin of {place}"
+        source = f"motor plugin of {place}"
         found[place.rpartition("::")[2]] = Motor(
-            spin=Sourced(TURNS[turn], f"turningDirection {turn} of the {told}"),
-            kappa=_said(plugin, "momentConstant", told),
-            c_f=_said(plugin, "motorConstant", told),
-            speed_max=_said(plugin, "maxRotVelocity", told),
+            spin=Sourced(TURNS[turn], f"turningDirection {turn} of the {source}"),
+            kappa=_positive(plugin, "momentConstant", source),
+            c_f=_positive(plugin, "motorConstant", source),
+            speed_max=_positive(plugin, "maxRotVelocity", source),
             number=None if number is None else int(number),
         )
     return found
@@ -190,6 +193,6 @@ def _number(plugin: Element, name: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _said(plugin: Element, name: str, told: str) -> Sourced | None:
+def _positive(plugin: Element, name: str, source: str) -> Sourced | None:
     value = _number(plugin, name)
-    return None if value is None or value <= 0.0 else Sourced(value, f"{name} of the {told}")
+    return None if value is None or value <= 0.0 else Sourced(value, f"{name} of the {source}")

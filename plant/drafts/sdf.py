@@ -19,10 +19,6 @@ from wrenchgap.plant.drafts.robot_tree import Joint, Link, draft_of, motors_of
 Pose = tuple[Array, Array]
 """Position (3,) [m] and rotation (3, 3) of a frame in another."""
 HERE: Pose = (np.zeros(3), np.eye(3))
-DEEPEST = 100
-"""Frames, each given in the next, beyond which it is no vehicle's description."""
-FULL_TURN = 1e3
-"""Limits of a joint [rad] beyond which it turns without limit."""
 
 
 def from_sdf(path: Path, document: Element) -> Draft:
@@ -87,8 +83,8 @@ def _inverse(pose: Pose) -> Pose:
     return -pose[1].T @ pose[0], pose[1].T
 
 
-def _poses(model: Element, where: str) -> dict[str, Pose]:
-    """Poses of all links, joints and frames in the model's frame."""
+def _poses(model: Element, where: str, max_depth: int = 100) -> dict[str, Pose]:
+    """Poses of all links, joints and frames in the model's frame; a vehicle has a few frames within one another."""
     given: dict[str, tuple[str, Pose]] = {}
     for kind in ("link", "joint", "frame"):
         for element in model.findall(kind):
@@ -102,8 +98,8 @@ def _poses(model: Element, where: str) -> dict[str, Pose]:
         if name not in done:
             if name not in given or name in waiting:
                 raise ModelError(f"{where}: the frame {name!r} is {'circular' if name in waiting else 'not there'}")
-            if len(waiting) >= DEEPEST:
-                raise ModelError(f"{where}: {DEEPEST} frames stand on one another at {name!r}; expected a few")
+            if len(waiting) >= max_depth:
+                raise ModelError(f"{where}: {max_depth} frames stand on one another at {name!r}; expected a few")
             relative, pose = given[name]
             done[name] = _after(resolved(relative, (*waiting, name)), pose)
         return done[name]
@@ -185,5 +181,5 @@ def _joined(joint: Element, rotation: Array, what: str) -> tuple[Joint, Array | 
         float(_numbers(joint.findtext(f"axis/limit/{end}") or usual, 1, f"{what}: limit")[0])
         for end, usual in (("lower", "-1e16"), ("upper", "1e16"))
     )
-    free = kind == "continuous" or max(-low, high) > FULL_TURN
+    free = kind == "continuous" or max(-low, high) > 1e3  # rad: no stop is so many turns away
     return ("turning" if free else "hinge"), axis, (-np.inf, np.inf) if free else (low, high)

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import (
+    Actuation,
+    Array,
+    Context,
+    Parameter,
+    Vehicle,
+    WrenchEffect,
+    pure_torque,
+    tilting_arms,
+)
 
 
 class ArmReaction(WrenchEffect):
@@ -27,9 +35,7 @@ class ArmReaction(WrenchEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Inertia of one arm about its own axis."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect arm_reaction needs arms that tilt, and none does")
+        tilting_arms(vehicle, self.name)
         typical = 0.005 * float(np.mean(np.diag(vehicle.body.inertia)))
         return (Parameter("inertia", "kg m^2", 0.0, 20.0 * typical, typical),)
 
@@ -39,4 +45,4 @@ class ArmReaction(WrenchEffect):
         arms, _ = context.vehicle.geometry()
         swing = actuation.tilt_rate @ arms.axis_B
         torque = -theta[0] * (actuation.tilt_acceleration @ arms.axis_B + np.cross(context.state.omega_B, swing))
-        return np.concatenate((np.zeros_like(torque), torque), axis=-1)
+        return pure_torque(torque)

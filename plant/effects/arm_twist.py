@@ -6,8 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
+from wrenchgap.plant.effects.effect import (
+    Any,
+    Array,
+    CommandEffect,
+    Commands,
+    Context,
+    Parameter,
+    Vehicle,
+    tilting_arms,
+)
 
 
 class ArmTwist(CommandEffect):
@@ -27,9 +35,7 @@ class ArmTwist(CommandEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Twist per thrust, the same on every tilting arm."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect arm_twist needs arms that tilt, and none does")
+        arms = tilting_arms(vehicle, self.name)
         per_arm = vehicle.body.mass * 9.81 / len(arms)
         return (Parameter("twist", "rad/N", -0.1 / per_arm, 0.1 / per_arm, 0.015 / per_arm),)
 

@@ -42,23 +42,28 @@ class AsymmetricMotorLag(CommandEffect):
         return replace(commands, rotor_speed=speed), memory
 
 
-SHORTEST = 1e-9
-"""Time constant [s] that stands for zero where only the other one is above zero."""
-
-
 def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
-    """Lagged samples (N, D) of `signal` (N, D); starts in equilibrium where there is no memory (last input, output)."""
+    """Lagged samples (N, D) of `signal` (N, D), and the last input and output for the next call.
+
+    The lag has the time constant `up` [s] while its output rises and `down` [s] while it falls; without memory it
+    starts in equilibrium. With the error e = u - y behind an input u that is linear between samples (slope m),
+
+        de/dt = m - e / tau,    tau = tau_up where e > 0, tau_down where e < 0
+
+    While e keeps its sign, e(t) = m tau + (e_0 - m tau) exp(-t/tau). It changes sign at most once in a step, at
+    t* = tau ln(1 - e_0 / (m tau)), and only towards the sign of m, which it then keeps: a closed form.
+    """
     if max(up, down) <= 0.0 or (memory is None and len(signal) == 1):  # no lag, or at rest
         return signal, (signal[-1], signal[-1])
-    up, down = max(up, SHORTEST), max(down, SHORTEST)
+    up, down = max(up, 1e-9), max(down, 1e-9)  # one of them may be zero
     before, state = (signal[0], signal[0]) if memory is None else memory
     signal = np.ascontiguousarray(signal, dtype=float)  # a trace ends here: a step decides by the sign of its error
-    out = steps(np.vstack((before[None], signal[:-1])), signal, np.array(state, float), up, down, dt)
+    out = _switched_steps(np.vstack((before[None], signal[:-1])), signal, np.array(state, float), up, down, dt)
     return out, (signal[-1], out[-1])
 
 
 @njit(cache=True, nogil=True)
-def steps(start: Array, end: Array, state: Array, up: float, down: float, dt: float) -> Array:
+def _switched_steps(start: Array, end: Array, state: Array, up: float, down: float, dt: float) -> Array:
     """Outputs (N, D) of N steps from `state` (D,), while inputs go from `start` (N, D) to `end` (N, D)."""
     out = np.empty(end.shape)
     kept_up, kept_down = math.exp(-dt / up), math.exp(-dt / down)
@@ -68,9 +73,9 @@ def steps(start: Array, end: Array, state: Array, up: float, down: float, dt: fl
             rising = (ramp if error == 0.0 else error) > 0.0
             tau, other = (up, down) if rising else (down, up)
             lag = ramp * tau
-            left = lag + (error - lag) * (kept_up if rising else kept_down)
-            if left * error < 0.0:
+            remaining = lag + (error - lag) * (kept_up if rising else kept_down)
+            if remaining * error < 0.0:
                 reach = tau * math.log1p(-error / lag)
-                left = ramp * other * (1.0 - math.exp(-(dt - reach) / other))
-            state[d] = out[k, d] = end[k, d] - left
+                remaining = ramp * other * (1.0 - math.exp(-(dt - reach) / other))
+            state[d] = out[k, d] = end[k, d] - remaining
     return out

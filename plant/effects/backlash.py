@@ -6,8 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
+from wrenchgap.plant.effects.effect import (
+    Any,
+    Array,
+    CommandEffect,
+    Commands,
+    Context,
+    Parameter,
+    Vehicle,
+    tilting_arms,
+)
 
 
 class Backlash(CommandEffect):
@@ -29,9 +37,7 @@ class Backlash(CommandEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The play, from stop to stop, the same on every tilting arm."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect backlash needs arms that tilt, and none does")
+        tilting_arms(vehicle, self.name)
         return (Parameter("play", "rad", 0.0, 0.05, 0.005, start=0.005),)
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:

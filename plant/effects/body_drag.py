@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect, force_at
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -43,7 +43,7 @@ class BodyDrag(WrenchEffect):
         """Drag force at the centre of pressure, about O."""
         velocity_B = context.velocity_through_air_B
         force = -theta[:3] * velocity_B - theta[3:6] * velocity_B * np.abs(velocity_B)
-        return np.concatenate((force, np.cross(context.vehicle.body.com_B + theta[6:], force)), axis=-1)
+        return force_at(context.vehicle.body.com_B + theta[6:], force)
 
 
 def too_slow(context: Context, least: float = 0.3) -> str | None:

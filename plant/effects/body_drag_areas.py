@@ -6,11 +6,8 @@ import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.plant.effects.body_drag import BodyDrag
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, force_at
 from wrenchgap.plant.vehicle import Vehicle
-
-AIR_DENSITY = 1.225
-"""Of the International Standard Atmosphere at sea level [kg/m^3]."""
 
 
 class BodyDragAreas(BodyDrag):
@@ -30,15 +27,18 @@ class BodyDragAreas(BodyDrag):
     excited_by = "translation faster than about 2 m/s, in every body direction"
     confused_with = ("body_drag", "wind", "rotor_drag")
 
+    air_density = 1.225
+    """Of the International Standard Atmosphere at sea level [kg/m^3]."""
+
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Drag areas along body x, y and z (typical: a tenth of the weight at 5 m/s)."""
         weight = vehicle.body.mass * GRAVITY
-        largest = 0.08 * weight / AIR_DENSITY
+        largest = 0.08 * weight / self.air_density
         return tuple(Parameter(f"area_{a}", "m^2", 0.0, largest, 0.1 * largest) for a in "xyz")
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Drag force at the centre of mass, about O."""
         velocity_B = context.velocity_through_air_B
         speed = np.linalg.norm(velocity_B, axis=-1, keepdims=True)
-        force = -0.5 * AIR_DENSITY * theta * speed * velocity_B
-        return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)
+        force = -0.5 * self.air_density * theta * speed * velocity_B
+        return force_at(context.vehicle.body.com_B, force)

@@ -6,11 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import TIGHT, Array, BodyEffect, Parameter, within
+from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter, is_tight, with_prior
 from wrenchgap.plant.vehicle import Body, Vehicle
-
-TYPICAL = 0.02
-"""Typical offset of a centre of mass that was not balanced, in spans."""
 
 
 class ComOffset(BodyEffect):
@@ -27,21 +24,24 @@ class ComOffset(BodyEffect):
     excited_by = "hover shows r_x and r_y; r_z needs tilt; force in two body directions shows all three"
     confused_with = ("rotor_thrust", "constant_wrench", "rotor_interference")
 
+    typical = 0.02
+    """Typical offset of a centre of mass that was not balanced, in spans."""
+
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        usual = [Parameter(axis, "m", -0.1 * size, 0.1 * size, TYPICAL * size) for axis in "xyz"]
-        told = vehicle.tolerances.com
-        if told is None:
+        usual = [Parameter(axis, "m", -0.1 * size, 0.1 * size, self.typical * size) for axis in "xyz"]
+        tolerance = vehicle.tolerances.com
+        if tolerance is None:
             return tuple(usual)
-        return tuple(within(p, float(t), -size) for p, t in zip(usual, told, strict=True))
+        return tuple(with_prior(p, float(t), -size) for p, t in zip(usual, tolerance, strict=True))
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Balanced, to much less than what is typical."""
-        told = vehicle.tolerances.com
-        if told is None or np.any(told > TIGHT * TYPICAL * span(vehicle)):
+        tolerance = vehicle.tolerances.com
+        if tolerance is None or not is_tight(tolerance, self.typical * span(vehicle)):
             return None
-        return f"the model file knows the centre of mass to {1e3 * float(np.max(told)):.2g} mm"
+        return f"the model file knows the centre of mass to {1e3 * float(np.max(tolerance)):.2g} mm"
 
     def apply(self, body: Body, theta: Array) -> Body:
         """The body with its centre of mass moved; mass and inertia about the centre of mass stay."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle, tilting_arms
 from wrenchgap.plant.state import Posture
 
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
@@ -31,9 +30,7 @@ class DownwashBlockage(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """k, the share of thrust lost to one rotor radius of boom on the axis of the wake."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect downwash_blockage needs arms that tilt, and none does")
+        tilting_arms(vehicle, self.name)
         return (Parameter("loss", "1", 0.0, 1.0, 0.1),)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque
 
 
 class DragTorque(WrenchEffect):
@@ -31,4 +31,4 @@ class DragTorque(WrenchEffect):
         assert actuation is not None
         _, rotors = context.vehicle.geometry()
         torque = -theta[0] * np.einsum("nr,nri->ni", rotors.spin * rotors.kappa * actuation.thrust, actuation.normal_B)
-        return np.concatenate((np.zeros_like(torque), torque), axis=-1)
+        return pure_torque(torque)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque
 
 
 class DragTorqueOfSpeed(WrenchEffect):
@@ -39,4 +39,4 @@ class DragTorqueOfSpeed(WrenchEffect):
         nominal = rotors.c_f * actuation.rotor_speed * np.abs(actuation.rotor_speed)
         thrust = change * nominal + of_speed * (nominal - actuation.thrust)
         torque = -np.einsum("nr,nri->ni", rotors.spin * rotors.kappa * thrust, actuation.normal_B)
-        return np.concatenate((np.zeros_like(torque), torque), axis=-1)
+        return pure_torque(torque)

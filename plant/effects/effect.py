@@ -30,10 +30,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Motion, State
-from wrenchgap.plant.vehicle import Body, Vehicle
+from wrenchgap.plant.vehicle import Arms, Body, Vehicle
 
 __all__ = [
     "Actuation",
@@ -78,21 +79,20 @@ class Parameter:
     start: float = 0.0
 
 
-REACH = 3.0
-"""Tolerances within which a number that the model file knows is looked for."""
-TIGHT = 0.25
-"""Tolerance, in typical sizes of the effect on it, up to which a number is known: no open question."""
+def with_prior(parameter: Parameter, tolerance: float | None, least: float, sigmas: float = 3.0) -> Parameter:
+    """The parameter with the tolerance of the number that it changes as its prior, bounded at `sigmas` tolerances.
 
-
-def within(parameter: Parameter, tolerance: float | None, least: float) -> Parameter:
-    """The parameter with the tolerance of the number that it changes as its prior; as it is where there is none.
-
-    `least` is the most negative change that leaves the number physical.
+    Unchanged without a tolerance. `least` is the most negative change that leaves the number physical.
     """
     if tolerance is None:
         return parameter
-    reach = REACH * tolerance
+    reach = sigmas * tolerance
     return replace(parameter, low=max(-reach, least), high=reach, scale=tolerance)
+
+
+def is_tight(tolerance: float | Array | None, typical: float | Array, share: float = 0.25) -> bool:
+    """Whether a number is known to `share` of the typical size of an effect on it: no open question."""
+    return tolerance is not None and not bool(np.any(tolerance > share * typical))
 
 
 @dataclass(frozen=True)
@@ -248,3 +248,21 @@ class AirEffect(Effect):
 
 
 AnyEffect = CommandEffect | ThrustEffect | WrenchEffect | BodyEffect | SensorEffect | AirEffect
+
+
+def tilting_arms(vehicle: Vehicle, effect: str) -> Arms:
+    """The arms of a vehicle for an effect that needs some of them to tilt; raises ModelError where none does."""
+    arms, _ = vehicle.geometry()
+    if not arms.tilts.any():
+        raise ModelError(f"{vehicle.name}: effect {effect} needs arms that tilt, and none does")
+    return arms
+
+
+def pure_torque(torque_B: Array) -> Array:
+    """Wrench (N, 6) of a torque (N, 3) [Nm] without a force."""
+    return np.concatenate((np.zeros_like(torque_B), torque_B), axis=-1)
+
+
+def force_at(point_B: Array, force_B: Array) -> Array:
+    """Wrench (N, 6) about O of a force (N, 3) [N] at a point (3,) or (N, 3) [m] of B."""
+    return np.concatenate((force_B, np.cross(point_B, force_B)), axis=-1)

@@ -8,19 +8,16 @@ import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import (
-    TIGHT,
     Array,
     Context,
     Motion,
     Parameter,
     SensorEffect,
     Vehicle,
-    within,
+    is_tight,
+    with_prior,
 )
 from wrenchgap.plant.wrench_model import cross
-
-TYPICAL = 0.07
-"""Typical error of an IMU's place that was not measured, in spans."""
 
 
 class ImuLeverArm(SensorEffect):
@@ -33,21 +30,24 @@ class ImuLeverArm(SensorEffect):
     excited_by = "angular rates and accelerations"
     confused_with = ("com_offset", "inertia")
 
+    typical = 0.07
+    """Typical error of an IMU's place that was not measured, in spans."""
+
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        usual = [Parameter(a, "m", -0.7 * size, 0.7 * size, TYPICAL * size) for a in "xyz"]
-        told = vehicle.tolerances.imu_position
-        if told is None:
+        usual = [Parameter(a, "m", -0.7 * size, 0.7 * size, self.typical * size) for a in "xyz"]
+        tolerance = vehicle.tolerances.imu_position
+        if tolerance is None:
             return tuple(usual)
-        return tuple(within(p, float(t), -size) for p, t in zip(usual, told, strict=True))
+        return tuple(with_prior(p, float(t), -size) for p, t in zip(usual, tolerance, strict=True))
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Measured, to much less than what is typical."""
-        told = vehicle.tolerances.imu_position
-        if told is None or np.any(told > TIGHT * TYPICAL * span(vehicle)):
+        tolerance = vehicle.tolerances.imu_position
+        if tolerance is None or not is_tight(tolerance, self.typical * span(vehicle)):
             return None
-        return f"the model file knows the place of the IMU to {1e3 * float(np.max(told)):.2g} mm"
+        return f"the model file knows the place of the IMU to {1e3 * float(np.max(tolerance)):.2g} mm"
 
     def apply(self, motion: Motion, theta: Array, context: Context) -> Motion:
         """What the accelerometer feels."""

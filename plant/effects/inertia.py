@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import TIGHT, Array, BodyEffect, Parameter, within
+from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter, is_tight, with_prior
 from wrenchgap.plant.vehicle import Body, Vehicle
 
-DIAGONAL, PRODUCT = 0.1, 0.03
-"""Typical errors of moments and products of inertia that were not measured, relative to the moments."""
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -26,27 +24,33 @@ class Inertia(BodyEffect):
     excited_by = "angular acceleration on every axis (multisine)"
     confused_with = ("thrust_scale", "thrust_curve", "servo_lag", "motor_lag", "command_delay")
 
+    typical_moment, typical_product = 0.1, 0.03
+    """Typical errors of moments and products of inertia that were not measured, relative to the moments."""
+
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""
         J = vehicle.body.inertia
         names = ("xx", "yy", "zz", "xy", "xz", "yz")
+        typical = [self.typical_moment if i == k else self.typical_product for i, k in _PLACES]
         size = [float(np.sqrt(J[i, i] * J[k, k])) for i, k in _PLACES]
-        told = vehicle.tolerances.inertia
+        tolerance = vehicle.tolerances.inertia
         return tuple(
-            within(
-                Parameter(name, "kg m^2", -0.4 * s, 0.4 * s, (DIAGONAL if i == k else PRODUCT) * s),
-                None if told is None else float(told[i, k]),
+            with_prior(
+                Parameter(
+                    name, "kg m^2", -0.4 * s, 0.4 * s, (self.typical_moment if i == k else self.typical_product) * s
+                ),
+                None if tolerance is None else float(tolerance[i, k]),
                 -0.6 * s,
             )
-            for name, s, (i, k) in zip(names, size, _PLACES, strict=True)
+            for name, s, share, (i, k) in zip(names, size, typical, _PLACES, strict=True)
         )
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Every moment measured, to much less than what is typical."""
-        told = vehicle.tolerances.inertia
-        if told is None or np.any(np.diag(told) > TIGHT * DIAGONAL * np.diag(vehicle.body.inertia)):
+        tolerance, moments = vehicle.tolerances.inertia, np.diag(vehicle.body.inertia)
+        if tolerance is None or not is_tight(np.diag(tolerance), self.typical_moment * moments):
             return None
-        share = float(np.max(np.diag(told) / np.diag(vehicle.body.inertia)))
+        share = float(np.max(np.diag(tolerance) / moments))
         return f"the model file knows the moments of inertia to {100.0 * share:.2g} %"
 
     def apply(self, body: Body, theta: Array) -> Body:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque
 
 
 class RotationalDrag(WrenchEffect):
@@ -30,4 +30,4 @@ class RotationalDrag(WrenchEffect):
         """The added torque."""
         omega = context.state.omega_B
         torque = -theta[:3] * omega - theta[3] * omega * np.abs(omega)
-        return np.concatenate((np.zeros_like(torque), torque), axis=-1)
+        return pure_torque(torque)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque
 
 
 class RotorGyroscopic(WrenchEffect):
@@ -37,4 +37,4 @@ class RotorGyroscopic(WrenchEffect):
         momentum = (spin * actuation.rotor_speed)[..., None] * n
         torque = np.cross(turning, momentum) + (spin * actuation.rotor_acceleration)[..., None] * n
         torque = -theta[0] * torque.sum(axis=1)
-        return np.concatenate((np.zeros_like(torque), torque), axis=-1)
+        return pure_torque(torque)

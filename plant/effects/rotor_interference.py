@@ -7,8 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, tilting_arms
 from wrenchgap.plant.state import Posture
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
@@ -32,9 +31,7 @@ class RotorInterference(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Loss k on the axis, and wake width R_w in rotor radii."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect rotor_interference needs arms that tilt, and none does")
+        tilting_arms(vehicle, self.name)
         return (
             Parameter("loss", "1", 0.0, 0.6, 0.2, start=0.1),
             Parameter("width", "rotor radii", 0.3, 3.0, 0.8, start=1.2),

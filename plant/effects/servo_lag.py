@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, tilting_arms
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -25,9 +24,7 @@ class ServoLag(CommandEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The time constant."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect servo_lag needs arms that tilt, and none does")
+        tilting_arms(vehicle, self.name)
         return (Parameter("tau", "s", 0.0, 0.3, 0.03, start=0.02),)
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:

@@ -6,10 +6,7 @@ import numpy as np
 
 from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
-
-RELIEF = 0.05
-"""Share of the weight that a safety line may carry without carrying the vehicle."""
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, force_at
 
 
 class Tether(WrenchEffect):
@@ -30,11 +27,11 @@ class Tether(WrenchEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force in E, and the point in B."""
         weight, size = vehicle.body.mass * 9.81, span(vehicle)
-        most = {"x": 0.3, "y": 0.3, "z": RELIEF}
+        most = {"x": 0.3, "y": 0.3, "z": 0.05}  # share of the weight; up, a safety line relieves a little of it
         force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, most[a] * weight, 0.02 * weight) for a in "xyz")
         return force + tuple(Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size) for a in "xyz")
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added wrench about O."""
         force = rotate_inverse(context.state.quat_EB, np.broadcast_to(theta[:3], context.state.velocity_E.shape))
-        return np.concatenate((force, np.cross(theta[3:], force)), axis=-1)
+        return force_at(theta[3:], force)

@@ -8,9 +8,6 @@ from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
 from wrenchgap.plant.vehicle import Vehicle
 
-LEAST = 0.3
-"""Command, relative to hover's, below which the deviation falls to zero with it: a rotor at rest makes no thrust."""
-
 
 class ThrustCurve(ThrustEffect):
     """Thrust over the command has another slope and curvature at hover than c_f Omega^2; the thrust there is right.
@@ -39,7 +36,7 @@ class ThrustCurve(ThrustEffect):
         _, rotors = vehicle.geometry()
         hover = vehicle.body.mass * GRAVITY / len(rotors)
         command = np.abs(actuation.rotor_speed) * np.sqrt(rotors.c_f / hover)
-        near = np.maximum(command, LEAST)
+        near = np.maximum(command, 0.3)  # below, the deviation falls to zero with the command, as the thrust does
         deviation = 2.0 * theta[0] * (near - 1.0) + theta[1] * (near - 1.0) ** 2
         thrust = np.abs(actuation.thrust) + hover * deviation * (command / near)
         return np.asarray(np.sign(actuation.thrust) * np.maximum(thrust, 0.0))

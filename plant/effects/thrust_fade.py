@@ -6,9 +6,6 @@ import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
-LAST, SPAN = 20.0, 15.0
-"""Time since the log's first sample that must be reached, and that must be flown in one piece [s]."""
-
 
 class ThrustFade(WrenchEffect):
     """Every thrust, and with it every drag torque, falls in proportion to time: dW = -r t W, right at t = 0.
@@ -22,6 +19,9 @@ class ThrustFade(WrenchEffect):
     excited_by = "minutes of flight without a logged voltage"
     confused_with = ("battery_sag", "thrust_scale")
 
+    min_time, min_span = 20.0, 15.0
+    """Time since the log's first sample that must be reached, and that must be flown in one piece [s]."""
+
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Share of the thrust that is lost every minute."""
         return (Parameter("rate", "1/min", 0.0, 0.2, 0.02),)
@@ -31,10 +31,10 @@ class ThrustFade(WrenchEffect):
         time = context.state.time
         if context.state.voltage is not None:
             return "the log has a voltage, which battery_sag goes by"
-        if time[-1] < LAST or np.ptp(time) < SPAN:
+        if time[-1] < self.min_time or np.ptp(time) < self.min_span:
             return (
                 f"flown for {np.ptp(time):.0f} s, until {time[-1]:.0f} s after the log's first sample; expected "
-                f"{SPAN:.0f} s in one piece, until {LAST:.0f} s or later"
+                f"{self.min_span:.0f} s in one piece, until {self.min_time:.0f} s or later"
             )
         return None
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, tilting_arms
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -26,9 +25,7 @@ class TiltOffset(CommandEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One angle per tilting arm."""
-        arms, _ = vehicle.geometry()
-        if not arms.tilts.any():
-            raise ModelError(f"{vehicle.name}: effect tilt_offset needs arms that tilt, and none does")
+        arms = tilting_arms(vehicle, self.name)
         return tuple(Parameter(f"arm_{i}", "rad", -0.15, 0.15, 0.02) for i in range(len(arms)) if arms.tilts[i])
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:

@@ -8,9 +8,6 @@ import numpy as np
 
 from wrenchgap.plant.effects.effect import AirEffect, Array, Parameter, State, Vehicle
 
-STRONGEST = 15.0
-"""Most that multirotors are flown in, along either axis [m/s]: 7 on Beaufort's scale."""
-
 
 class Wind(AirEffect):
     """The air moves with a velocity v_w that is constant in E and horizontal.
@@ -26,8 +23,9 @@ class Wind(AirEffect):
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
-        """The air's velocity along E's x and y; a light breeze is typical."""
-        return tuple(Parameter(f"velocity_{a}", "m/s", -STRONGEST, STRONGEST, 3.0) for a in "xy")
+        """The air's velocity along E's x and y; a light breeze is typical, 7 on Beaufort's scale the most to fly in."""
+        strongest = 15.0
+        return tuple(Parameter(f"velocity_{a}", "m/s", -strongest, strongest, 3.0) for a in "xy")
 
     def outdated(self, values: Mapping[str, float]) -> str | None:
         """Version 0.1.0 had a drag D of its own, the same in every direction, and the force w = D v_w."""

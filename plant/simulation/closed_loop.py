@@ -147,12 +147,10 @@ def fly(
     moving = Stage("body", move, np.zeros((len(clock.time), 0)), log=("began", "wrench", "disturbance"))
     loop = Loop(own | others | dict(signals), [*stages, actuators.stage, moving], len(clock.time), "lost", compiled)
     count, stopped = loop.run(progress)
-    lost = None
-    if stopped:
-        kind, size = loop.now("lost").tolist()
-        lost = Lost(float(clock.time[count]), LOST[kind], size)
-        if count == 0:
-            raise UsageError(f"{lost}: the flight cannot begin there; start nearer to the reference")
+    kind, size = loop.now("lost").tolist()
+    lost = Lost(float(clock.time[count]), LOST[kind], size) if stopped else None
+    if lost is not None and count == 0:
+        raise UsageError(f"{lost}: the flight cannot begin there; start nearer to the reference")
     rows, wrench, disturbance = (loop.logged("body", name, count) for name in moving.log)
     periods = -(-count // clock.per_command)
     names = ("commanded", "tilt", "speed") if rotors else ("commanded",)

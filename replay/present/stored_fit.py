@@ -12,7 +12,7 @@ from pydantic import Field
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight
-from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, read
+from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, quoted, read
 from wrenchgap.replay.present.numbers import entries
 
 OrNull = NotNegative | None

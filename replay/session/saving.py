@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wrenchgap.flight.atomic import Identity, check_replaceable, check_writable, write_below
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.reader import quoted
 
 NAME = re.compile(r"(?!(?:con|prn|aux|nul|com\d|lpt\d)\.)[a-z0-9][a-z0-9._-]{0,99}\.toml", re.IGNORECASE | re.ASCII)
 """What a file may be called: a name on every system, no device on Windows, nothing hidden, no way out of the folder."""

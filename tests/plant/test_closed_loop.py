@@ -46,12 +46,12 @@ def flown(time, start=None, commands=None, push=None, stages=(), **options):
     return fly(MODEL.wrench_model, start or still(), time, [*stages, command, pushed], signals, **options)[0]
 
 
-@pytest.mark.parametrize("plain", [False, True])
-def test_a_disturbance_gives_its_impulse(plain):
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_disturbance_gives_its_impulse(compiled):
     """m dv = integral of F dt, and p follows from steps of constant force exactly."""
     push = np.zeros((100, 6))
     push[20:60, 0] = 2.0
-    found = flown(clock(100), push=push, plain=plain)
+    found = flown(clock(100), push=push, compiled=compiled)
     assert found.state.velocity_E[-1, 0] == pytest.approx(2.0 * 40 * 0.005 / BODY.mass)
     assert found.state.position_E[60, 0] == pytest.approx(0.5 * 2.0 / BODY.mass * (40 * 0.005) ** 2)
     np.testing.assert_allclose(found.state.position_E[:, 2], 1.6, atol=1e-12)

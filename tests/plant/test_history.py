@@ -84,7 +84,11 @@ def test_sigmas_are_those_of_the_difference(before, after, sigmas):
 def test_order_in_which_effects_came(tmp_path):
     first = step(GIVEN, ["servo_lag"], tmp_path / "a.toml")
     second = step(first, ["com_offset", "servo_lag"], tmp_path / "b.toml")
-    assert history.order_of(second.history, ["com_offset", "mass", "servo_lag"]) == ("mass", "servo_lag", "com_offset")
+    assert history.order_of_addition(second.history, ["com_offset", "mass", "servo_lag"]) == (
+        "mass",
+        "servo_lag",
+        "com_offset",
+    )
 
 
 def test_odd_names_and_the_source_of_an_own_effect_survive():
