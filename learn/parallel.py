@@ -30,7 +30,7 @@ from wrenchgap.learn.work_files import remove, written
 from wrenchgap.learn.worker import WorkerDied, Workers
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import catalogue
-from wrenchgap.plant.rotor_kernels import turned
+from wrenchgap.plant.rotor_kernels import cosines_and_sines
 
 T = TypeVar("T")
 Q = TypeVar("Q")
@@ -142,7 +142,7 @@ def _warm(own: tuple[str, ...], what: str) -> None:
     importlib.import_module(what)
     importlib.import_module("scipy.optimize")
     catalogue()
-    turned(np.zeros((1, 1)))
+    cosines_and_sines(np.zeros((1, 1)))
 
 
 def _shared_out(

@@ -28,26 +28,14 @@ from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 
-HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
-"""Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle
-is held. The smaller counts: 0.2 N is more than an arm of a 30 g vehicle ever pushes."""
-
 Flags = NDArray[np.bool_]
 TURN = 2.0 * np.pi
-NO_STOP = 1e4
-"""Angle [rad] of a stop that no arm reaches: 1,600 turns; a model without stops has 1e9 degrees."""
-ROUNDING = 1e-9
-"""By which an angle [rad, turns] may be beyond an end of its range and still count as at it."""
-
-
 LIMITS = ("rotor_speed", "tilt_rate", "tilt_range", "held")
-FEW = 64
-"""Samples below which steps in numpy take less time than writing one down."""
 
 
 @dataclass(frozen=True)
 class Saturation:
-    """How many of N samples were limited: by rotor speed, tilt rate, tilt range, or held for want of thrust."""
+    """How many of N samples were limited by rotor speed, tilt rate, tilt range, or had an angle held."""
 
     rotor_speed: int = 0
     tilt_rate: int = 0
@@ -77,18 +65,22 @@ def _columns(arms: Arms, rotors: Rotors) -> tuple[Array, list[tuple[int, NDArray
 
 
 class Allocation:
-    """n(W) and sat for one vehicle."""
+    """n(W) and sat for one vehicle.
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    Below an arm thrust of `hold_thrust` [N], or `hold_share` of an arm's thrust in hover where that is less, the tilt
+    direction is meaningless and the angle is held: 0.2 N is more than an arm of a 30 g vehicle ever pushes.
+    """
+
+    def __init__(self, vehicle: Vehicle, hold_thrust: float = 0.2, hold_share: float = 0.05) -> None:
         self.vehicle = vehicle
         arms, rotors = vehicle.geometry()
         self.matrix, self.groups = _columns(arms, rotors)
         self.inverse: Array = np.asarray(np.linalg.pinv(self.matrix, rcond=1e-9), dtype=np.float64)
-        self.hold_thrust = min(HOLD_THRUST, HOLD_SHARE * vehicle.body.mass * GRAVITY / len(arms))
+        self.hold_thrust = min(hold_thrust, hold_share * vehicle.body.mass * GRAVITY / len(arms))
         self.rank = int(np.linalg.matrix_rank(self.matrix, tol=1e-9))
 
     def achievable(self, wrench_B: Array) -> Array:
-        """The part of wrenches (N, 6) that this geometry can make at all, before saturation."""
+        """The part of wrenches (N, 6) that this geometry can make, before saturation."""
         return np.asarray(wrench_B @ (self.matrix @ self.inverse).T)
 
     def step(
@@ -100,34 +92,34 @@ class Allocation:
         limit is applied. What limited the commands is 1.0, else 0.0, in the order of `LIMITS`.
         """
         arms, rotors = self.vehicle.geometry()
-        asked = self.inverse @ wrench_B
+        solution = self.inverse @ wrench_B
         tilt, square = np.zeros_like(before), np.zeros_like(before, shape=len(rotors))
         weak, column = np.zeros_like(before), 0
         for arm, group in self.groups:
-            thrust = asked[column : column + 1]
+            thrust = solution[column : column + 1]
             if arms.tilts[arm]:
-                lateral, vertical, own = thrust, asked[column + 1 : column + 2], slice(arm, arm + 1)
+                lateral, vertical, own = thrust, solution[column + 1 : column + 2], slice(arm, arm + 1)
                 thrust = np.hypot(lateral, vertical)
                 weak[own] = 1.0 * (thrust < self.hold_thrust)
                 tilt[own] = np.where(weak[own] > 0.0, before[own], np.arctan2(lateral, vertical))
             column += 1 + bool(arms.tilts[arm])
             square[group] = thrust / float(rotors.c_f[group].sum())
-        wanted = np.sqrt(np.maximum(square, 0.0))
-        speed = np.clip(wanted, rotors.speed_min, rotors.speed_max)
-        over = (np.abs(speed - wanted) > 0.0) | (square < 0.0)
+        desired = np.sqrt(np.maximum(square, 0.0))
+        speed = np.clip(desired, rotors.speed_min, rotors.speed_max)
+        over = (np.abs(speed - desired) > 0.0) | (square < 0.0)
         free = np.flatnonzero(arms.tilts)
-        turned, slow = self._turned(tilt[free], before[free], fresh, dt)
+        turned, slow = self._rate_limited(tilt[free], before[free], fresh, dt)
         tilt[free] = np.clip(turned, arms.tilt_min[free], arms.tilt_max[free])
         beyond = np.abs(tilt[free] - turned) > 0.0
         limited = [np.minimum(np.sum(1.0 * where, keepdims=True), 1.0) for where in (over, slow, beyond, weak)]
         return tilt, speed, np.concatenate(limited)
 
-    def _turned(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
+    def _rate_limited(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
         """Angles (T,) of arms that tilt, turned and limited in rate as the module says; where they were limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]
         tilt = nearest_angle(tilt, before)
-        stopped = np.flatnonzero(np.minimum(most, -least) < NO_STOP)
+        stopped = np.flatnonzero(np.minimum(most, -least) < 1e4)  # rad: a model without stops has 1e9 degrees
         tilt[stopped] = angle_in_range(tilt[stopped], least[stopped], most[stopped])
         if dt is None:
             return tilt, np.zeros_like(tilt)
@@ -145,6 +137,7 @@ class Allocation:
         no rate limit is applied. The returned `wrench_B` is the request, before saturation.
         """
         count, (arms, rotors) = len(wrench_B), self.vehicle.geometry()
+        compiled = count >= 64  # fewer steps take less time in numpy than tracing one
         first = {
             "tilt": np.zeros(len(arms)) if previous_tilt is None else previous_tilt,
             "speed": np.zeros(len(rotors)),
@@ -157,34 +150,30 @@ class Allocation:
             return {"tilt": tilt, "speed": speed, "limited": limited, "fresh": np.zeros(1)}
 
         log = ("tilt", "speed", "limited")
-        if count < FEW:
-            made = []
-            for wrench in wrench_B:
-                first |= step(first, wrench)
-                made.append(first.copy())
-            tilt, speed, limited = (np.array([m[name] for m in made]).reshape(count, len(first[name])) for name in log)
-        else:
-            loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count)
-            loop.run()
-            tilt, speed, limited = (loop.logged("allocation", name, count) for name in log)
+        loop = Loop(first, [Stage("allocation", step, wrench_B, log=log)], count, compiled=compiled)
+        loop.run()
+        tilt, speed, limited = (loop.logged("allocation", name, count) for name in log)
         saturation = dict(zip(LIMITS, limited.sum(axis=0).astype(int).tolist(), strict=True))
         return Commands(wrench_B, tilt, speed), Saturation(**saturation)
 
 
 @lru_cache(maxsize=8)
 def allocation_of(vehicle: Vehicle) -> Allocation:
-    """The allocation of a vehicle, made once: all stretches of a flight ask for the same."""
+    """The allocation of a vehicle, computed once for all parts of a flight."""
     return Allocation(vehicle)
 
 
 def nearest_angle(tilt: Array, before: Array) -> Array:
-    """Angles (...) [rad] by whole turns next to those before."""
+    """Angles (...) [rad], turned by whole turns to be nearest to those before."""
     return np.asanyarray(tilt + TURN * np.floor((before - tilt) / TURN + 0.5))
 
 
-def angle_in_range(tilt: Array, least: Array, most: Array) -> Array:
-    """Angles (...) [rad] by whole turns within their range where one of the same direction is, else as they are."""
-    back = np.ceil(np.maximum(tilt - most, 0.0) / TURN - ROUNDING)
-    forth = np.ceil(np.maximum(least - tilt, 0.0) / TURN - ROUNDING)
+def angle_in_range(tilt: Array, least: Array, most: Array, rounding: float = 1e-9) -> Array:
+    """Angles (...) [rad], turned by whole turns into their range where that has the same direction, else unchanged.
+
+    An angle that is beyond an end of its range by `rounding` [rad, turns] counts as at the end.
+    """
+    back = np.ceil(np.maximum(tilt - most, 0.0) / TURN - rounding)
+    forth = np.ceil(np.maximum(least - tilt, 0.0) / TURN - rounding)
     other = tilt + TURN * (forth - back)
-    return np.where((other >= least - ROUNDING) & (other <= most + ROUNDING), other, tilt)
+    return np.where((other >= least - rounding) & (other <= most + rounding), other, tilt)

@@ -68,21 +68,18 @@ class Bench:
         return np.asarray((1.0 - share) * curves[lower, rows] + share * curves[upper, rows])
 
 
-def _interpolated(at: Array, known: Array, values: Array) -> Array:
-    order = np.argsort(known)
-    return np.interp(at, known[order], values[order])
-
-
-LEAST_CHARGE = 0.1
-"""Share of the nominal voltage below which no motor turns: a reading below it is no battery's."""
+def _interpolated(at: Array, knots: Array, values: Array) -> Array:
+    order = np.argsort(knots)
+    return np.interp(at, knots[order], values[order])
 
 
 @dataclass(frozen=True, eq=False)
 class CommandCurve:
-    """What a model file says of its logs' rotor commands: their unit, and the curve to thrust or speed.
+    """The rotor commands of a vehicle's logs: their unit, and the curve to thrust or speed.
 
-    `ends` are the commands at u = 0 and u = 1. `voltage` are V_0 [V] and k, None where the battery changes nothing or
-    nothing is known of it. `source` says in words where the curve comes from.
+    `ends` are the commands at u = 0 and u = 1. `voltage` are V_0 [V] and k, None where the battery has no effect or is
+    unknown. `source` says in words where the curve comes from. Voltages below `least_charge` V_0 are raised to it: no
+    motor turns there, so they are no readings of a battery.
     """
 
     unit: CommandUnit
@@ -91,25 +88,26 @@ class CommandCurve:
     ends: tuple[float, float] = (0.0, 1.0)
     voltage: tuple[float, float] | None = None
     source: str = ""
+    least_charge: float = 0.1
 
     def speeds(self, command: Array, voltage: Array | None, vehicle: Vehicle) -> Array:
         """Rotor speeds (N, R) [rad/s] of commands (N, R), at voltages (N,) [V] where they are known."""
         _, rotors = vehicle.geometry()
         low, high = self.ends
         at = command if isinstance(self.law, Bench) else np.maximum((command - low) / (high - low), 0.0)
-        made = np.maximum(self.law(at, voltage), 0.0)
+        value = np.maximum(self.law(at, voltage), 0.0)
         if self.voltage is not None and voltage is not None:
             nominal, exponent = self.voltage
-            made = made * (np.maximum(voltage / nominal, LEAST_CHARGE) ** exponent)[:, None]
-        return made if self.gives == "speed" else np.asarray(np.sqrt(made / rotors.c_f))
+            value = value * (np.maximum(voltage / nominal, self.least_charge) ** exponent)[:, None]
+        return value if self.gives == "speed" else np.asarray(np.sqrt(value / rotors.c_f))
 
     @property
     def uses_voltage(self) -> bool:
-        """Whether the battery's voltage changes anything."""
+        """Whether the voltage of the battery has an effect."""
         measured = isinstance(self.law, Bench) and self.law.voltage is not None and np.ptp(self.law.voltage) > 0.0
         return bool(measured) or (self.voltage is not None and self.voltage[1] != 0.0)
 
-    def beyond(self, command: Array) -> float:
+    def share_outside(self, command: Array) -> float:
         """Share of commands that lie outside a bench table, where its ends are held."""
         if not isinstance(self.law, Bench):
             return 0.0

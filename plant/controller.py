@@ -9,8 +9,8 @@
 
 Source: Zhang et al., RA-L 2020, eqs. (attitude_control) and (position_control), with the error signs above
 (the paper's coordinate transformations, taken literally, give their negatives, which is positive feedback). `m` and `J`
-are what the controller believes; the wrench is about the believed centre of mass. The position loop acts on O, as if
-the centre of mass were there.
+are those that the controller assumes; the wrench is about its assumed centre of mass. The position loop acts on O, as
+if the centre of mass were there.
 
 With exact tracking of the wrench the errors obey x'' + 2 zeta w x' + w^2 x = 0 (attitude: for small angles).
 """
@@ -35,7 +35,7 @@ from wrenchgap.plant.wrench_model import cross
 
 @dataclass(frozen=True)
 class ControllerGains:
-    """Gains of the controller; the defaults are the paper's, for its vehicle. `default_gains` has those of any other.
+    """Gains of the controller; the defaults are those of the paper, for its vehicle. `default_gains` suits any other.
 
     zeta_position, omega_position   damping ratio and natural frequency [rad/s] of the position loop
     zeta_attitude, omega_attitude   the same about body x, y, z (3,)
@@ -70,14 +70,16 @@ class ControllerGains:
                 raise ModelError(f"controller.{name}: got {getattr(self, name)}, expected three positive numbers")
 
 
-TURNING_PER_MOVING = 5.0
-"""Attitude over position bandwidth where no gains are given, see `default_gains`."""
-SAMPLED = 0.25
-"""Largest attitude bandwidth times control period where no gains are given: some 25 evaluations a natural period."""
+def default_gains(
+    vehicle: Vehicle,
+    gains: Mapping[str, Any] | None = None,
+    bandwidth_ratio: float = 5.0,
+    max_bandwidth_period: float = 0.25,
+) -> ControllerGains:
+    """Gains for any vehicle from its mass m and inertia J; those in `gains`, by name, stay as they are.
 
-
-def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> ControllerGains:
-    """Gains for any vehicle from its mass m and inertia J; those in `given`, by name, stay as they are.
+    `bandwidth_ratio` is n, attitude over position bandwidth. `max_bandwidth_period` is the largest attitude bandwidth
+    times control period: the law is then evaluated some 25 times in a natural period.
 
     Attitude: one radian of error asks for the torque of the weight at one radius of gyration r_k = sqrt(J_k / m),
 
@@ -86,22 +88,23 @@ def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> C
     since the rotors lie at about that distance and carry about that weight. Angular accelerations then go with
     1 / length: Froude scaling, Mahony, Kumar, Corke, "Multirotor aerial vehicles", IEEE Robotics & Automation Magazine
     19 (3), 2012, "Size, weight, and power constraints and scaling laws". Yaw of a vehicle that pushes along z comes
-    from drag torque: no more than kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
+    from drag torque: at most kappa m g is commanded. No bandwidth exceeds `max_bandwidth_period` over the control
+    period.
 
     Position: w_p = w_a / n, the slower of roll and pitch. A vehicle that turns in order to move has, for small errors,
     s^4 + 2 z_a w_a s^3 + w_a^2 s^2 + 2 z_p w_p w_a^2 s + w_p^2 w_a^2, stable for n > z_a / z_p + z_p / z_a
     (Routh-Hurwitz). Our choices: n = 5, two and a half times that bound, and z_a = 0.8 about every axis.
     """
-    given = dict(given or {})
-    plain = ControllerGains(**{"zeta_attitude": (0.8, 0.8, 0.8), **given})
+    given = dict(gains or {})
+    base = ControllerGains(**{"zeta_attitude": (0.8, 0.8, 0.8), **given})
     radius = np.sqrt(np.diag(vehicle.body.inertia) / vehicle.body.mass)
     lever = radius.copy()
     if vehicle.rotors is not None and pushes_along_z_only(vehicle):
         lever[2] = min(lever[2], max(float(np.mean(np.abs(vehicle.rotors.kappa))), 1e-3 * lever[2]))
-    omega = np.minimum(np.sqrt(GRAVITY * lever) / radius, SAMPLED * plain.rate_hz)
+    omega = np.minimum(np.sqrt(GRAVITY * lever) / radius, max_bandwidth_period * base.rate_hz)
     x, y, z = given.get("omega_attitude", omega.tolist())
-    slow = given.get("omega_position", min(x, y) / TURNING_PER_MOVING)
-    return replace(plain, omega_attitude=(x, y, z), omega_position=slow)
+    slow = given.get("omega_position", min(x, y) / bandwidth_ratio)
+    return replace(base, omega_attitude=(x, y, z), omega_position=slow)
 
 
 def attitude_error(quat_EB: Array, quat_ED: Array) -> Array:

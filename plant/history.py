@@ -1,10 +1,10 @@
-"""What became of a model: its versions, one after the other, kept in the model file itself.
+"""The history of a model: its versions, one after the other, kept in the model file itself.
 
 A version is a snapshot of the effects with the reason for it: the command, the flights, the error on time that was not
 fitted before and after. The first is the model as it was given. A version names its parent by content hash
 (`plant.model_file.content_hash`, which leaves the history out), and carries everything that is shown of it, so the
-chain can be read when the parents' files are gone. What was changed by hand between two versions becomes a version
-of its own as soon as the next one is made.
+chain can be read when the parents' files are gone. A change by hand between two versions becomes a version of
+its own as soon as the next one is written.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,13 +22,10 @@ GIVEN = "as given"
 BY_HAND = "changed by hand"
 """Commands of versions that no command made."""
 
-CLEAR = 3.0
-"""Paired t over blocks of time beyond which a change of the error is not chance (docs/decisions/0006-blocks.md)."""
-
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter as it stood: standard deviation None where it was not fitted."""
+    """One parameter of a version; its standard deviation is None where it was not fitted."""
 
     name: str
     value: float
@@ -37,14 +35,14 @@ class Value:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One effect as it stood."""
+    """One effect of a version, with its values."""
 
     effect: str
     values: tuple[Value, ...]
 
 
 class Outcome(StrEnum):
-    """What a version did to the error on time that was not fitted."""
+    """Effect of a version on the error on held-out time."""
 
     BETTER = "better"
     WORSE = "worse"
@@ -56,8 +54,11 @@ class Trial:
     """Error on time that was not fitted: rms (6,) of the parent and of the version, sensor noise (6,) [N, Nm].
 
     `change` is the relative change of the error energy (the weighted squared error over six axes; -0.65 where 65 % are
-    gone), `t` the paired t over blocks of time, positive where the version is better.
+    gone), `t` the paired t over blocks of time, positive where the version is better. Beyond `clear_t` a change is not
+    chance (docs/decisions/0006-blocks.md).
     """
+
+    clear_t: ClassVar[float] = 3.0
 
     before: Array
     after: Array
@@ -68,11 +69,11 @@ class Trial:
     @property
     def outcome(self) -> Outcome:
         """Whether the change is clear, and to which side."""
-        return Outcome.BETTER if self.t > CLEAR else Outcome.WORSE if self.t < -CLEAR else Outcome.UNCLEAR
+        return Outcome.BETTER if self.t > self.clear_t else Outcome.WORSE if self.t < -self.clear_t else Outcome.UNCLEAR
 
     @property
-    def fall(self) -> Array:
-        """Fraction (6,) of the parent's rms that is gone."""
+    def rms_reduction(self) -> Array:
+        """Relative reduction (6,) of the parent's rms."""
         return np.asarray(1.0 - self.after / np.maximum(self.before, 1e-30))
 
 

@@ -44,7 +44,6 @@ from wrenchgap.plant.reader import LEAST, MOST, text_of
 from wrenchgap.plant.vehicle import Vehicle
 
 PAGE = "see docs/effects/your-own.md"
-LONGEST_UNIT = 20
 _PREFIX = "wrenchgap_own_effect_"
 
 
@@ -216,7 +215,7 @@ class _File:
                 self.fail(
                     f"names a parameter {p.name!r}; expected different names of letters, digits and _", "parameters"
                 )
-            if not (isinstance(p.unit, str) and len(p.unit) <= LONGEST_UNIT and p.unit.isprintable()):
+            if not (isinstance(p.unit, str) and len(p.unit) <= 20 and p.unit.isprintable()):
                 self.fail(f"parameter {p.name}: got unit {p.unit!r}, expected one short line of text", "parameters")
             numbers = (p.low, p.high, p.scale, p.start)
             if not all(isinstance(v, int | float | np.floating) and -MOST <= v <= MOST for v in numbers):

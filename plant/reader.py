@@ -33,14 +33,12 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from wrenchgap.flight.errors import ModelError, WrenchgapError
 from wrenchgap.flight.flight import AXES
 
-LONGEST = 80
-"""Characters of a found value that an error repeats."""
 LONGEST_NAME = 200
 """Characters of a name: as many as a column of a table may have."""
 
 
 def expected(words: str) -> WrapValidator:
-    """Whatever is wrong with a value, the error says `got ..., expected WORDS`."""
+    """Validator whose every error says `got ..., expected WORDS`."""
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -52,7 +50,7 @@ def expected(words: str) -> WrapValidator:
 
 
 def rule_error(words: str) -> PydanticCustomError:
-    """The error of a value or table that breaks a rule, in these words; to be raised in a validator."""
+    """The error, to be raised in a validator, of a value or table that breaks a rule."""
     return PydanticCustomError("rule", "{words}", {"words": words})
 
 
@@ -96,9 +94,9 @@ Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers, of a size up to 1e12")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]
 Direction = Annotated[Vector, AfterValidator(_direction)]
-_Known = Annotated[float, Field(strict=True)]
+_Nan = Annotated[float, Field(strict=True)]
 SixMeasured = Annotated[
-    tuple[_Known, _Known, _Known, _Known, _Known, _Known], expected("six numbers, nan for what was not measured")
+    tuple[_Nan, _Nan, _Nan, _Nan, _Nan, _Nan], expected("six numbers, nan for what was not measured")
 ]
 
 _KINDS: dict[Any, Any] = {
@@ -133,7 +131,7 @@ AnyTable = TypeVar("AnyTable", bound=Table)
 
 
 def partial(table: type[Table]) -> type[Table]:
-    """The same keys, none of which must be there: a table of defaults."""
+    """A table of the same keys, all optional: the defaults."""
     entries: dict[str, Any] = {}
     for name, item in table.model_fields.items():
         optional = copy(item)
@@ -199,10 +197,10 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
 
 
 def path_inside(folder: Path, name: str, where: str) -> Path:
-    """Where the name of a file leads that a file in `folder` gives under the key `where`; there may be none.
+    """Path of a file, which need not exist, that a file in `folder` names under the key `where`.
 
-    Raises ModelError for all but ordinary files in that folder or below, also after links were followed: who reads a
-    model of somebody else's opens nothing else of his machine.
+    Raises ModelError unless it is an ordinary file in that folder or below, also after links were followed: to read
+    somebody else's model must not open any other file of the machine.
     """
     said = f"{where}: {quoted(repr(name))}"
     try:
@@ -210,9 +208,9 @@ def path_inside(folder: Path, name: str, where: str) -> Path:
         ordinary = path.is_file() or not path.exists()
     except (OSError, ValueError, RuntimeError):  # a zero byte, too long, links in a circle
         raise ModelError(f"{said} is no name of a file") from None
-    asked, windows = PurePosixPath(name), PureWindowsPath(name)
-    absolute = asked.is_absolute() or windows.is_absolute() or bool(windows.drive) or "://" in name
-    if absolute or ".." in (*asked.parts, *windows.parts) or not path.is_relative_to(folder.resolve()):
+    posix, windows = PurePosixPath(name), PureWindowsPath(name)
+    absolute = posix.is_absolute() or windows.is_absolute() or bool(windows.drive) or "://" in name
+    if absolute or ".." in (*posix.parts, *windows.parts) or not path.is_relative_to(folder.resolve()):
         raise ModelError(f"{said} is not in the folder of the file that names it; copy it there")
     if not ordinary:
         raise ModelError(f"{said} is no ordinary file")
@@ -220,7 +218,7 @@ def path_inside(folder: Path, name: str, where: str) -> Path:
 
 
 def sibling_file(folder: Path, name: str, ending: str, where: str) -> Path:
-    """A file that is there, `path_inside`, and ends as it should."""
+    """Path of an existing file in `folder` or below (`path_inside`) with this ending."""
     path = path_inside(folder, name, where)
     if not path.is_file() or path.suffix.lower() != ending:
         said = f"{where}: {quoted(repr(name))}"
@@ -268,6 +266,6 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
     return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
 
 
-def quoted(text: str) -> str:
-    """What a message quotes of a text: `LONGEST` characters at most."""
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+def quoted(text: str, most: int = 80) -> str:
+    """The first `most` characters of a text, for a message."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -1,7 +1,7 @@
 """Compiled passes over the samples of a flight, for what a search evaluates thousands of times.
 
 `plant.state.Posture.turn`, `plant.actuation`, `plant.wrench_model.WrenchModel.report`, `plant.effects.axial_inflow` and
-`plant.effects.rotor_drag` call these from `MIN_BATCH` samples on; below that, and in a trace, they use their own numpy
+`plant.effects.rotor_drag` call these for many samples; below that, and in a trace, they use their own numpy
 expressions (docs/decisions/0026-compiled-kernels.md).
 """
 
@@ -16,17 +16,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MANY = 64
-"""Samples from which on these are used; a closed loop asks for one at a time, and a trace holds no numbers."""
-TOGETHER = 64
-"""Samples whose arms are summed up side by side."""
-SMALL_ANGLE = 1e4
-"""Angle [rad] up to which three parts of a quarter turn leave its remainder exact; beyond, the C library's."""
 
-
-def many(*arrays: Any) -> bool:
-    """Whether these are arrays of numbers with samples enough."""
-    return all(type(a) is np.ndarray and a.dtype == np.float64 and len(a) >= MANY for a in arrays)
+def many(*arrays: Any, least: int = 64) -> bool:
+    """Whether these are arrays of numbers with `least` samples: a closed loop has one, a trace no numbers."""
+    return all(type(a) is np.ndarray and a.dtype == np.float64 and len(a) >= least for a in arrays)
 
 
 def whole(*arrays: Array) -> tuple[Array, ...]:
@@ -35,17 +28,18 @@ def whole(*arrays: Array) -> tuple[Array, ...]:
 
 
 @njit(cache=True, nogil=True)
-def turned(angles: Array) -> Array:
+def cosines_and_sines(angles: Array) -> Array:
     """Cosines, then sines (N, 2A) of angles (N, A) [rad], to the last digit but one.
 
-    The remainder of a quarter turn by Cody and Waite, and the polynomials of fdlibm (k_sin.c, k_cos.c, Sun 1993).
+    The remainder of a quarter turn by Cody and Waite, and the polynomials of fdlibm (k_sin.c, k_cos.c, Sun 1993). Up to
+    1e4 rad the three parts of a quarter turn leave the remainder exact; beyond, the functions of the C library.
     """
     n, arms = angles.shape
     out = np.empty((n, 2 * arms))
     for k in range(n):
         for i in range(arms):
             x = angles[k, i]
-            if not abs(x) <= SMALL_ANGLE:
+            if not abs(x) <= 1e4:
                 out[k, i], out[k, arms + i] = math.cos(x), math.sin(x)
                 continue
             quarters = np.rint(x * 0.6366197723675814)
@@ -77,12 +71,12 @@ def rotor_wrench(
     and sines; `drag` (R,) is spin kappa; thrust directions are cos `normal` + sin `lateral` (A, 3).
     """  # noqa: D205
     n, rotors = thrust.shape
-    arms = len(place)
+    arms, block = len(place), 64  # samples that are summed side by side
     out = np.empty((n, 6))
-    pull, twist, into = np.empty((arms, TOGETHER)), np.empty((arms, TOGETHER)), np.empty((6, TOGETHER))
-    cosines, sines = np.empty(TOGETHER), np.empty(TOGETHER)
-    for first in range(0, n, TOGETHER):
-        count = min(TOGETHER, n - first)
+    pull, twist, into = np.empty((arms, block)), np.empty((arms, block)), np.empty((6, block))
+    cosines, sines = np.empty(block), np.empty(block)
+    for first in range(0, n, block):
+        count = min(block, n - first)
         pull[:], twist[:], into[:] = 0.0, 0.0, 0.0
         for k in range(count):
             for r in range(rotors):

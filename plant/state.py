@@ -123,7 +123,7 @@ class Posture:
 def _turned(tilt: Array) -> Array:
     """Cosines, then sines (N, 2A) of angles (N, A)."""
     if rotor_kernels.many(tilt):
-        return np.asarray(rotor_kernels.turned(*rotor_kernels.whole(tilt)))
+        return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.whole(tilt)))
     return np.hstack((np.cos(tilt), np.sin(tilt)))
 
 

@@ -58,7 +58,7 @@ def _notes(found: Flight, sent: ActuatorSeries, model: Model, voltage: Array | N
     ]
     if curve.uses_voltage and voltage is None:
         notes.append(f"{found.name}: no battery voltage in the log; the curve is taken at its nominal voltage.")
-    if (share := curve.beyond(sent.rotor_speed)) > 0.001:
+    if (share := curve.share_outside(sent.rotor_speed)) > 0.001:
         notes.append(
             f"{found.name}: {100.0 * share:.1f} % of the rotor commands lie outside the bench table: its ends are held."
         )

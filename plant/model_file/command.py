@@ -35,12 +35,6 @@ COLUMNS = {
     "rpm": ("speed", RPM),
 }
 """Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
-MOST_ROWS, MOST_COEFFICIENTS = 2000, 8
-"""Of a bench table (a thrust stand's has some hundred) and of a polynomial (thrust has three)."""
-MOST_EXPONENT = 10.0
-"""Of the voltage, to either side; physics has one or two."""
-DISTINCT = 1e-6
-"""By how much the commands at no and at full throttle must differ, or by that share of their size."""
 LAWS = ("thrust_max", "thrust", "speed", "table")
 
 
@@ -53,8 +47,8 @@ def _unit(value: str) -> str:
 Numbers = Annotated[tuple[Number, ...], expected("a list of numbers")]
 Coefficients = Annotated[
     tuple[Number, ...],
-    Len(1, MOST_COEFFICIENTS),
-    expected(f"a list of 1 to {MOST_COEFFICIENTS} coefficients, that of u^0 first"),
+    Len(1, 8),  # thrust has three
+    expected("a list of 1 to 8 coefficients, that of u^0 first"),
 ]
 Unit = Annotated[str, AfterValidator(_unit), expected('"normalised" (0 to 1) or "pwm" (pulse widths in us)')]
 Ends = Annotated[tuple[Number, Number], expected("two numbers: the commands at no and at full throttle")]
@@ -82,8 +76,8 @@ class BenchTable(Table):
             raise rule_error(f"got {said}; expected as many of each, two or more")
         return self
 
-    def made(self) -> tuple[str, Bench]:
-        """What it gives, and the points."""
+    def bench(self) -> tuple[str, Bench]:
+        """The measured quantity, and the points."""
         name = next(name for name in COLUMNS if getattr(self, name) is not None)
         gives, factor = COLUMNS[name]
         voltage = None if self.voltage is None else np.array(self.voltage)
@@ -94,9 +88,7 @@ class VoltageTable(Table):
     """What the battery does: thrust (or speed) goes with (V / nominal)^exponent."""
 
     nominal: Positive
-    exponent: Annotated[
-        Number, Interval(ge=-MOST_EXPONENT, le=MOST_EXPONENT), expected(f"-{MOST_EXPONENT:g} to {MOST_EXPONENT:g}")
-    ]
+    exponent: Annotated[Number, Interval(ge=-10.0, le=10.0), expected("-10 to 10")]  # physics has one or two
 
 
 def _bench(value: Any) -> Any:
@@ -129,11 +121,12 @@ class CommandTable(Table):
             raise rule_error(
                 "range: is missing; expected the pulse widths at no and at full throttle, e.g. [1000, 2000]"
             )
-        if self.range is not None and abs(self.range[1] - self.range[0]) <= DISTINCT * max(1.0, *map(abs, self.range)):
-            raise rule_error(f"range: got {list(self.range)}, expected two different commands")
+        low, high = self.range or (0.0, 1.0)
+        if abs(high - low) <= 1e-6 * max(1.0, abs(low), abs(high)):
+            raise rule_error(f"range: got {[low, high]}, expected two different commands")
         return self
 
-    def made(self) -> CommandCurve:
+    def curve(self) -> CommandCurve:
         """The curve."""
         gives, law = self._law()
         unit: CommandUnit = "pwm" if self.unit == "pwm" else "normalised"
@@ -143,7 +136,7 @@ class CommandTable(Table):
 
     def _law(self) -> tuple[str, Polynomial | Bench]:
         if self.table is not None:
-            return self.table.made()
+            return self.table.bench()
         if self.thrust_max is not None:
             f = self.factor or 0.0
             return "thrust", Polynomial(self.thrust_max * np.array([0.0, 1.0 - f, f]))
@@ -182,8 +175,8 @@ def with_bench_table(text: str, folder: Path) -> str:
     return tomlkit.dumps(document)
 
 
-def read_bench(path: Path) -> dict[str, list[float]]:
-    """Columns of a bench table (.csv): `command`, one of `COLUMNS`, and perhaps `voltage`.
+def read_bench(path: Path, max_rows: int = 2000) -> dict[str, list[float]]:
+    """Columns of a bench table (.csv): `command`, one of `COLUMNS`, and perhaps `voltage`. Thrust stands give some 100.
 
     Raises ModelError, which repeats nothing of the file: it may be another one.
     """
@@ -199,8 +192,8 @@ def read_bench(path: Path) -> dict[str, list[float]]:
             )
         out: dict[str, list[float]] = {head: [] for head in heads}
         for row in rows:
-            if len(out["command"]) == MOST_ROWS:
-                raise ModelError(f"{path}: has more than {MOST_ROWS} rows; expected a curve, not the log of a stand")
+            if len(out["command"]) == max_rows:
+                raise ModelError(f"{path}: has more than {max_rows} rows; expected a curve, not the log of a stand")
             for head, value in zip(heads, _numbers(path, rows.line_num, heads, row), strict=True):
                 out[head].append(value)
     except csv.Error:

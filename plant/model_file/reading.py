@@ -57,7 +57,7 @@ class ParameterTable(Table):
 
 
 class HeldOutTable(Table):
-    """The error on time that was not fitted."""
+    """The error on held-out time."""
 
     before: SixMeasured
     after: SixMeasured
@@ -79,19 +79,19 @@ class HeldOutTable(Table):
         numbers = {"change": float(said[1]) / 100.0, "t": float(said[2])}
         return numbers | {key: value for key, value in values.items() if key != "verdict"}
 
-    def made(self) -> Trial:
+    def trial(self) -> Trial:
         """The trial."""
         return Trial(np.array(self.before), np.array(self.after), np.array(self.noise), self.change, self.t)
 
 
 class ValueTable(ParameterTable):
-    """One parameter of an effect as it stood."""
+    """One parameter of an effect in a version."""
 
     name: Text
 
 
 class SnapshotTable(Table):
-    """One effect as it stood."""
+    """One effect in a version."""
 
     name: Text
     parameters: tuple[ValueTable, ...] = ()
@@ -111,13 +111,13 @@ class VersionTable(Table):
     held_out: HeldOutTable | None = None
     effects: tuple[SnapshotTable, ...] = ()
 
-    def made(self) -> Version:
+    def to_version(self) -> Version:
         """The version."""
         return Version(
             int(self.version),
             *(self.command, self.content, self.file, self.parent, self.date, self.wrenchgap),
             tuple((flight.file, flight.sha256) for flight in self.flights),
-            None if self.held_out is None else self.held_out.made(),
+            None if self.held_out is None else self.held_out.trial(),
             tuple(
                 Snapshot(e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters))
                 for e in self.effects
@@ -145,9 +145,9 @@ class EffectTable(Table):
     source: FileTable = FileTable()
     provenance: ProvenanceTable = ProvenanceTable()
 
-    def made(self, vehicle: Vehicle) -> tuple[ModelEffect, str]:
+    def model_effect(self, vehicle: Vehicle) -> tuple[ModelEffect, str]:
         """The effect on this vehicle, and a note on it."""
-        own, note = self._own()
+        own, note = self._user_source()
         effect = make_effect(vehicle, self.name, {key: p.value for key, p in self.parameters.items()})
         names = [p.name for p in effect.effect.parameters(vehicle)]
         missing = [n for n in names if n not in self.parameters]
@@ -159,7 +159,7 @@ class EffectTable(Table):
         logs = tuple((log.file, log.sha256) for log in p.logs)
         return replace(effect, std=std, provenance=Provenance(logs, p.fitted, p.version, p.method, own)), note
 
-    def _own(self) -> tuple[Source | None, str]:
+    def _user_source(self) -> tuple[Source | None, str]:
         """The file of a user's own effect, and a note where another one is loaded; an error where none is."""
         file, name = self.source.file, self.name
         if not file:
@@ -204,21 +204,21 @@ def loads(text: str) -> Model:
     document = toml(text)
     check_schema(document, SCHEMA)
     table = read(ModelTable, document, page=PAGE)
-    vehicle = table.vehicle.made()
+    vehicle = table.vehicle.vehicle()
     gains = values_of(ControllerGains, table.controller, where="controller", page=PAGE)
     noise = values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
-    effects = [effect.made(vehicle) for effect in table.effects]
+    effects = [effect.model_effect(vehicle) for effect in table.effects]
     scatter = table.between_flights
     model = Model(
         vehicle,
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
-        command=None if table.command is None else table.command.made(),
+        command=None if table.command is None else table.command.curve(),
         unmeasured=table.unmeasured,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
         text=text,
-        history=tuple(version.made() for version in table.history),
-        notes=tuple(note for note in (table.vehicle.doubt, *(note for _, note in effects)) if note),
+        history=tuple(version.to_version() for version in table.history),
+        notes=tuple(note for note in (table.vehicle.inertia_note, *(note for _, note in effects)) if note),
     )
     return model.with_effects(effect for effect, _ in effects)

@@ -37,11 +37,6 @@ from wrenchgap.plant.reader import (
 )
 from wrenchgap.plant.vehicle import Arms, Body, Rotors, Tolerances, Vehicle
 
-ROUNDED = 0.03
-"""Share by which rounding lets the largest moment of inertia exceed the sum of the others: papers give two digits."""
-PRODUCTS = 0.3
-"""Tolerance of a product of inertia, relative to those of its two moments, where it is not given."""
-
 
 @dataclass(frozen=True, eq=False)
 class Toleranced:
@@ -65,7 +60,7 @@ def toleranced(tolerance: Callable[[Any], Any]) -> WrapValidator:
 
 
 def as_toleranced(value: Any) -> Toleranced:
-    """What was read, as `Toleranced`; a default has no tolerance."""
+    """The value as `Toleranced`; a default has no tolerance."""
     return value if isinstance(value, Toleranced) else Toleranced(value)
 
 
@@ -90,31 +85,31 @@ def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Ar
 
 
 def number_tolerance(given: Any) -> float:
-    """Of one number."""
+    """The tolerance of one number."""
     return float(_positive(given, ((),), "one number"))
 
 
 def vector_tolerance(given: Any) -> Array:
-    """Of a vector, (3,)."""
+    """The tolerance (3,) of a vector."""
     return np.broadcast_to(_positive(given, ((), (3,)), "one number or three"), 3).copy()
 
 
-def inertia_tolerance(given: Any) -> Array:
-    """Of an inertia, (3, 3)."""
+def inertia_tolerance(given: Any, products: float = 0.3) -> Array:
+    """The tolerance (3, 3) of an inertia; of products that are not given, relative to both moments."""
     values = _positive(given, ((), (3,), (3, 3)), "one number, three, or three rows of three")
     if values.ndim == 2:
         return values
     moments = np.broadcast_to(values, 3)
-    out = PRODUCTS * np.sqrt(np.outer(moments, moments))
+    out = products * np.sqrt(np.outer(moments, moments))
     np.fill_diagonal(out, moments)
     return out
 
 
-def checked_inertia(given: Toleranced) -> tuple[Array, str]:
+def checked_inertia(given: Toleranced, rounding: float = 0.03) -> tuple[Array, str]:
     """The inertia (3, 3) of the file's rows, and a note where it is impossible by no more than its tolerance.
 
-    No rigid body has a principal moment above the sum of the other two. Within rounding (`ROUNDED`), or within the
-    tolerances of the three moments together, that is said; beyond it is an error of the file.
+    No rigid body has a principal moment above the sum of the other two. An excess within `rounding`, relative (papers
+    give two digits), or within the sum of the tolerances of the moments gives a note; a larger one is an error.
     """
     rows = given.value
     inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
@@ -124,7 +119,7 @@ def checked_inertia(given: Toleranced) -> tuple[Array, str]:
     excess = float(high - low - middle)
     if excess <= 1e-3 * (low + middle):
         return inertia, ""
-    granted = ROUNDED * (low + middle)
+    granted = rounding * (low + middle)
     if given.tolerance is not None:
         granted = max(granted, float(np.trace(given.tolerance)))
     words = f"the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2"
@@ -139,11 +134,9 @@ def checked_inertia(given: Toleranced) -> tuple[Array, str]:
 
 MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
 """Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
-WEAKEST = 1e-6
-"""Share of the strongest rotor's full thrust that a rotor must have: the allocation divides by it."""
 
 
-def _possible(given: Toleranced) -> Toleranced:
+def _checked(given: Toleranced) -> Toleranced:
     checked_inertia(given)
     return given
 
@@ -158,7 +151,7 @@ Inertia = Annotated[
     Vector | tuple[Vector, Vector, Vector],
     expected("[xx, yy, zz] or three rows of three [kg m^2]"),
     toleranced(inertia_tolerance),
-    AfterValidator(_possible),
+    AfterValidator(_checked),
 ]
 Mass = Annotated[Positive, toleranced(number_tolerance)]
 Place = Annotated[Vector, toleranced(vector_tolerance)]
@@ -257,11 +250,11 @@ class VehicleTable(Table):
 
     @model_validator(mode="after")
     def _comparable_rotors(self) -> VehicleTable:
-        """No rotor's full thrust is below `WEAKEST` of the strongest's: a unit or a digit is wrong, or it is none."""
+        """Every rotor's full thrust, by which the allocation divides, is at least 1e-6 of the strongest one's."""
         rotors = [(f"arms[{i}].rotors[{k}]", r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
         full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
         for place, thrust in full.items():
-            if not WEAKEST * max(full.values()) <= thrust <= MOST:
+            if not 1e-6 * max(full.values()) <= thrust <= MOST:
                 raise rule_error(
                     f"{place}: its full thrust, c_f speed_max^2, is {thrust:.3g} N, and that of the strongest rotor "
                     f"{max(full.values()):.3g} N; check c_f [N s^2] and speed_max [rad/s]"
@@ -284,14 +277,14 @@ class VehicleTable(Table):
                 taken[name] = place
         return self
 
-    def made(self) -> Vehicle:
+    def vehicle(self) -> Vehicle:
         """The vehicle of these values."""
         mass, inertia, com, imu = (as_toleranced(getattr(self, name)) for name in MASS_PROPERTIES)
-        known = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
+        tolerances = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
         body = Body(mass.value, checked_inertia(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
         if not self.arms:
-            return Vehicle(self.name, body, None, None, place, tolerances=known)
+            return Vehicle(self.name, body, None, None, place, tolerances=tolerances)
         axes = [arm.pose for arm in self.arms]
         low, high, rate = (
             np.radians([getattr(arm, f"tilt_{key}_deg") for arm in self.arms]) for key in ("min", "max", "rate")
@@ -308,11 +301,11 @@ class VehicleTable(Table):
         columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in keys}
         on = np.array([arm for arm, _ in rotors], dtype=np.intp)
         names = _names(self.arms), _names([rotor for _, rotor in rotors])
-        return Vehicle(self.name, body, arms, Rotors(on, **columns), place, *names, tolerances=known)
+        return Vehicle(self.name, body, arms, Rotors(on, **columns), place, *names, tolerances=tolerances)
 
     @property
-    def doubt(self) -> str:
-        """What a user should know of these values, "" for nothing."""
+    def inertia_note(self) -> str:
+        """A note on an inertia that is impossible within its tolerance, "" for none."""
         return checked_inertia(as_toleranced(self.inertia))[1]
 
 

@@ -23,9 +23,6 @@ from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import TRAJECTORIES, Trajectory, named
 from wrenchgap.plant.trajectory.file import TrajectoryFile, load
 
-LONGEST = 3600.0
-"""Longest flight [s]."""
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -42,14 +39,14 @@ class Plan:
     hidden: tuple[str, ...] = ()
 
 
-def prepare(plan: Plan) -> tuple[Model, Model, Trajectory]:
-    """True and believed vehicle, and trajectory; raises UsageError or ModelError, each with what is available."""
+def prepare(plan: Plan, max_duration: float = 3600.0) -> tuple[Model, Model, Trajectory]:
+    """True and believed vehicle, and trajectory of at most `max_duration` [s]; raises UsageError or ModelError."""
     if not (math.isfinite(plan.excitation) and plan.excitation >= 0):
         raise UsageError(f"--excitation {plan.excitation:g}: expected a number that is not negative; 1 is usual")
     if plan.seed < 0:
         raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
-    if plan.duration is not None and plan.duration > LONGEST:
-        raise UsageError(f"--duration {plan.duration:g}: expected at most {LONGEST:g} s")
+    if plan.duration is not None and plan.duration > max_duration:
+        raise UsageError(f"--duration {plan.duration:g}: expected at most {max_duration:g} s")
     file = trajectory_file(plan)
     trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed) if file is None else file.trajectory
     believed = plan.believed

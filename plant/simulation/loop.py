@@ -226,7 +226,8 @@ class Loop:
 
     def _log(self, s: int) -> Array:
         first, last = self._table.begin[s : s + 2, LOGGED]
-        return self._table.logged[first:last].reshape(self._times(s), -1)
+        width = sum(len(self.signals[name]) for name in self.stages[s].log)
+        return self._table.logged[first:last].reshape(-1, max(width, 1))
 
     def _times(self, s: int) -> int:
         """How often a stage is due."""

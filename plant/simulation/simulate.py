@@ -35,12 +35,6 @@ from wrenchgap.plant.wrench_model import WrenchModel
 
 Feedback = Literal["measured", "true"]
 
-START_NS = 1_700_000_000_000_000_000
-"""Stamp of the first sample of simulated flights [ns since 1970]."""
-
-PHYSICS_RATE = 400
-"""Least rate of the simulation that `physics_rate` gives [Hz]."""
-
 
 class _Sensors:
     """Pose sensor and gyroscope as stages of a loop, with the errors that they will have."""
@@ -145,7 +139,8 @@ def simulate(
     periods = len(flown.command_time)
     logged = as_flight(
         name, flown, truth, loop.logged("law", "desired", periods), reference,
-        start_ns=START_NS, pose=avionics.poses(flown, loop), imu_every=avionics.per_imu, imu_errors=avionics.imu_errors,
+        start_ns=1_700_000_000_000_000_000,  # an arbitrary day of 2023
+        pose=avionics.poses(flown, loop), imu_every=avionics.per_imu, imu_errors=avionics.imu_errors,
         battery_every=max(round(0.1 / clock.period), 1), notes=_notes(flown, computer.limited(loop), periods),
     )  # fmt: skip
     return replace(logged, content_hash=_digest(logged))
@@ -176,13 +171,13 @@ def _clock(length: float, physics_rate: float, control_rate: float, voltage: Cal
     return Clock(time, 1.0 / physics_rate, per_control, volts)
 
 
-def physics_rate(model: Model) -> float:
-    """The smallest multiple of all rates of the model that is not below `PHYSICS_RATE` [Hz]."""
+def physics_rate(model: Model, least: int = 400) -> float:
+    """The smallest multiple [Hz] of all rates of the model that is not below `least` [Hz]."""
     rates = (model.controller.rate_hz, model.sensors.imu_rate_hz, model.sensors.pose_rate_hz)
     if any(rate != round(rate) for rate in rates):
         raise UsageError(f"rates of controller and sensors are {rates} Hz; the simulation needs whole numbers")
     common = math.lcm(*(round(rate) for rate in rates))
-    return float(common * math.ceil(PHYSICS_RATE / common))
+    return float(common * math.ceil(least / common))
 
 
 def _divide(physics_rate: float, rate: float, what: str) -> int:

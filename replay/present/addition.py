@@ -32,7 +32,7 @@ def parts(added: Addition) -> list[Part]:
         out.append(before_after(title, added.rms_before, added.rms_after, added.reduction))
     else:
         title = f"on held-out time of these logs, {behind}"
-        out.append(before_after(title, trial.before, trial.after, trial.fall, trial.noise))
+        out.append(before_after(title, trial.before, trial.after, trial.rms_reduction, trial.noise))
         out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines([*mixed(added), *notes(added)])]
 

@@ -40,7 +40,7 @@ def parts(found: Calibration) -> list[Part]:
         out += [values(found), Line(LEGEND, "dim"), Line()]
         if (trial := found.added.trial) is not None:
             title = f"on held-out time of these flights, filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
-            out.append(before_after(title, trial.before, trial.after, trial.fall, trial.noise))
+            out.append(before_after(title, trial.before, trial.after, trial.rms_reduction, trial.noise))
         if len(found.names) > 1:
             out.append(by_flight("each flight, on its held-out time", found.names, found.before, found.after))
         if found.unseen:

@@ -39,7 +39,7 @@ def table_of_versions(model: Model) -> Table:
     """One row for each version: what changed, from which flights, and the change of the error by axis."""
     out = table(f"{model.name}: versions", "", "date", "what changed", "from", *AXIS_HEADS, left=4)
     for version, changed in steps(model):
-        falls = reductions(version.trial.fall) if version.trial is not None else ["-"] * 6
+        falls = reductions(version.trial.rms_reduction) if version.trial is not None else ["-"] * 6
         flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
         row = (version.date[:10] or "-", words(version, changed), flights)
         out.add_row(str(version.number), *row, *falls)

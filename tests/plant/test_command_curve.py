@@ -84,7 +84,7 @@ def test_a_bench_table_goes_through_its_points_and_holds_its_ends():
     found = model('unit = "pwm"\n' + BENCH.replace("1000, 1500, 2000", "1000.0, 1500.0, 2000.0"))
     points = thrust(found, [900.0, 1000.0, 1500.0, 1750.0, 2000.0, 2100.0])
     assert points / 9.80665e-3 == pytest.approx([0.0, 0.0, 300.0, 600.0, 900.0, 900.0])
-    assert found.command.beyond(np.array([900.0, 1500.0, 2100.0, 1200.0])) == 0.5
+    assert found.command.share_outside(np.array([900.0, 1500.0, 2100.0, 1200.0])) == 0.5
 
 
 def test_between_two_voltages_of_the_bench():

@@ -48,7 +48,7 @@ def test_chain_survives_in_the_file(tmp_path):
     assert versions[0].command == history.GIVEN
     assert versions[1].flights == (("a", "1"),)
     np.testing.assert_allclose(versions[1].trial.after, TRIAL.after)
-    np.testing.assert_allclose(versions[1].trial.fall, [0.75, 0.5, 0.25, 0.0, -0.25, 0.9])
+    np.testing.assert_allclose(versions[1].trial.rms_reduction, [0.75, 0.5, 0.25, 0.0, -0.25, 0.9])
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", versions[3].date)
     last = history.changes(versions[2], versions[3])
     assert [e.effect for e in last.removed] == ["com_offset"]
