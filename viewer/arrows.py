@@ -9,15 +9,12 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.viewer.colours import THRUST, Colour, colour_of
+from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
 from wrenchgap.viewer.scene import Scene
 
 KINDS = ("force", "torque")
-SIGMAS = 3.0
-"""Half axes of the ellipsoid at the tip of a prediction, in standard deviations."""
 THICK = {"force": 0.014, "torque": 0.022}
-SPREAD = 0.055
-"""Thickness of arrows, and how far those of different wrenches stand apart, in sizes of the vehicle."""
+"""Thickness of arrows, in sizes of the vehicle."""
 CLOUD = {"radius": 1.0, "opacity": 0.28, "cast_shadow": False, "receive_shadow": False, "visible": False}
 
 
@@ -71,6 +68,10 @@ def single_arrow(vector: Array, spread: float) -> Array:
 class Arrows:
     """One node per wrench and kind below the body's frame, and one for the thrusts of all rotors."""
 
+    ellipsoid_sigmas, spread = 3.0, 0.055
+    """Half axes of the ellipsoid at the tip of a prediction, in standard deviations; distance between the arrows of
+    different wrenches, in sizes of the vehicle."""
+
     def __init__(self, scene: Any, root: str, vehicle: Vehicle, size: float) -> None:
         self._scene, self._root, self._vehicle, self._size = scene, root, vehicle, size
         self.handles: dict[tuple[str, str], Any] = {}
@@ -90,7 +91,7 @@ class Arrows:
             for kind, name in wrenches
             if name in flight.sigma
         }
-        self.thrusts = None if flight.thrust is None else self._arrows("thrusts", THRUST, 0.010)
+        self.thrusts = None if flight.thrust is None else self._arrows("thrusts", PALETTE.thrust, 0.010)
 
     def show(self, flight: Scene, index: int, scale: Scale, shown: frozenset[tuple[str, str]], frames: bool) -> None:
         """Draw instant `index`; `shown` are the (kind, wrench) to be seen, and ("thrust", "") for the rotors'."""
@@ -99,7 +100,7 @@ class Arrows:
             vector = flight.wrenches[name][index, part] * (scale.force if kind == "force" else scale.torque)
             seen = (kind, name) in shown and self._worth(vector)
             if seen:
-                spread = SPREAD * self._size * (rank // len(KINDS))
+                spread = self.spread * self._size * (rank // len(KINDS))
                 points = component_arrows(vector, spread) if frames else single_arrow(vector, spread)
                 handle.points = (points + self._vehicle.body.com_B).astype(np.float32)
             set_visible(handle, seen)
@@ -114,7 +115,9 @@ class Arrows:
         seen = seen and bool(np.isfinite(sigma).any())
         if seen:
             handle.position = self._vehicle.body.com_B + tip
-            handle.scale = tuple(float(s) for s in np.maximum(np.nan_to_num(SIGMAS * sigma), 0.01 * self._size))
+            handle.scale = tuple(
+                float(s) for s in np.maximum(np.nan_to_num(self.ellipsoid_sigmas * sigma), 0.01 * self._size)
+            )
         set_visible(handle, seen)
 
     def _thrust(self, flight: Scene, index: int, scale: Scale, seen: bool) -> None:

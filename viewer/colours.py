@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 Colour = tuple[int, int, int]
 
-BODY: Colour = (34, 150, 60)
-REFERENCE: Colour = (208, 40, 40)
-HULL: Colour = (58, 62, 70)
-GHOST: Colour = (120, 90, 200)
-SPIN: tuple[Colour, Colour] = ((70, 120, 200), (190, 130, 70))
-"""Discs of rotors that turn counter-clockwise, clockwise about their thrust."""
-THRUST: Colour = (120, 130, 145)
-PATH: Colour = (150, 155, 165)
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours of the scene and of the cursors; `spin` of rotors that turn counter-clockwise, clockwise about thrust."""
+
+    body: Colour = (34, 150, 60)
+    reference: Colour = (208, 40, 40)
+    hull: Colour = (58, 62, 70)
+    ghost: Colour = (120, 90, 200)
+    spin: tuple[Colour, Colour] = ((70, 120, 200), (190, 130, 70))
+    thrust: Colour = (120, 130, 145)
+    path: Colour = (150, 155, 165)
+    cursor: Colour = (208, 40, 40)
+    marks: tuple[Colour, Colour] = ((0, 120, 140), (150, 60, 170))
+    tick: Colour = (60, 66, 74)
+
+
+PALETTE = Palette()
 GAP = "rgb(233,236,239)"
 """Opaque: charts draw a straight line across what the log does not cover."""
-CURSOR: Colour = (208, 40, 40)
-MARKS: tuple[Colour, Colour] = ((0, 120, 140), (150, 60, 170))
-"""Cursors A and B."""
 
 WRENCHES: dict[str, Colour] = {
     "commanded": (240, 140, 20),

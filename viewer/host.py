@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import BoundedSemaphore
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, ClassVar, Literal, Protocol, TypeVar
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
@@ -16,10 +16,6 @@ from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.view_state import ViewState
 
 T = TypeVar("T")
-WAITING = 16
-"""Callbacks that wait for the page at most: viser calls them on 32 threads, and a flood of them must not take all."""
-JOBS = 8
-"""Pieces of work beside the page that may run, or still be ending, at once."""
 Kind = Literal["info", "warning", "error"]
 Callback = Callable[[Any], None]
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
@@ -41,6 +37,10 @@ class Host(Protocol):
     scene: Scene
     cursor: Cursor
     view: ViewState
+    max_waiting: ClassVar[int] = 16
+    """Callbacks that wait for the page at most: viser calls them on 32 threads, and a flood must not take all."""
+    max_jobs: ClassVar[int] = 8
+    """Background jobs that may run, or still be ending, at once."""
     _jobs: list[Job]
     _waiting: BoundedSemaphore
 
@@ -112,10 +112,10 @@ class Host(Protocol):
     @property
     def crowded(self) -> bool:
         """Whether so much work runs beside the page, or is still ending, that more must wait."""
-        return sum(job.is_alive() for job in self._jobs) >= JOBS
+        return sum(job.is_alive() for job in self._jobs) >= self.max_jobs
 
     def make_room(self) -> None:
-        """Raise UsageError while it is crowded: what a user asks for then, he asks for again."""
+        """Raise UsageError while it is crowded; the user can try again."""
         if self.crowded:
             raise UsageError("earlier work is still ending; try again in a moment")
 

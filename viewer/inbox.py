@@ -12,26 +12,54 @@ import math
 import operator
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
 import msgspec
 import viser
 
-RATE, BURST = 200.0, 400.0
-"""Messages of one client [1/s], and so many at once: dragging a slider and turning the camera make 70 a second."""
-LARGEST_MESSAGE = 2**24
-"""Bytes: a picture of the scene on a 4K screen has 2 to 8 million."""
-LARGEST_UPLOAD = 1_000_000
-"""Bytes: a saved view has some hundreds."""
-UPLOADS = 4
-"""Of one client under way at once."""
-LONGEST_TEXT = 100_000
-"""Characters in a field: a saved view with a hundred channels has ten thousand."""
-LARGEST_NUMBER = 1e12
-"""A time [s], a place [m]: whatever is beyond was made up; clocks that count from 1970 are at 2e9."""
-MOST_PIXELS = 40_000_000
-"""Of a picture that a client renders: 8K has 33 million."""
+
+@dataclass(frozen=True)
+class Limits:
+    """What clients of the page may use.
+
+    Attributes
+    ----------
+    rate, burst
+        Messages of one client [1/s], and how many at once: dragging a slider and turning the camera make 70 a second.
+    message
+        Bytes of one message: a picture of the scene on a 4K screen has 2 to 8 million.
+    upload, uploads
+        Bytes of one upload (a saved view has some hundreds), and how many of one client may be under way.
+    text
+        Characters in a field: a saved view with a hundred channels has ten thousand.
+    number
+        Size of a time [s] or place [m]: clocks that count from 1970 are at 2e9.
+    pixels
+        Of a picture that a client renders: 8K has 33 million.
+    pages
+        Open at a time: each costs the server a copy of everything that is drawn.
+    handshakes
+        Connections at a time that are not yet a page; of more, the oldest are ended.
+    queued
+        Messages of one client that wait to be read.
+    """
+
+    rate: float = 200.0
+    burst: float = 400.0
+    message: int = 2**24
+    upload: int = 1_000_000
+    uploads: int = 4
+    text: int = 100_000
+    number: float = 1e12
+    pixels: int = 40_000_000
+    pages: int = 32
+    handshakes: int = 64
+    queued: int = 4
+
+
+LIMITS = Limits()
 PNG = b"\x89PNG\r\n\x1a\n"
 
 Check = Callable[[Any], bool]
@@ -39,7 +67,7 @@ Check = Callable[[Any], bool]
 
 def _number(value: Any) -> bool:
     """Finite and of this world; not a number compares as neither."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LIMITS.number
 
 
 def _count(most: int) -> Check:
@@ -59,7 +87,7 @@ def _picture(value: Any) -> bool:
     if not isinstance(value, bytes) or (value and (len(value) < 24 or not value.startswith(PNG))):
         return False
     width, height = int.from_bytes(value[16:20], "big"), int.from_bytes(value[20:24], "big")
-    return width * height <= MOST_PIXELS and b"acTL" not in value[: value.find(b"IDAT")]
+    return width * height <= LIMITS.pixels and b"acTL" not in value[: value.find(b"IDAT")]
 
 
 _name, _size = _text(256), _count(16384)
@@ -84,13 +112,13 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
         "filename": _name,
         "mime_type": _name,
         "part_count": _count(16),
-        "size_bytes": _count(LARGEST_UPLOAD),
+        "size_bytes": _count(LIMITS.upload),
     },
     "FileTransferPart": {
         "source_component_uuid": _name,
         "transfer_uuid": _name,
         "part_index": _count(16),
-        "content": lambda value: isinstance(value, bytes) and len(value) <= LARGEST_UPLOAD,
+        "content": lambda value: isinstance(value, bytes) and len(value) <= LIMITS.upload,
     },
 }
 """The messages that mean something to this page, and what their fields hold. viser knows a dozen more."""
@@ -143,7 +171,7 @@ def fits(control: Any, value: Any) -> bool:
         case viser.GuiCheckboxHandle():
             return isinstance(value, bool)
         case viser.GuiTextHandle():
-            return _text(LONGEST_TEXT)(value)
+            return _text(LIMITS.text)(value)
         case viser.GuiDropdownHandle() | viser.GuiButtonGroupHandle():
             return isinstance(value, str) and value in control.options
         case viser.GuiSliderHandle() | viser.GuiNumberHandle():
@@ -159,15 +187,15 @@ class Inbox:
 
     def __init__(self, control: Callable[[str], Any], clock: Callable[[], float] = time.monotonic) -> None:
         self._control, self._clock = control, clock
-        self._allowance, self._at = BURST, clock()
+        self._allowance, self._at = LIMITS.burst, clock()
         self._uploads: dict[str, int] = {}
 
     def wait(self) -> float:
         """Count a message; how long to leave the next ones unread [s], so that a flood stays with its sender."""
         now = self._clock()
-        self._allowance = min(BURST, self._allowance + RATE * (now - self._at)) - 1.0
+        self._allowance = min(LIMITS.burst, self._allowance + LIMITS.rate * (now - self._at)) - 1.0
         self._at = now
-        return max(0.0, -self._allowance / RATE)
+        return max(0.0, -self._allowance / LIMITS.rate)
 
     def admits(self, raw: bytes | str) -> bool:
         """Whether a message is one of those that the page knows, and has what it should."""
@@ -198,7 +226,7 @@ class Inbox:
         button, transfer = self._control(message["source_component_uuid"]), message["transfer_uuid"]
         if not isinstance(button, viser.GuiUploadButtonHandle) or transfer in self._uploads:
             return False
-        if len(self._uploads) >= UPLOADS or button.disabled or not button.visible:
+        if len(self._uploads) >= LIMITS.uploads or button.disabled or not button.visible:
             return False
         if message["part_count"] > 0:
             self._uploads[transfer] = message["size_bytes"]

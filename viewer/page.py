@@ -20,7 +20,7 @@ from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.host import WAITING, Host
+from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel, Part
 from wrenchgap.viewer.panels.export import Caption, ExportPanel
 from wrenchgap.viewer.panels.notes import NotesPanel
@@ -47,7 +47,7 @@ class Page(Host):
         self.view = ViewState(zoom=ZOOMS[0], speed="1")
         self.scene = session.scene(session.flights[0])
         self._jobs = []
-        self._waiting = threading.BoundedSemaphore(WAITING)
+        self._waiting = threading.BoundedSemaphore(self.max_waiting)
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)

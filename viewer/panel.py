@@ -20,8 +20,6 @@ T = TypeVar("T")
 
 LONG = 120.0
 """Flights longer than this are looked at beside the page [s]."""
-LAST = 1e6
-"""Order of the buttons in their tab: behind everything that is seen."""
 HIDDEN = "<span class='wrenchgap-links'></span>"
 """Hides whatever follows in the same tab, by the style sheet."""
 
@@ -72,11 +70,14 @@ class Panel(Part):
 class Links:
     """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
 
+    last = 1e6
+    """Order of the buttons in their tab: behind everything that is seen."""
+
     def __init__(self, host: Host) -> None:
         self.host = host
-        self.tab = host.gui.add_folder(None, order=LAST)
+        self.tab = host.gui.add_folder(None, order=self.last)
         with self.tab:
-            host.gui.add_html(HIDDEN, order=LAST)
+            host.gui.add_html(HIDDEN, order=self.last)
         self._buttons: list[Any] = []
         self._actions: list[Callable[[], None]] = []
 
@@ -90,7 +91,7 @@ class Links:
         self._actions.append(action)
         if k == len(self._buttons):
             with self.tab:
-                button = self.host.gui.add_button(f"link {k}", order=LAST + 1 + k)
+                button = self.host.gui.add_button(f"link {k}", order=self.last + 1 + k)
             button.on_click(self.host.guarded(lambda _: self.follow(k)))
             self._buttons.append(button)
         return str(self._buttons[k]._impl.uuid)  # viser has no public way to the id of an element

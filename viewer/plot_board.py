@@ -19,18 +19,31 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.flight.stamps import envelope
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.axis import limits, ticks
-from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
+from wrenchgap.viewer.colours import GAP, PALETTE, css
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.scene import Stretch
 
-HEIGHT = 128
-"""Of a chart [px]."""
-X_AXIS, Y_AXIS, RIGHT = 24, 48, 10
-"""Room for the axes' numbers and on the right [px]."""
-MARGIN, BORDER = 9.25, 1.0
-"""Around a chart, as viser sets it [px]; its charts are wider than the room between the borders by one border."""
 TICKS = {"size": 4, "width": 1}
-BAND_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Sizes of a chart [px], and the half width of a band in standard deviations.
+
+    `x_axis` and `y_axis` hold the numbers of the axes. viser draws `margin` and `border` around a chart, which is wider
+    than the area between the borders by one border.
+    """
+
+    height: int = 128
+    x_axis: int = 24
+    y_axis: int = 48
+    right: int = 10
+    margin: float = 9.25
+    border: float = 1.0
+    band_sigmas: float = 3.0
+
+
+CHART = Geometry()
 
 
 @dataclass(frozen=True)
@@ -118,7 +131,7 @@ class Board:
         """Draw the cursor at an instant; with `quick`, the values at it once in a `period` [s]: nobody reads faster."""
         self._time = time
         share = self.view.place(time)
-        line = _over([], [] if share is None else [("", 100.0 * share, css(CURSOR), 1.5)])
+        line = _over([], [] if share is None else [("", 100.0 * share, css(PALETTE.cursor), 1.5)])
         read = not quick or clock.monotonic() - self._read_at > period
         if read:
             self._read_at = clock.monotonic()
@@ -131,10 +144,10 @@ class Board:
         """Gaps, the loop and the marks, in all charts."""
         stretches = [box for gap in self.view.gaps for box in _stretch(self.view, gap.start, gap.stop, GAP)]
         if self.view.loop is not None:
-            stretches += _stretch(self.view, *self.view.loop, css(MARKS[0], 0.08))
+            stretches += _stretch(self.view, *self.view.loop, css(PALETTE.marks[0], 0.08))
         uprights = [
             (name, 100.0 * share, css(colour), 1.0)
-            for (name, time), colour in zip(self.view.marks, MARKS, strict=False)
+            for (name, time), colour in zip(self.view.marks, PALETTE.marks, strict=False)
             if (share := self.view.place(time)) is not None
         ]
         content = _over(stretches, uprights)
@@ -169,8 +182,8 @@ class Board:
             axes=axes,
             cursor=viser.uplot.Cursor(sync=sync, drag=drag),
             legend=viser.uplot.Legend(show=False),
-            height=HEIGHT,
-            padding=(4, RIGHT, 0, 0),
+            height=CHART.height,
+            padding=(4, CHART.right, 0, 0),
         )
 
     def _data(self, plot: Plot) -> tuple[tuple[Array, ...], dict[str, Any], Any]:
@@ -182,14 +195,14 @@ class Board:
         for line in plot.lines:
             rows.append(line.values)
             if line.sigma is not None:
-                rows += [line.values + BAND_SIGMAS * line.sigma, line.values - BAND_SIGMAS * line.sigma]
+                rows += [line.values + CHART.band_sigmas * line.sigma, line.values - CHART.band_sigmas * line.sigma]
         start, stop = self.view.start, self.view.stop
         time, values = envelope(plot.time, plot.factor * np.stack(rows), start, stop)
         low, high = limits(values[:, (time >= start) & (time <= stop)], plot.factor * plot.floor)
         x, y = viser.uplot.Scale(time=False, range=(start, stop)), viser.uplot.Scale(range=(low, high))
         places, words = ticks(low, high)
-        upright = {"size": Y_AXIS, "ticks": TICKS, "splits": places, "values": words}
-        return (time, *values), {"x": x, "y": y}, ({"size": X_AXIS, "ticks": TICKS}, upright)
+        upright = {"size": CHART.y_axis, "ticks": TICKS, "splits": places, "values": words}
+        return (time, *values), {"x": x, "y": y}, ({"size": CHART.x_axis, "ticks": TICKS}, upright)
 
 
 def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
@@ -204,7 +217,7 @@ def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
             "name": line.name if line.name != plot.title else "value",
             "colour": css(line.colour),
             "value": _number(value) if np.isfinite(value) else "",
-            "band": f"{BAND_SIGMAS * sigma:.3g}" if np.isfinite(sigma) else "",
+            "band": f"{CHART.band_sigmas * sigma:.3g}" if np.isfinite(sigma) else "",
             "change": f"{by:+.3g}" if np.isfinite(by) else "",
         }
         for line, value, sigma, by in zip(plot.lines, values, sigmas, change, strict=True)
@@ -221,10 +234,10 @@ def _over(stretches: Sequence[tuple[float, float, str]], uprights: Sequence[tupl
     """Stretches (left, width [%], colour) and uprights (name, left [%], colour, width [px]) over a plotting area."""
     return markup.render(
         "plot_overlay",
-        left=MARGIN + BORDER + Y_AXIS,
-        right=MARGIN - BORDER + RIGHT,
-        top=MARGIN + BORDER + 4,
-        height=HEIGHT - X_AXIS - 4,
+        left=CHART.margin + CHART.border + CHART.y_axis,
+        right=CHART.margin - CHART.border + CHART.right,
+        top=CHART.margin + CHART.border + 4,
+        height=CHART.height - CHART.x_axis - 4,
         stretches=stretches,
         uprights=uprights,
     )

@@ -20,14 +20,10 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, set_visible, thickness
-from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
+from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.vehicle_shape import VehicleShape
 
-MOST_POINTS = 3000
-"""Points of a drawn path, and frames or arrows along it, at most: batched, they cost one node."""
-TRAIL_POINTS = 40
-"""Of the path of the last two seconds."""
 NOTHING = "nothing"
 
 
@@ -64,16 +60,21 @@ class Shown:
 class Drawing:
     """The scene of the page; `show` moves it to an instant of the flight that was opened last."""
 
+    max_points = 3000
+    """Points of a drawn path, and frames or arrows along it, at most: batched, they cost one node."""
+    trail_points = 40
+    """Points of the path of the last two seconds."""
+
     def __init__(self, scene: Any, vehicle: Vehicle) -> None:
         self._scene, self.vehicle = scene, vehicle
         scene.set_up_direction("+z")
         self.world = scene.add_frame("/world", show_axes=False)
         self.craft = VehicleShape(scene, "/world/body", vehicle)
-        self.ghost = VehicleShape(scene, "/world/ghost", vehicle, GHOST)
+        self.ghost = VehicleShape(scene, "/world/ghost", vehicle, PALETTE.ghost)
         self.size = self.craft.size
         self.reference = scene.add_frame("/world/reference", show_axes=False, visible=False)
-        self._axes("/world/body/axes", BODY, 0.011)
-        self._axes("/world/reference/axes", REFERENCE, 0.008)
+        self._axes("/world/body/axes", PALETTE.body, 0.011)
+        self._axes("/world/reference/axes", PALETTE.reference, 0.008)
         self.arrows = Arrows(scene, "/world/body", vehicle, self.size)
         self.scale = self._suited = Scale(1.0, 1.0, 1.0)
         self.flight: Scene | None = None
@@ -98,8 +99,8 @@ class Drawing:
         self.arrows.open(flight)
         for handle in self._paths:
             handle.remove()
-        self._trail = self._line("/world/trail", np.zeros((TRAIL_POINTS - 1, 2, 3)), BODY, 4.0)
-        self._paths = [self._path("/world/path", flight.time, flight.position_E, PATH, 1.5), self._trail]
+        self._trail = self._line("/world/trail", np.zeros((self.trail_points - 1, 2, 3)), PALETTE.body, 4.0)
+        self._paths = [self._path("/world/path", flight.time, flight.position_E, PALETTE.path, 1.5), self._trail]
         if flight.reference_position_E is not None:
             pink: Colour = (226, 140, 140)
             self._paths.append(self._path("/world/reference_path", flight.time, flight.reference_position_E, pink, 1.0))
@@ -127,7 +128,7 @@ class Drawing:
         if old is not None:
             old.remove()
         if points is not None and len(points) > 1:
-            kept = points[:: max(1, -(-len(points) // MOST_POINTS))]
+            kept = points[:: max(1, -(-len(points) // self.max_points))]
             self._curves[name] = self._line(f"/world/curve/{name}", _segments(kept), colour, 3.0)
 
     def _ground(self, flight: Scene) -> None:
@@ -159,7 +160,7 @@ class Drawing:
             set_visible(handle, wanted)
         if wanted:
             first = flight.index(float(flight.time[index]) - 2.0)
-            rows = np.linspace(first, index, TRAIL_POINTS).round().astype(int)
+            rows = np.linspace(first, index, self.trail_points).round().astype(int)
             self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
 
     def _show_along(self, flight: Scene, shown: Shown) -> None:
@@ -174,7 +175,7 @@ class Drawing:
         if shown.along == NOTHING:
             return
         grid = np.arange(flight.time[0], flight.time[-1], max(shown.spacing, 1e-3))
-        rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // MOST_POINTS))]))
+        rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // self.max_points))]))
         position, quat = flight.position_E[rows], flight.quat_EB[rows]
         if shown.along == "frames":
             axes = {"axes_length": 0.5 * self.size, "axes_radius": 0.012 * self.size}
@@ -199,7 +200,7 @@ class Drawing:
 
     def _path(self, name: str, time: Array, position: Array, colour: Colour, width: float) -> Any:
         """A path, broken where the log has a gap."""
-        step = max(1, -(-len(time) // MOST_POINTS))
+        step = max(1, -(-len(time) // self.max_points))
         segments = _segments(position[::step])
         whole = np.diff(time[::step]) < 5.0 * step * float(np.median(np.diff(time)))
         known = whole & np.isfinite(segments).all(axis=(1, 2))

@@ -33,16 +33,8 @@ from websockets.protocol import State
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.gate import Gate, Refusal
-from wrenchgap.viewer.inbox import LARGEST_MESSAGE, Inbox
+from wrenchgap.viewer.inbox import LIMITS, Inbox
 
-PORTS = 20
-"""Ports that are tried, one after the other."""
-CLIENTS = 32
-"""Pages open at a time: each costs the server a copy of everything that is drawn."""
-HANDSHAKES = 64
-"""Connections at a time that are no page (yet); of more, those that came first are ended."""
-QUEUED = 4
-"""Messages of one client that wait to be read."""
 SUPPORTED = "viser>=1.1,<1.2"
 DIGITS = "".join(chr(c) for c in range(0x21, 0x7F) if chr(c) not in "\"&<>'`")
 """In which viser's page packs its own script."""
@@ -69,13 +61,13 @@ def serve(host: str, port: int) -> tuple[Any, Gate]:
     return server, gate
 
 
-def free_port(host: str, port: int) -> int:
-    """`port`, or the next one of a few that nobody listens on; any free one for 0. Raises UsageError without one.
+def free_port(host: str, port: int, tries: int = 20) -> int:
+    """`port`, or the next of `tries` ports that is free; any free one for 0. Raises UsageError without one.
 
     Asked beforehand, because viser waits for ever on an address that cannot be had.
     """
     reason = ""
-    for candidate in [port] if port == 0 else range(port, min(port + PORTS, 65536)):
+    for candidate in [port] if port == 0 else range(port, min(port + tries, 65536)):
         try:
             family, *_, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
             with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -135,7 +127,7 @@ class _Connection(websockets.ServerConnection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
         strangers = [one for one in self.server.handlers if one.state is not State.OPEN]
-        for oldest in strangers[:-HANDSHAKES]:  # not the newest: who idles keeps nobody out
+        for oldest in strangers[: -LIMITS.handshakes]:  # not the newest: who idles keeps nobody out
             oldest.transport.abort()
 
     async def recv(self, decode: bool | None = None) -> Any:
@@ -159,8 +151,8 @@ def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]
             "process_request": _checked(gate, process_request),
             "create_connection": lambda *given, **more: _Connection(*given, inbox=Inbox(controls), **more),
             "compression": None,  # bytes that were sent are those that arrive
-            "max_size": LARGEST_MESSAGE,
-            "max_queue": QUEUED,
+            "max_size": LIMITS.message,
+            "max_queue": LIMITS.queued,
             "server_header": None,
         }
         return original(handler, *where, **options)
@@ -178,8 +170,8 @@ def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[...
     def process(connection: websockets.ServerConnection, request: Request) -> Response | None:
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         passed = gate.passes(request.path, hosts, origins, connection.local_address[1])
-        if not isinstance(passed, Refusal) and len(connection.server.connections) >= CLIENTS:
-            passed = Refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"{CLIENTS} pages are open; close one first.")
+        if not isinstance(passed, Refusal) and len(connection.server.connections) >= LIMITS.pages:
+            passed = Refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"{LIMITS.pages} pages are open; close one first.")
         if isinstance(passed, Refusal):
             response: Response | None = connection.respond(passed.status, f"{passed.words}\n")
             headers = gate.headers("")

@@ -8,17 +8,14 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.scene import Motion
 
-STEP = 0.02
-"""Of the clock on which they are compared [s]."""
 
-
-def delay_between(late: Motion, fixed: Motion, least: float = 0.5) -> float | None:
-    """By how many seconds `late` must be shifted for it to move as `fixed` does; None below a correlation of `least`.
+def delay_between(late: Motion, fixed: Motion, least: float = 0.5, step: float = 0.02) -> float | None:
+    """Shift [s] of `late` for which it moves as `fixed` does; None below a correlation of `least`.
 
     The delay at which the products of the two motions' features (body z axis in E, height, each without its mean)
-    correlate best, among those at which the shorter one overlaps by half or more.
+    correlate best, among those at which the shorter one overlaps by half or more. They are compared every `step` [s].
     """
-    a, b = _features(fixed), _features(late)
+    a, b = _features(fixed, step), _features(late, step)
     if not (a.any() and b.any()):
         return None
     size = 1 << (len(a) + len(b) - 2).bit_length()
@@ -34,7 +31,7 @@ def delay_between(late: Motion, fixed: Motion, least: float = 0.5) -> float | No
     best = int(np.argmax(score))
     if score[best] < least:
         return None
-    return float(lags[best] * STEP + fixed.time[0] - late.time[0])
+    return float(lags[best] * step + fixed.time[0] - late.time[0])
 
 
 def _energy(features: Array) -> Array:
@@ -42,9 +39,9 @@ def _energy(features: Array) -> Array:
     return np.concatenate(([0.0], np.cumsum((features**2).sum(axis=1))))
 
 
-def _features(motion: Motion) -> Array:
-    """Where the body's axes point and how high it is, on a uniform clock: (N, 7), centred, each kind on one scale."""
-    clock = np.arange(motion.time[0], motion.time[-1], STEP)
+def _features(motion: Motion, step: float) -> Array:
+    """Body x and z axes in E and the height (N, 7), on a uniform clock, each without its mean."""
+    clock = np.arange(motion.time[0], motion.time[-1], step)
     x = so3.rotate(motion.quat_EB, np.array([1.0, 0.0, 0.0]))
     z = so3.rotate(motion.quat_EB, np.array([0.0, 0.0, 1.0]))
     raw = np.column_stack((x, z, motion.position_E[:, 2]))

@@ -25,12 +25,13 @@ PLAY, PAUSE = "\u25b6 Play", "\u275a\u275a Pause"
 NOWHERE = "-"
 STEPS = {"-1 s": -1.0, "< step": -1, "step >": 1, "+1 s": 1.0}
 """Labels, and by how many seconds (float) or instants (int) they move."""
-RESOLUTION = 0.001
-"""Of the slider [s]. It gets no finer number: its box would round that and send it back as if a user had typed it."""
 
 
 class Transport(Part):
-    """Reads and moves the page's cursor; says which range the plots show."""
+    """Reads and moves the cursor of the page, and sets the range that the plots show."""
+
+    resolution = 0.001
+    """Of the slider [s]. Its box would round a finer number and send it back as if a user had typed it."""
 
     def __init__(self, host: Host, board: Board) -> None:
         super().__init__(host)
@@ -38,7 +39,7 @@ class Transport(Part):
         gui, guarded = host.gui, host.guarded
         self._slot = gui.add_folder(None)
         with self._slot:
-            self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
+            self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, self.resolution, 0.0)
         self.play = gui.add_button(PLAY, hint="space")
         self.play.on_click(guarded(lambda _: self.toggle()))
         self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
@@ -62,9 +63,9 @@ class Transport(Part):
         start, stop = _rounded(float(scene.time[0])), _rounded(float(scene.time[-1]))
         self.slider.remove()
         with self._slot:
-            at, end = float(np.clip(_rounded(self._cursor.time), start, stop)), max(stop, start + RESOLUTION)
+            at, end = float(np.clip(_rounded(self._cursor.time), start, stop)), max(stop, start + self.resolution)
             marks = tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop)
-            self.slider = self.host.gui.add_slider("time [s]", start, end, RESOLUTION, at, marks=marks)
+            self.slider = self.host.gui.add_slider("time [s]", start, end, self.resolution, at, marks=marks)
         self.slider.on_update(self.host.guarded(self._dragged))
         places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
         self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}

@@ -13,7 +13,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Arms, Vehicle
-from wrenchgap.viewer.colours import BODY, HULL, SPIN, Colour
+from wrenchgap.viewer.colours import PALETTE, Colour
 
 ARC = np.radians(np.linspace(20.0, 130.0, 12))
 """Angles of the arc on a disc that shows how it turns."""
@@ -82,13 +82,13 @@ class VehicleShape:
 
     def _hull(self) -> None:
         """A flat drum with a green nose; a ball on rotor-less vehicles, of which nothing but the size is known."""
-        size, name, look = self.size, f"{self._root}/hull", self._look(HULL)
+        size, name, look = self.size, f"{self._root}/hull", self._look(PALETTE.hull)
         radius = (0.5 if self._vehicle.arms is None else 0.24) * size
         if self._vehicle.arms is None:
             self._scene.add_icosphere(name, radius=radius, scale=(1.0, 1.0, 0.5), **look)
         else:
             self._scene.add_cylinder(name, radius=radius, height=0.14 * size, **look)
-        nose = {"radius": 0.055 * size, "position": (radius, 0.0, 0.0), **self._look(BODY)}
+        nose = {"radius": 0.055 * size, "position": (radius, 0.0, 0.0), **self._look(PALETTE.body)}
         self._scene.add_icosphere(f"{self._root}/nose", **nose)
 
     def _arms(self, arms: Arms) -> None:
@@ -103,7 +103,7 @@ class VehicleShape:
                     radial_segments=16,
                     position=0.5 * place,
                     wxyz=along_z(place),
-                    **self._look(HULL),
+                    **self._look(PALETTE.hull),
                 )
             node = f"{self._root}/arm{arm}"
             level = arm_pose(arms, arm, 0.0)
@@ -116,12 +116,12 @@ class VehicleShape:
             return
         for rotor in np.flatnonzero(rotors.arm == arm):
             offset, radius = float(rotors.offset[rotor]), float(rotors.radius[rotor])
-            colour = SPIN[0 if rotors.spin[rotor] > 0 else 1]
+            colour = PALETTE.spin[0 if rotors.spin[rotor] > 0 else 1]
             disc = {"radius": radius, "height": 0.012 * self.size, "position": (0.0, 0.0, offset)}
             self._scene.add_cylinder(f"{node}/disc{rotor}", **disc, **self._look(colour, 0.45))
             mast = {"radius": 0.05 * self.size, "height": max(abs(offset), 0.05 * self.size), "radial_segments": 16}
             middle = (0.0, 0.0, 0.5 * offset)
-            self._scene.add_cylinder(f"{node}/motor{rotor}", **mast, position=middle, **self._look(HULL))
+            self._scene.add_cylinder(f"{node}/motor{rotor}", **mast, position=middle, **self._look(PALETTE.hull))
             if self._ghost is None:
                 self._turning(f"{node}/turning{rotor}", offset, radius, float(rotors.spin[rotor]), colour)
 

@@ -10,7 +10,7 @@ import viser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchgap.viewer.inbox import BURST, FIELDS, MOST_PIXELS, PNG, RATE, Inbox, fits
+from wrenchgap.viewer.inbox import FIELDS, LIMITS, PNG, Inbox, fits
 from wrenchgap.viewer.serving import serve
 
 
@@ -152,7 +152,7 @@ def test_a_picture_is_a_png_that_can_be_unpacked(inbox):
         (b"", True),
         (picture(3840, 2160), True),
         (picture(2**31, 2**31), False),
-        (picture(MOST_PIXELS + 1, 1), False),
+        (picture(LIMITS.pixels + 1, 1), False),
         (picture(100, 100, b"acTL....IDAT"), False),
         (b"GIF89a" + bytes(40), False),
         (PNG, False),
@@ -163,9 +163,9 @@ def test_a_picture_is_a_png_that_can_be_unpacked(inbox):
 def test_a_flood_waits_and_a_hand_does_not():
     now = SimpleNamespace(time=0.0)
     inbox = Inbox({}.get, lambda: now.time)
-    assert [inbox.wait() for _ in range(int(BURST))] == [0.0] * int(BURST)
+    assert [inbox.wait() for _ in range(int(LIMITS.burst))] == [0.0] * int(LIMITS.burst)
     waits = [inbox.wait() for _ in range(100)]
-    assert waits[-1] == pytest.approx(100 / RATE)
+    assert waits[-1] == pytest.approx(100 / LIMITS.rate)
     now.time += 10.0
     for _ in range(700):  # ten seconds of 70 messages
         now.time += 1.0 / 70.0

@@ -12,6 +12,7 @@ from websockets.asyncio import server as websockets
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer import serving
+from wrenchgap.viewer.inbox import LIMITS
 from wrenchgap.viewer.serving import own_scripts, serve
 
 
@@ -72,7 +73,7 @@ def test_who_idles_without_the_link_takes_no_descriptors_and_keeps_nobody_out(ca
     server, gate = serve("127.0.0.1", 0)
     idle = []
     try:
-        for _ in range(3 * serving.HANDSHAKES):
+        for _ in range(3 * LIMITS.handshakes):
             idle.append(socket.create_connection(("127.0.0.1", server.get_port()), timeout=5))
         with urllib.request.urlopen(gate.url(server.get_port()), timeout=5) as answer:
             assert b"<html" in answer.read(2000)
@@ -85,7 +86,7 @@ def test_who_idles_without_the_link_takes_no_descriptors_and_keeps_nobody_out(ca
                 left += 1
             except OSError:
                 pass
-        assert left <= serving.HANDSHAKES
+        assert left <= LIMITS.handshakes
         assert not caplog.records
     finally:
         for one in idle:

@@ -15,16 +15,15 @@ from wrenchgap._escaping import csv_cell
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.colours import Colour
+from wrenchgap.viewer.colours import PALETTE, Colour
 from wrenchgap.viewer.host import Host, download
-from wrenchgap.viewer.inbox import LARGEST_UPLOAD
+from wrenchgap.viewer.inbox import LIMITS
 from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.view_state import parse
 
 SAVED = "Flight, time, marks, switches, plots and camera: save them, open them elsewhere."
-TEXT: Colour = (60, 66, 74)
 Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
 """Rows of the legend, and sentences below it."""
 
@@ -101,7 +100,7 @@ class ExportPanel(Panel):
 
     def _uploaded(self, event: Any) -> None:
         content = self.open.value.content
-        if len(content) > LARGEST_UPLOAD:
+        if len(content) > LIMITS.upload:
             raise UsageError(f"{self.open.value.name}: {len(content)} bytes; a saved view has a few hundred")
         self.host.restore(parse(content.decode(errors="replace"), self.open.value.name), event.client)
 
@@ -123,7 +122,7 @@ def png(render: NDArray[Any], rows: Sequence[tuple[str, Colour]], words: Sequenc
     x, y, line = round(0.9 * size), round(0.8 * size), round(1.45 * size)
     for name, colour in rows:
         draw.rounded_rectangle((x, y + 0.2 * size, x + 0.85 * size, y + 1.05 * size), radius=0.2 * size, fill=colour)
-        draw.text((x + 1.3 * size, y), name, fill=TEXT, font=font)
+        draw.text((x + 1.3 * size, y), name, fill=PALETTE.tick, font=font)
         y += line
     small = ImageFont.load_default(max(11, round(0.8 * size)))
     for text in words:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import DIRECTIONS, Cameras
-from wrenchgap.viewer.colours import BODY, GHOST, REFERENCE, THRUST, Colour, colour_of, css
+from wrenchgap.viewer.colours import PALETTE, Colour, colour_of, css
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.scene import Motion, Scene
@@ -148,12 +148,12 @@ class ScenePanel(Panel):
         """Names and colours of what is to be seen."""
         view, scene = self.host.view, self.host.scene
         shown = view.shown
-        rows = [("body frame", BODY)]
-        rows += [("reference frame", REFERENCE)] if self._drawing.reference.visible else []
+        rows = [("body frame", PALETTE.body)]
+        rows += [("reference frame", PALETTE.reference)] if self._drawing.reference.visible else []
         arrows = [name for name in scene.wrenches if name not in shown.hidden] if shown.force or shown.torque else []
         rows += [(name, colour_of(name)) for name in arrows]
-        rows += [("rotor thrusts", THRUST)] if shown.thrust and scene.thrust is not None else []
-        return rows + ([(f"ghost: {view.ghost}", GHOST)] if view.ghost != NOTHING else [])
+        rows += [("rotor thrusts", PALETTE.thrust)] if shown.thrust and scene.thrust is not None else []
+        return rows + ([(f"ghost: {view.ghost}", PALETTE.ghost)] if view.ghost != NOTHING else [])
 
     def legend(self) -> str:
         """The same as HTML, with the lengths."""
