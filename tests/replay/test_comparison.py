@@ -54,7 +54,7 @@ def test_the_worst_stretch_is_where_the_error_was_put(logs):
 
 
 def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs):
-    model = editing.set_by_hand(MODEL, ["com_offset=x:0.01", "servo_lag=0.03"])
+    model = editing.with_values(MODEL, ["com_offset=x:0.01", "servo_lag=0.03"])
     record = record_of(logs.test)
     ours = Predictor("m", model.wrench_model).predict(record, model.vehicle.body)
     np.testing.assert_allclose(ours, predict(record, model.wrench_model), atol=1e-12)
@@ -107,14 +107,16 @@ def test_ranges_say_which_flight_went_further(logs):
 
 
 def test_values_by_name_and_in_order_mean_the_same():
-    by_name, in_order = (editing.made(MODEL, f"com_offset={v}").theta for v in ("y:0.002,x:0.001", "0.001,0.002,0"))
+    by_name, in_order = (
+        editing.effect_of_text(MODEL, f"com_offset={v}").theta for v in ("y:0.002,x:0.001", "0.001,0.002,0")
+    )
     np.testing.assert_array_equal(by_name, in_order)
 
 
 @pytest.mark.parametrize("text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one"])
 def test_values_that_are_none_are_refused(text):
     with pytest.raises(UsageError):
-        editing.made(MODEL, text)
+        editing.effect_of_text(MODEL, text)
 
 
 def test_hidden_values_add_to_what_the_model_has():
