@@ -18,12 +18,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wrenchgap.compensate import kernels
-from wrenchgap.compensate.compensator import REACH, Compensator, Result, wrench_of
+from wrenchgap.compensate.compensator import Compensator, Result, largest_correction, wrench_of
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
@@ -34,10 +35,6 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import KnowsItsData, output_indices
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
-
-JUMP = 4.0
-"""Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one
-limit to the other two; what hits it for a period is then not learnt, and the period after it is."""
 
 
 class Combined:
@@ -51,9 +48,13 @@ class Combined:
 
     Asked for and commanded is what the vehicle can make (`compensate.reach`). The estimate is held, and nothing else is
     remembered, over a period in which it cannot, over one without numbers, and over one whose change of rate would take
-    `JUMP` authorities: no vehicle turns like that, but a sensor that fails reads so. Where the vehicle could make the
+    `jump` authorities: no vehicle turns like that, but a sensor that fails reads so. Where the vehicle could make the
     demand alone, the estimate gives up what stood in the way: else it would make every demand unreachable for ever.
     """
+
+    jump: ClassVar[float] = 4.0
+    """Torque, in authorities, beyond which a change of the rate is a sensor fault: the vehicle makes one, and two from
+    one limit to the other. An impact that lasts a period is not learnt; the period after it is."""
 
     def __init__(
         self,
@@ -96,7 +97,7 @@ class Combined:
         return Observer(
             inertia=np.array(self.inertia, dtype=float),
             torque_max=self.torque_max,
-            jump=JUMP * self.reach.authority[3:],
+            jump=self.jump * self.reach.authority[3:],
             follow_a=a,
             follow_b0=q - a,
             follow_b1=1.0 - q,
@@ -193,5 +194,5 @@ def _bounds(feedforward: Compensator | None) -> Array:
     bound = np.full(len(AXES), np.inf)
     model = None if feedforward is None else feedforward.model
     if model is not None and isinstance(model, KnowsItsData):
-        bound[output_indices(model.outputs)] = REACH * model.mismatch_max
+        bound[output_indices(model.outputs)] = largest_correction(model)
     return np.asarray(bound[3:])

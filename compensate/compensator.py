@@ -17,12 +17,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.lbfgs import GOOD_ENOUGH, Optimiser
+from wrenchgap.compensate.lbfgs import Optimiser
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
@@ -40,25 +40,13 @@ if TYPE_CHECKING:
 
 Solver = Literal["newton", "lbfgs", "onboard"]
 
-REACH = 3.0
-"""Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,
-is as near to the singular -1 as a model should be believed."""
-ACCEPT = 1e-4
-"""The paper's threshold for J: 0.01 Nm, for a vehicle whose mismatch is some 0.5 Nm."""
-ACCEPT_SHARE = 0.02
-"""Share of the largest mismatch seen that may remain. A 40 g quadrotor has torques of 1e-4 Nm: there 0.01 Nm would
-accept anything."""
-
-
-PERIOD_MAX = 1.0
-"""Longest control period [s]: in a second without a command a multirotor falls five metres."""
-
 
 @dataclass(frozen=True)
 class Settings:
     """How to compensate. None asks for the default that the model suggests.
 
-    dt                period at which `step` is called [s]
+    dt                period at which `step` is called [s], at most `max_dt`: in a second without a command a
+                      multirotor falls five metres
     correction_max    (6,) largest absolute correction [N, Nm] beyond that of the physics; default three times the
                       largest mismatch in the training data; for physics, and for a model that does not know its data,
                       half of the vehicle's authority (`compensate.reach`)
@@ -89,8 +77,9 @@ class Settings:
     kappa: float | None = None
     normalise: bool | None = None
     solver: Solver = "newton"
-    good_enough: float = GOOD_ENOUGH
+    good_enough: float = 1e-6
     despite_verdict: bool = False
+    max_dt: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
         if self.solver not in get_args(Solver):
@@ -99,8 +88,8 @@ class Settings:
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise UsageError(f"compensate: {name} is {value}, expected a positive number")
-        if self.dt > PERIOD_MAX:
-            raise UsageError(f"compensate: dt is {self.dt:g} s, expected a control period of {PERIOD_MAX:g} s at most")
+        if self.dt > self.max_dt:
+            raise UsageError(f"compensate: dt is {self.dt:g} s, expected a control period of {self.max_dt:g} s at most")
         if not (math.isfinite(self.regulariser) and self.regulariser >= 0):
             raise UsageError(f"compensate: regulariser is {self.regulariser}, expected zero or a positive number")
         if self.max_evaluations < 1:
@@ -383,12 +372,24 @@ def wrench_of(wrench_des: ArrayLike) -> Array:
     return wrench
 
 
-def _accept(model: MismatchModel | Follows, settings: Settings) -> float:
-    """J below which an optimum is accepted."""
+def _accept(model: MismatchModel | Follows, settings: Settings, most: float = 1e-4, share: float = 0.02) -> float:
+    """J below which an optimum is accepted.
+
+    `most` is the paper's threshold, (0.01 Nm)^2, for a vehicle with a mismatch of some 0.5 Nm. `share` of the largest
+    mismatch seen may remain where that is less: a 40 g quadrotor has torques of 1e-4 Nm.
+    """
     if settings.accept is not None:
         return settings.accept
-    share = float(np.sum((ACCEPT_SHARE * model.mismatch_max) ** 2)) if isinstance(model, KnowsItsData) else 0.0
-    return min(ACCEPT, share) if share > 0 else ACCEPT
+    own = float(np.sum((share * model.mismatch_max) ** 2)) if isinstance(model, KnowsItsData) else 0.0
+    return min(most, own) if own > 0 else most
+
+
+def largest_correction(model: KnowsItsData, factor: float = 3.0) -> Array:
+    """Default bound of the correction (L,) [N or Nm]: `factor` times the largest mismatch seen.
+
+    A slope of -2/3, which triples the correction of an error, is as near to the singular -1 as a model is trusted.
+    """
+    return factor * model.mismatch_max
 
 
 def _bounds(model: MismatchModel | Follows, settings: Settings, reach: Reach | None) -> Array:
@@ -396,7 +397,7 @@ def _bounds(model: MismatchModel | Follows, settings: Settings, reach: Reach | N
     rows = output_indices(model.outputs)
     bound = np.zeros(len(AXES))
     if isinstance(model, KnowsItsData):
-        bound[rows] = REACH * model.mismatch_max
+        bound[rows] = largest_correction(model)
     else:
         bound[rows] = np.inf if reach is None else reach.correction_max[rows]
     if settings.correction_max is not None:

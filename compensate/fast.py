@@ -40,13 +40,32 @@ from wrenchgap.plant.state import State
 from wrenchgap.plant.trace.arrays import Untraceable
 from wrenchgap.plant.trace.tape import Program
 
-ENOUGH = 1e-14
-"""Newton stops where J is below this share of the acceptance threshold: a ten-millionth of its error."""
 WITHHELD = "the model's standard deviation is not finite: correction withheld"
-MOST = 30
-"""Evaluations of one Newton search. Four are usual."""
-PIVOT, STILL, STALLED = 1e-14, 1e-13, 1e-12
-"""Shares at which a pivot is none, a proposal the point that it starts from, and a fall of J none: rounding."""
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When a Newton search stops.
+
+    Attributes
+    ----------
+    enough
+        J, relative to the acceptance threshold: a ten-millionth of its error.
+    evaluations
+        At most; four are usual.
+    pivot, still, stalled
+        Relative sizes at the level of rounding: of a pivot that counts as zero, of a step that does not move, and of a
+        decrease of J that is none.
+    """
+
+    enough: float = 1e-14
+    evaluations: int = 30
+    pivot: float = 1e-14
+    still: float = 1e-13
+    stalled: float = 1e-12
+
+
+NEWTON = NewtonSettings()
 
 
 class Plan(NamedTuple):
@@ -110,17 +129,17 @@ def _gate(
         scale=np.array(gate.scale, dtype=float),
         looked=looked_at(moves, powered=physics is not None and physics.needs_voltage),
         accept=float(limits.accept),
-        enough=ENOUGH * float(limits.accept),
-        pivot=PIVOT,
-        still=STILL,
-        stalled=STALLED,
+        enough=NEWTON.enough * float(limits.accept),
+        pivot=NEWTON.pivot,
+        still=NEWTON.still,
+        stalled=NEWTON.stalled,
         threshold=float(gate.threshold),
         kappa=float(gate.kappa),
         decay=float(gate.decay),
         lag_a=a,
         lag_b0=q - a,
         lag_b1=1.0 - q,
-        most=min(MOST, limits.most),
+        most=min(NEWTON.evaluations, limits.most),
         lenient=int(limits.lenient),
         has_process=int(expansion is not None),
         has_physics=int(physics is not None),
@@ -323,7 +342,7 @@ def warm() -> None:
     gate = UncertaintyFilter(np.ones(1, dtype=bool), np.zeros(1), np.ones(1), math.inf, 1.0, 0.9)
     line = LinearMismatch((AXES[-1],), np.zeros(1), np.zeros((1, len(AXES))), np.ones(1))
     bound = np.ones(len(AXES))
-    made = plan(line, None, gate, Limits(bound, bound, None, 1e-4, MOST, 0.01, True))
+    made = plan(line, None, gate, Limits(bound, bound, None, 1e-4, NEWTON.evaluations, 0.01, True))
     stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound))
     stepper.one(np.zeros(len(AXES)), None)
     stepper.expected(np.zeros(len(AXES)))

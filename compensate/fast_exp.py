@@ -11,11 +11,6 @@ from numba.extending import intrinsic
 
 from wrenchgap.flight.flight import Array
 
-SHIFT = 6755399441055744.0  # 1.5 * 2^52: added to a small number, the last bits are its whole part
-PER_LN2, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.90821492927058770002e-10
-LARGEST = 1416.0
-"""exp(-708) is the smallest number that keeps all its digits; what is larger counts as this."""
-
 
 def _bits_of(_: Any, number: Any) -> Any:
     """The 64 bits of a number, as an integer."""
@@ -45,13 +40,20 @@ def gaussians(row: Array) -> None:
 
     exp(x) = 2^k exp(x - k ln 2) with the whole k nearest to x / ln 2, and the series of exp to its 13th power; ln 2 in
     two parts, so that the difference keeps its digits (Cody and Waite, "Software Manual for the Elementary Functions",
-    1980, chapter 6).
+    1980, chapter 6). exp(-708) is the smallest number that keeps all its digits; a row of more than 1416 counts as it.
     """
+    largest, per_ln2, ln2_high, ln2_low = (
+        1416.0,
+        1.4426950408889634,
+        6.93147180369123816490e-01,
+        1.90821492927058770002e-10,
+    )
+    shift = 6755399441055744.0  # 1.5 * 2^52: added to a small number, the last bits are its whole part
     for n in range(len(row)):
-        x = -0.5 * (LARGEST if row[n] > LARGEST else row[n])
-        shifted = x * PER_LN2 + SHIFT
-        k = shifted - SHIFT
-        r = (x - k * LN2_HIGH) - k * LN2_LOW
+        x = -0.5 * (largest if row[n] > largest else row[n])
+        shifted = x * per_ln2 + shift
+        k = shifted - shift
+        r = (x - k * ln2_high) - k * ln2_low
         p = (1.0 / 6227020800.0 * r + 1.0 / 479001600.0) * r + 1.0 / 39916800.0
         p = ((p * r + 1.0 / 3628800.0) * r + 1.0 / 362880.0) * r + 1.0 / 40320.0
         p = ((p * r + 1.0 / 5040.0) * r + 1.0 / 720.0) * r + 1.0 / 120.0

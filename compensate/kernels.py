@@ -65,9 +65,9 @@ TURN_MIN, TURN_MAX = 0.25, 4.0
 """Squared norm that a quaternion can have before it is none: one of zeros turns every vector to zero."""
 KEPT = 1.001
 """By which what is remembered may be beyond its bounds: rounding of single precision."""
-PROPOSED, STATIONARY, SINGULAR = 0, 1, 2
-"""What `propose` found."""
-DONE, HANDED_BACK, REFUSED = 0, 1, 2
+PROPOSED, STATIONARY, SINGULAR = range(3)
+"""Results of `propose`."""
+DONE, HANDED_BACK, REFUSED = range(3)
 """How a step ended."""
 ILL = 1e-3
 """Ratio of pivots of A^T A below which A = I + dmu/dW counts as ill-conditioned: singular values apart by 30."""

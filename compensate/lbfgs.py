@@ -23,8 +23,6 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Linearises, MismatchModel, output_indices
 
 TORQUES = np.array([axis.startswith("torque") for axis in AXES])
-GOOD_ENOUGH = 1e-6
-"""The search stops where J is below this share of the acceptance threshold: a thousandth of its error."""
 SEARCH_ERRORS: tuple[type[Exception], ...] = (
     *(getattr(nlopt, name) for name in ("exception", "RoundoffLimited", "ForcedStop") if hasattr(nlopt, name)),
     RuntimeError,
@@ -119,7 +117,7 @@ class Optimiser:
     accept        J below which the optimum solves the problem (paper: 1e-4, i.e. 0.01 Nm)
     regulariser   weight of |dW_torque|^2 in the search
     max_evaluations  of the model in one search
-    good_enough   share of `accept` at which the search stops
+    good_enough   share of `accept` at which the search stops: a thousandth of its error
     """
 
     lower: Array
@@ -127,7 +125,7 @@ class Optimiser:
     accept: float = 1e-4
     regulariser: float = 0.0
     max_evaluations: int = 100
-    good_enough: float = GOOD_ENOUGH
+    good_enough: float = 1e-6
 
     def solve(self, model: MismatchModel, wrench_des: Array, start: Array, centre: Array | None = None) -> Optimum:
         """Optimum of `model` for `wrench_des` (6,): searched from the correction `start` (6,), else from zero.

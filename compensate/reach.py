@@ -46,8 +46,6 @@ SHARE = 0.5
 controller's."""
 NEAR = 1e-2
 """Share of the authority to which the nearest wrench is found."""
-MADE = 1e-6
-"""Share of the authority by which the wrench of an axis may be off, made by the allocation, and still be its own."""
 LIMITS = "c_f times the squares of speed_min and speed_max"
 CHECK = "check mass [kg], c_f [N s^2], speed_min and speed_max [rad/s], tilt_min_deg and tilt_max_deg in the model"
 
@@ -136,7 +134,8 @@ def reach_of(vehicle: Vehicle) -> Reach:
         reached[part] = np.where(none, reached[part].max(), reached[part])
     rows = np.array([row for _, pair in discs for row in pair] + singles).reshape(-1, 6)
     whole = (columns @ per_wrench) * reached / reached[:, None]  # what is made of each axis, in authorities
-    others, made = np.abs(whole - np.eye(6)).max(axis=0) > MADE, np.abs(whole).max(axis=0) > MADE
+    tolerance = 1e-6  # of the authority
+    others, made = (np.abs(part).max(axis=0) > tolerance for part in (whole - np.eye(6), whole))
     coupled = tuple(axis for axis, own in zip(AXES, made & others, strict=True) if own)
     found = _reach(rows, [arm for arm, _ in discs], np.array(weak), np.array(idle), reached, vehicle)
     return replace(found, coupled=coupled)

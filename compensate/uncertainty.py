@@ -26,9 +26,6 @@ from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel
 LOGIT_99 = 2.0 * float(np.log(99.0))
 """Width of the logistic from 1 % to 99 %, in units of 1 / kappa: 9.19."""
 
-UNINFORMATIVE = 0.05
-"""An output whose sigma grows by less than this fraction from data to nowhere says nothing about where the data is."""
-
 
 @dataclass(frozen=True)
 class UncertaintyFilter:
@@ -62,26 +59,31 @@ class UncertaintyFilter:
 
 
 def default_filter(
-    model: MismatchModel | Follows, decay: float, threshold: float | None, kappa: float | None, normalise: bool | None
+    model: MismatchModel | Follows,
+    decay: float,
+    threshold: float | None,
+    kappa: float | None,
+    normalise: bool | None,
+    min_growth: float = 0.05,
 ) -> UncertaintyFilter:
     """Filter with the defaults of this module where `threshold` and `kappa` are None.
 
     `normalise` None means: only where outputs mix forces and torques. Normalised, an output's sigma is 0 at its
     training percentile and 1 at its prior. A model that cannot tell how sigma grows away from its data is not
-    filtered, unless a threshold is given.
+    filtered, unless a threshold is given. An output is watched if its sigma grows by `min_growth` of the prior.
     """
     offset, scale = np.zeros(len(model.outputs)), np.ones(len(model.outputs))
     watched, middle, steep = scale > 0, np.inf, 1.0
     if isinstance(model, KnowsItsData):
         floor, prior = model.sigma_training, model.sigma_prior
-        tells = prior - floor > UNINFORMATIVE * prior
+        tells = prior - floor > min_growth * prior
         if tells.any():
             watched = tells
             mixed = len({name.split("_")[0] for name in model.outputs}) > 1
             if mixed if normalise is None else normalise:
                 offset, scale = np.where(watched, floor, 0.0), np.where(watched, prior - floor, 1.0)
             low, high = (float(np.max(((level - offset) / scale)[watched])) for level in (floor, prior))
-            gap = max(high - low, UNINFORMATIVE * high)
+            gap = max(high - low, min_growth * high)
             middle, steep = low + gap / 2, LOGIT_99 / gap
     threshold, kappa = (given if given is not None else usual for given, usual in ((threshold, middle), (kappa, steep)))
     return UncertaintyFilter(watched, offset, scale, threshold, kappa, decay)

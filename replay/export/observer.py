@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchgap.compensate import Combined, Compensator
-from wrenchgap.compensate.compensator import REACH
+from wrenchgap.compensate.compensator import largest_correction
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.process.gp import GaussianProcess
@@ -54,7 +54,7 @@ def observed(
     bounds = np.full(3, np.inf if most is None else most)
     if most is None and process is not None:
         every = np.full(len(AXES), np.inf)
-        every[output_indices(process.outputs)] = REACH * process.mismatch_max
+        every[output_indices(process.outputs)] = largest_correction(process)
         bounds = every[3:]
     free = [axis for axis, bound in zip(TORQUE, bounds, strict=True) if not math.isfinite(bound)]
     if free:

@@ -99,7 +99,7 @@ def to_json(added: Addition) -> dict[str, Any]:
 
 def trial_json(trial: Trial) -> dict[str, Any]:
     """Errors on time that was not fitted, six each."""
-    names = ("rms_before=before", "rms_after=after", "noise", "fall", "outcome", "change", "t")
+    names = ("rms_before=before", "rms_after=after", "noise", "fall=rms_reduction", "outcome", "change", "t")
     return {**entries(trial, *names), "verdict": verdict(trial)}
 
 
