@@ -3,15 +3,15 @@
     W_des - d_hat  ->  feed-forward (effects, process, gate)  ->  W_cmd
     d_hat = k [L - integral (H(M_asked) - omega x L + d_hat) dt],        L = J omega, M_asked = torque of W_des - d_hat
 
-The feed-forward is asked for M_asked and believes that the vehicle will make it. The observer (momentum observer, see
-`compensate.observer`) estimates by how much it does not: what the gate withholds, what nobody has learnt, what ran into
-a bound. So the gate acts on the process alone.
+The feed-forward commands M_asked and assumes that the vehicle makes it. The observer (momentum observer, see
+`compensate.observer`) estimates by how much it does not: what the gate withholds, what was not learnt, what a bound cut
+off. So the gate acts on the process alone.
 
-H is the lag and delay that the vehicle is taken to have. An observer that is told the true ones has d_hat = Q d with
-the low-pass Q of bandwidth k, and no loop around it (internal model control; Morari and Zafiriou, Robust Process
-Control, 1989, chapter 2). What it is not told of them counts as a disturbance: a lag tau that it works against, and a
-loop with the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That makes the vehicle follow
-faster, and bounds k, which comes from the log (`learn.identify.observer`). A delay cannot be worked against.
+H is the assumed lag and delay of the vehicle. An observer that assumes the true ones has d_hat = Q d with the low-pass
+Q of bandwidth k, and no loop around it (internal model control; Morari and Zafiriou, Robust Process Control, 1989,
+chapter 2). What it does not assume of them counts as a disturbance: a lag tau that it works against, and a loop with
+the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That makes the vehicle follow faster, and
+bounds k, which comes from the log (`learn.identify.observer`). A delay cannot be worked against.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class Combined:
 
     @property
     def estimate(self) -> Array:
-        """Torque (3,) [Nm] by which the vehicle does not make what was asked for, at the last step."""
+        """Torque (3,) [Nm] by which the vehicle missed the demand at the last step."""
         return self._observed.estimate.copy()
 
     def reset(self) -> None:
@@ -162,25 +162,25 @@ class Combined:
         if known:
             kernels.watch(self.table, self._observed, np.array(omega))
         observed = np.concatenate((np.zeros(3), self._observed.estimate))
-        asked, limited = self.reach.nearest(wrench - observed)
+        demand, limited = self.reach.nearest(wrench - observed)
         if not known:
             self._hold()
-            return Result(asked, -observed, -observed, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
-        made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
+            return Result(demand, -observed, -observed, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
+        result = Result(demand, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
         if self.feedforward is not None:
-            made = self.feedforward.step(asked, state)
-        if limited or made.limited:
-            correction = np.zeros(len(AXES)) if self.feedforward is None else made.correction
-            self.reach.take_back(self._observed, wrench, made.wrench_cmd, correction)
-        elif math.isfinite(made.cost):
-            kernels.remember(self._observed, np.array(asked[3:]))
+            result = self.feedforward.step(demand, state)
+        if limited or result.limited:
+            correction = np.zeros(len(AXES)) if self.feedforward is None else result.correction
+            self.reach.take_back(self._observed, wrench, result.wrench_cmd, correction)
+        elif math.isfinite(result.cost):
+            kernels.remember(self._observed, np.array(demand[3:]))
         else:
             self._hold()
         if limited and self.feedforward is not None:
             self.feedforward.forget()
         if self.feedforward is not None:
-            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
-        return replace(made, limited=limited or made.limited)
+            result = replace(result, correction=result.correction - observed, optimum=result.optimum - observed)
+        return replace(result, limited=limited or result.limited)
 
     def _hold(self) -> None:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""

@@ -116,8 +116,7 @@ class Result:
     cost         J of `optimum`; nan where the search failed
     iterations   evaluations of the model in the search
     accepted     J is below the acceptance threshold
-    limited      the vehicle cannot make what was asked for, or what was found: wrench_cmd is the nearest wrench that
-                 it can
+    limited      the vehicle cannot make the demand, or the optimum: wrench_cmd is the nearest wrench that it can
                  make (`compensate.reach`), no longer desired plus correction, and nothing is remembered of the step
     trouble      empty, or one line on what went wrong
     solve_time   wall-clock time of the step [s]; the only field that differs between two equal runs
@@ -167,42 +166,42 @@ class Compensator:
         self.reach = None if vehicle is None else reach_of(vehicle)
         bound = _bounds(model, self.settings, self.reach)
         known = bound if self.reach is None else np.where(bound > 0, self.reach.correction_max, 0.0)
-        accept, asked = _accept(model, self.settings), self.settings
-        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations, asked.good_enough)
+        accept, s = _accept(model, self.settings), self.settings
+        self._optimiser = Optimiser(-bound, bound, accept, s.regulariser, s.max_evaluations, s.good_enough)
         self._of_physics = replace(self._optimiser, lower=-known, upper=known)
         self.uncertainty = default_filter(
             model,
-            decay=math.exp(-asked.dt / asked.decay_time),
-            threshold=asked.sigma_threshold if asked.filter_uncertain else math.inf,
-            kappa=asked.kappa,
-            normalise=asked.normalise,
+            decay=math.exp(-s.dt / s.decay_time),
+            threshold=s.sigma_threshold if s.filter_uncertain else math.inf,
+            kappa=s.kappa,
+            normalise=s.normalise,
         )
         self.not_compiled: NotCompiled | None = None
         self.without_observer = ""
-        """Why there is no observer, where one was asked for."""
+        """Why there is no observer where one was requested."""
         self._fast = self._compiled(bound, known, accept)
         self.reset()
 
     def _compiled(self, bound: Array, known: Array, accept: float) -> Stepper | None:
-        """Compiled steps; None where plain models are asked for, or where a model cannot be compiled.
+        """Compiled steps; None where the settings exclude them, or where a model cannot be compiled.
 
         The latter is kept in `not_compiled`.
         """
-        asked = self.settings
-        if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
+        s = self.settings
+        if s.solver == "lbfgs" or (s.solver == "newton" and s.regulariser > 0.0):
             return None
         from wrenchgap.compensate.fast import Limits, Stepper, plan
         from wrenchgap.plant.trace.arrays import Untraceable
 
-        limits = Limits(bound, known, self.reach, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
+        limits = Limits(bound, known, self.reach, accept, s.max_evaluations, s.dt, s.solver == "onboard")
         try:
-            made = plan(self.model, self.physics, self.uncertainty, limits)
+            step_plan = plan(self.model, self.physics, self.uncertainty, limits)
         except Untraceable as error:
-            if asked.solver == "onboard":
+            if s.solver == "onboard":
                 raise UsageError(f"compensate: solver onboard: {error}") from None
             self.not_compiled = NotCompiled(str(error))
             return None
-        return Stepper(made, self._optimiser, self._of_physics)
+        return Stepper(step_plan, self._optimiser, self._of_physics)
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
@@ -319,7 +318,7 @@ class Compensator:
 
     @property
     def needs_state(self) -> bool:
-        """Whether `step` must be told the state."""
+        """Whether `step` needs the state."""
         return any(needs_state(part) for part in self._parts)
 
     def expected(self, wrench_cmd: Array) -> Array:

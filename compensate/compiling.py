@@ -14,10 +14,10 @@ PRINTED = ("printed", "sums", "replaced")
 
 
 def _compiled(**options: Any) -> Callable[[F], F]:
-    """Without numba's reference counts: no array is made, and every call would pay for all that it is handed."""
+    """Compile without numba's reference counts: no array is allocated, and each call would count every argument."""
     numba: Any = njit  # whose annotations leave _nrt out
-    made: Callable[[F], F] = numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
-    return made
+    decorator: Callable[[F], F] = numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+    return decorator
 
 
 kernel = _compiled()

@@ -147,14 +147,14 @@ def _gate(
     )
 
 
-def sizes_of(made: Plan, given: Compensation) -> dict[str, int]:
+def sizes_of(step_plan: Plan, given: Compensation) -> dict[str, int]:
     """The sizes that `compensate.tables` names."""
-    physics, reach = made.physics, made.reach.table
-    outputs, inputs, points = len(made.gate.rows), len(AXES), 0
+    physics, reach = step_plan.physics, step_plan.reach.table
+    outputs, inputs, points = len(step_plan.gate.rows), len(AXES), 0
     whitener = 0
-    if made.expansion is not None:
-        inputs, points = len(made.expansion.input_mean), made.expansion.points.shape[1]
-        whitener = points * (points + 1) // 2 if made.expansion.triangular else points * points
+    if step_plan.expansion is not None:
+        inputs, points = len(step_plan.expansion.input_mean), step_plan.expansion.points.shape[1]
+        whitener = points * (points + 1) // 2 if step_plan.expansion.triangular else points * points
     actuators = 0 if physics is None else physics.arms + physics.memory
     return {
         "WG_OUTPUTS": outputs,
@@ -211,23 +211,25 @@ def tape_of(program: Program | None, outputs: int) -> Tape:
     return Tape(code, program.inputs, program.free, program.results, program.start, tangent, program.split)
 
 
-def compensation_of(made: Plan) -> Compensation:
+def compensation_of(step_plan: Plan) -> Compensation:
     """What a step takes of a plan."""
-    outputs = len(made.gate.rows)
+    outputs = len(step_plan.gate.rows)
     nothing = linear_expansion((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
-    process = process_of(nothing if made.expansion is None else made.expansion)
-    mismatch, sent = (None, None) if made.physics is None else (made.physics.mismatch, made.physics.sent)
-    return Compensation(made.reach.table, process, made.gate, tape_of(mismatch, outputs), tape_of(sent, outputs))
+    process = process_of(nothing if step_plan.expansion is None else step_plan.expansion)
+    mismatch, sent = (None, None) if step_plan.physics is None else (step_plan.physics.mismatch, step_plan.physics.sent)
+    return Compensation(
+        step_plan.reach.table, process, step_plan.gate, tape_of(mismatch, outputs), tape_of(sent, outputs)
+    )
 
 
 class Stepper:
     """Steps a `Plan`, one period or many at once; what it remembers lies in `flat`."""
 
-    def __init__(self, made: Plan, optimiser: Optimiser, known: Optimiser) -> None:
-        self.plan = made
+    def __init__(self, step_plan: Plan, optimiser: Optimiser, known: Optimiser) -> None:
+        self.plan = step_plan
         self._optimisers = (replace(known), replace(optimiser))
-        given, outputs = compensation_of(made), len(made.gate.rows)
-        self._packed = packed(given, sizes_of(made, given))
+        given, outputs = compensation_of(step_plan), len(step_plan.gate.rows)
+        self._packed = packed(given, sizes_of(step_plan, given))
         (self._compensation, self._memory, self._room), self.flat, _ = opened(*self._packed)
         self._row = np.zeros((1, EXPECTED + 2 * outputs))
         self._wrench, self._state = np.zeros((1, len(AXES))), np.zeros((1, len(STATE)))
@@ -276,11 +278,11 @@ class Stepper:
 
     def _step(self, wrenches: Array, states: Array, out: Array, expects: bool) -> int:
         """Steps until the end, or through the first that L-BFGS has to decide; how many."""
-        made = kernels.advance(*self._packed, wrenches, states, out, expects)
-        if made < len(wrenches):
-            self._hand_over(wrenches[made], states[made], out[made], expects)
-            made += 1
-        return made
+        done = kernels.advance(*self._packed, wrenches, states, out, expects)
+        if done < len(wrenches):
+            self._hand_over(wrenches[done], states[done], out[done], expects)
+            done += 1
+        return done
 
     def expected(self, wrench: Array) -> Array:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""
@@ -307,7 +309,7 @@ class Stepper:
 
 
 def _refused(rows: Array) -> NDArray[np.bool_]:
-    """Which results (K, 24 + 2 L) are those of a state that is none (`kernels.refuse`): no model was asked."""
+    """Which results (K, 24 + 2 L) are those of a state that is none (`kernels.refuse`): no model was evaluated."""
     return np.asarray(np.isnan(rows[:, COST]) & (rows[:, EVALUATIONS] == 0.0))
 
 
@@ -342,8 +344,8 @@ def warm() -> None:
     gate = UncertaintyFilter(np.ones(1, dtype=bool), np.zeros(1), np.ones(1), math.inf, 1.0, 0.9)
     line = LinearMismatch((AXES[-1],), np.zeros(1), np.zeros((1, len(AXES))), np.ones(1))
     bound = np.ones(len(AXES))
-    made = plan(line, None, gate, Limits(bound, bound, None, 1e-4, NEWTON.evaluations, 0.01, True))
-    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound))
+    step_plan = plan(line, None, gate, Limits(bound, bound, None, 1e-4, NEWTON.evaluations, 0.01, True))
+    stepper = Stepper(step_plan, Optimiser(-bound, bound), Optimiser(-bound, bound))
     stepper.one(np.zeros(len(AXES)), None)
     stepper.expected(np.zeros(len(AXES)))
     stepper._hand_over(np.zeros(len(AXES)), np.zeros(len(STATE)), stepper._row[0], False)

@@ -1,4 +1,4 @@
-"""Why a compensator is slow: apart, because sentences about it are told where nothing is compensated."""
+"""Why a compensator is slow; a file of its own, since `replay.present` reports it without compiling anything."""
 
 from __future__ import annotations
 

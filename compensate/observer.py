@@ -20,7 +20,7 @@ from wrenchgap.plant.vehicle import Vehicle
 
 
 class DisturbanceObserver(Combined):
-    """`Combined` without a feed-forward, and not told of any lag: steps like `Compensator`, and corrects the torques.
+    """`Combined` without a feed-forward and without an assumed lag: steps like `Compensator`, and corrects the torques.
 
     dt            period at which `step` is called [s]
     bandwidth_hz  k / (2 pi), at most 1 / (2 pi dt): beyond that the discrete estimate overshoots by itself

@@ -119,8 +119,8 @@ class PhysicsHere:
         model = self.physics.model
         commands = self._effective(self.allocated(wrench_cmd))
         state = self.state.take(np.zeros(len(wrench_cmd), dtype=np.intp))
-        made = measured_wrench(model.vehicle.body, model.motion(model.wrench(commands, state), state.omega_B))
-        return np.asarray((made - wrench_cmd)[:, output_indices(self.outputs)])
+        predicted = measured_wrench(model.vehicle.body, model.motion(model.wrench(commands, state), state.omega_B))
+        return np.asarray((predicted - wrench_cmd)[:, output_indices(self.outputs)])
 
     def std(self, wrench_cmd: Array, /) -> Array:
         """Zero (N, L): what is uncertain about the effects is left to the process that learns their remainder."""

@@ -99,9 +99,9 @@ class _Tracer:
         self.tape.section = "effects on commands"
         effective, kept = self._effective(commands, state, memory)
         self.tape.section = "rotors"
-        made = self.model.motion(Traced.of(self.model.wrench(effective, state)), state.omega_B)
+        motion = self.model.motion(Traced.of(self.model.wrench(effective, state)), state.omega_B)
         self.tape.section = "measured wrench"
-        mean = Traced.of(measured_wrench(self.model.vehicle.body, made))[0] - wrench
+        mean = Traced.of(measured_wrench(self.model.vehicle.body, motion))[0] - wrench
         rows = output_indices(self.physics.outputs)
         after = [node.line for leaf in memory_arrays(kept) for node in self._nodes(leaf)]
         return self.tape, [node.line for node in self._nodes(mean[rows])], tilt + after
@@ -134,8 +134,8 @@ class _Tracer:
         def leaf(array: Any) -> Traced:
             given = self._inputs("memory", [f"{self.memory + k}" for k in range(np.size(array))])
             self.memory += np.size(array)
-            asked = Traced.of(np.full(np.shape(array), fresh))
-            return Traced.of(np.where(asked, array, given.reshape(np.shape(array))))
+            is_fresh = Traced.of(np.full(np.shape(array), fresh))
+            return Traced.of(np.where(is_fresh, array, given.reshape(np.shape(array))))
 
         return memory_of_arrays(equilibrium, leaf)
 

@@ -75,17 +75,17 @@ class Reach:
         return SHARE * self.authority
 
     def _room(self) -> ReachRoom:
-        """New for every call: a reach is shared, and its functions release Python's lock."""
+        """Work arrays, new for every call: a reach is shared, and its functions release Python's lock."""
         limits = (np.zeros(len(self.table.rows)) for _ in range(3))
         return ReachRoom(*limits, *(np.zeros(len(AXES)) for _ in range(4)))
 
     def check_apart(self, axes: Sequence[str], name: str) -> None:
         """Raise ModelError for axes to be corrected that the vehicle of this name makes only together with others."""
-        asked = [axis for axis in axes if axis in self.coupled]
-        if asked:
+        moved = [axis for axis in axes if axis in self.coupled]
+        if moved:
             raise ModelError(
                 f"{name} makes {', '.join(self.coupled)} only together with one another: a correction of "
-                f"{', '.join(asked)} would move others; check position, spin and kappa of the rotors, or leave out "
+                f"{', '.join(moved)} would move others; check position, spin and kappa of the rotors, or leave out "
                 "what corrects it"
             )
 
@@ -106,7 +106,7 @@ class Reach:
 
 @lru_cache(maxsize=8)
 def reach_of(vehicle: Vehicle) -> Reach:
-    """The reach of a vehicle, made once. Raises ModelError for one that cannot hover."""
+    """The reach of a vehicle, computed once. Raises ModelError for one that cannot hover."""
     if not vehicle.has_rotors:
         authority = THRUST_TO_WEIGHT * vehicle.body.mass * GRAVITY * np.array([1.0] * 3 + [_gyration(vehicle.body)] * 3)
         return _reach(np.zeros((0, 6)), [], np.zeros(0), np.zeros(0), authority, vehicle)
@@ -133,10 +133,10 @@ def reach_of(vehicle: Vehicle) -> Reach:
         none = reached[part] <= 1e-9 * reached[part].max()
         reached[part] = np.where(none, reached[part].max(), reached[part])
     rows = np.array([row for _, pair in discs for row in pair] + singles).reshape(-1, 6)
-    whole = (columns @ per_wrench) * reached / reached[:, None]  # what is made of each axis, in authorities
+    whole = (columns @ per_wrench) * reached / reached[:, None]  # the wrench of a demand on each axis, in authorities
     tolerance = 1e-6  # of the authority
-    others, made = (np.abs(part).max(axis=0) > tolerance for part in (whole - np.eye(6), whole))
-    coupled = tuple(axis for axis, own in zip(AXES, made & others, strict=True) if own)
+    others, any_wrench = (np.abs(part).max(axis=0) > tolerance for part in (whole - np.eye(6), whole))
+    coupled = tuple(axis for axis, own in zip(AXES, any_wrench & others, strict=True) if own)
     found = _reach(rows, [arm for arm, _ in discs], np.array(weak), np.array(idle), reached, vehicle)
     return replace(found, coupled=coupled)
 
@@ -160,13 +160,13 @@ def _reach(rows: Array, tilting: list[int], weak: Array, idle: Array, authority:
     hover = np.zeros(len(AXES))
     hover[2] = vehicle.body.mass * GRAVITY
     solve = np.asarray(np.linalg.inv(np.eye(6) + scaled.T @ scaled), dtype=float)
-    made = Reach(ReachTable(scaled, low, high, middle, half, weak, authority, hover / authority, solve))
-    if not made.inside(hover):
+    reach = Reach(ReachTable(scaled, low, high, middle, half, weak, authority, hover / authority, solve))
+    if not reach.inside(hover):
         raise ModelError(
             f"{vehicle.name}: cannot hover within its own limits: it weighs {hover[2]:.3g} N, and {LIMITS} give "
             f"{_least(vehicle):.3g} to {authority[2]:.3g} N along z; {CHECK}"
         )
-    return made
+    return reach
 
 
 def _least(vehicle: Vehicle) -> float:

@@ -1,4 +1,4 @@
-"""What a step of the compensation is told of the motion, as numbers in a row."""
+"""The state as a row of numbers, the input of a step of the compensation."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from wrenchgap.plant.vehicle import Vehicle
 
 
 def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = None) -> Actuation:
-    """What the rotors nominally do at these commands; `posture` where that of an equal tilt is at hand."""
+    """Nominal thrusts of the rotors at these commands; `posture` where that of an equal tilt is known."""
     _, rotors = vehicle.geometry()
     assert commands.tilt is not None
     assert commands.rotor_speed is not None
@@ -34,7 +34,7 @@ def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = No
         thrust = rotors.c_f * speed * np.abs(speed)
     else:
         thrust = empty_on_disk(speed.shape)
-        for k in pieces(len(speed)):  # products of all samples would be held beside it
+        for k in pieces(len(speed)):  # so that products of all samples are not in memory at once
             thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
     if posture is None:
         return Actuation(vehicle, commands.tilt, speed, thrust)
@@ -55,18 +55,18 @@ def _matrices(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def rotor_wrench(actuation: Actuation) -> Array:
-    """Wrench (N, 6) about O, in B, that these thrusts make."""
+    """Wrench (N, 6) about O, in B, of these thrusts."""
     posture, thrust = actuation.posture, actuation.thrust
     if len(thrust) <= HOURS:
-        return _summed(actuation.vehicle, thrust, posture.turn)
+        return _wrench_of_thrusts(actuation.vehicle, thrust, posture.turn)
     out = empty_on_disk((len(thrust), 6))
     for k in pieces(len(out)):
-        out[k] = _summed(actuation.vehicle, thrust[k], Posture(actuation.vehicle, posture.tilt[k]).turn)
+        out[k] = _wrench_of_thrusts(actuation.vehicle, thrust[k], Posture(actuation.vehicle, posture.tilt[k]).turn)
         give_back(len(out))
     return out
 
 
-def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
+def _wrench_of_thrusts(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
     """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts."""
     if rotor_kernels.many(thrust, turn):
         arms, rotors = vehicle.geometry()
@@ -84,7 +84,7 @@ def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:
-    """h(u), (N, 6) about O: what the commands make if the model is right."""
+    """h(u), (N, 6) about O: the wrench of the commands by the nominal model."""
     assert commands.rotor_speed is not None
     out = empty_on_disk((len(commands.rotor_speed), 6))
     for piece in pieces(len(out)):

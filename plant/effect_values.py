@@ -1,4 +1,4 @@
-"""Effects with values given as text, `com_offset=x:0.004,y:-0.007`: read, made for a vehicle, put into a model."""
+"""Effects with values as text, `com_offset=x:0.004,y:-0.007`: parsed, checked for a vehicle, put into a model."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Linearises(Protocol):
 
 @runtime_checkable
 class KnowsItsData(Protocol):
-    """A mismatch model that can say how near a command is to what it has seen."""
+    """A mismatch model that knows the range of its training data."""
 
     @property
     def sigma_training(self) -> Array:
@@ -75,18 +75,18 @@ class KnowsItsData(Protocol):
 
 @runtime_checkable
 class Judged(Protocol):
-    """A mismatch model of which some outputs are not to be compensated: what is known of them does not help."""
+    """A mismatch model with outputs that are not to be compensated, since they do not reduce the error."""
 
     @property
     def refused(self) -> tuple[str, ...]:
         """Names of these outputs; the model expects nothing on them."""
 
     def despite_verdict(self) -> MismatchModel | Follows:
-        """The model as if nobody had judged it."""
+        """The model without the verdict."""
 
 
 class Follower(Protocol):
-    """Keeps what a mismatch depends on besides the next command: the motion and the commands that were sent."""
+    """Keeps the further inputs of a mismatch model: the motion, and the commands that were sent."""
 
     def here(self, state: State | None, /) -> MismatchModel:
         """The mismatch as a function of the next command alone, in this state (N = 1), called once per period.
@@ -108,10 +108,10 @@ class Follows(Protocol):
 
     @property
     def needs_state(self) -> bool:
-        """Whether its followers must be told the state."""
+        """Whether its followers need the state."""
 
     def follow(self, dt: float) -> Follower:
-        """Start with nothing known of the past; `here` will be called every `dt` [s]."""
+        """A follower without a past; `here` will be called every `dt` [s]."""
 
 
 def needs_state(model: MismatchModel | Follows) -> bool:
@@ -229,7 +229,7 @@ class Expansion:
 
 @runtime_checkable
 class Expands(Protocol):
-    """A mismatch model that is such arrays and nothing else."""
+    """A mismatch model that is an `Expansion`."""
 
     def expansion(self) -> Expansion:
         """The arrays."""

@@ -43,7 +43,7 @@ class Margin:
 
     @property
     def least(self) -> float:
-        """Of 99 % of the commands."""
+        """The margin that 99 % of the commands exceed."""
         return float(np.percentile(self.along, 1))
 
 
@@ -51,7 +51,7 @@ class Margin:
 class Loop:
     """The attitude loop: its gains, the inertia (3, 3) [kg m^2], lag and delay [s] of the actuators.
 
-    `named_delay` [s] is the part of the delay that the vehicle's model names, and an observer is told.
+    `named_delay` [s] is the part of the delay that is in the vehicle's model, and that an observer assumes.
     """
 
     gains: ControllerGains
@@ -63,7 +63,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Observer:
-    """A momentum observer (`compensate.Combined`): bandwidth [Hz], lag and delay [s] that it is told of the vehicle."""
+    """A momentum observer (`compensate.Combined`): bandwidth [Hz], assumed lag and delay [s]."""
 
     hz: float = 0.0
     lag: float = 0.0
@@ -74,7 +74,7 @@ NO_OBSERVER = Observer()
 
 
 def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
-    """L(j w) (3, F) of the three attitude loops, broken at the torque that is asked for.
+    """L(j w) (3, F) of the three attitude loops, broken at the commanded torque.
 
     With J s^2 theta = H M_asked + d, the controller's torque -J c theta, c = 2 zeta w s + w^2, the actuators
     H = exp(-s T) / (1 + tau s), what the observer takes them for, H_o, and its low-pass Q = k / (s + k),

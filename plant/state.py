@@ -19,7 +19,7 @@ from wrenchgap.plant.vehicle import Vehicle
 
 Index = slice | NDArray[np.intp]
 Arrays = TypeVar("Arrays")
-"""A dataclass of arrays (N, ...) over the same samples; what is not known is None."""
+"""A dataclass of arrays (N, ...) over the same samples; None where unknown."""
 
 
 def rows(item: Arrays, index: Index) -> Arrays:
@@ -29,7 +29,7 @@ def rows(item: Arrays, index: Index) -> Arrays:
 
 
 def joined(parts: Sequence[Arrays]) -> Arrays:
-    """One after the other; what one of them does not know, the whole does not."""
+    """The parts one after the other; None where one of them is None."""
     columns = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
     whole = {n: None if any(v is None for v in c) else np.concatenate(c) for n, c in columns.items()}
     return replace(parts[0], **whole)  # type: ignore[type-var]
@@ -37,7 +37,7 @@ def joined(parts: Sequence[Arrays]) -> Arrays:
 
 @dataclass(frozen=True)
 class Commands:
-    """What the flight controller sends: `wrench_B` (N, 6), and where the vehicle has rotors `tilt` (N, A) [rad] and
+    """Commands of the flight controller: `wrench_B` (N, 6), and where the vehicle has rotors `tilt` (N, A) [rad] and
     `rotor_speed` (N, R) [rad/s].
     """  # noqa: D205
 
@@ -79,22 +79,20 @@ class Rates:
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """What follows from the tilt angles (N, A) alone: worked out when first asked for, and shared by every `Actuation`
-    with these angles.
-    """  # noqa: D205
+    """Arrays that depend on the tilt angles (N, A) alone: computed once, and shared by every `Actuation` with them."""
 
     vehicle: Vehicle
     tilt: Array
     _held: dict[str, Array] = field(default_factory=dict, repr=False)
 
     def hold(self, name: str, make: Callable[[], Array]) -> Array:
-        """The array of this name, made once; for what an effect works out of the angles and nothing else."""
+        """The array of this name, computed once; for effects, too, that derive one from the angles alone."""
         if name not in self._held:
             self._held[name] = make()
         return self._held[name]
 
     def forget(self) -> None:
-        """Free the memory; what is asked for again is made again."""
+        """Free the memory; an array that is used again is computed again."""
         self._held.clear()
 
     @property
@@ -139,7 +137,7 @@ def _directions(vehicle: Vehicle) -> Array:
 class Actuation:
     """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals.
 
-    `rates` is None where nobody asked how fast the actuators move; they then count as at rest. A `posture` that is not
+    Without `rates` the actuators count as at rest. A `posture` that is not
     that of `tilt` is replaced by one that is.
     """
 
@@ -192,7 +190,7 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Motion:
-    """What an ideal IMU at O would feel: `omega_B` (N, 3), `omega_dot_B` (N, 3), `specific_force_B` (N, 3)."""
+    """The reading of an ideal IMU at O: `omega_B` (N, 3), `omega_dot_B` (N, 3), `specific_force_B` (N, 3)."""
 
     omega_B: Array
     omega_dot_B: Array

@@ -40,8 +40,8 @@ def from_sdf(path: Path, document: Element) -> Draft:
     links = [_link(n, elements[n], joints.get(n), ordered, poses, inverse, where) for n in ordered]
     named = {n: k for k, n in enumerate(ordered)} | {str(j.get("name")): ordered.index(c) for c, j in joints.items()}
     motors = {named[n]: m for n, m in motors_of(document).items() if n in named}
-    made = draft_of(str(model.get("name") or path.stem), where, links, motors, "SDF")
-    return Draft(**{**vars(made), "notes": (*made.notes, *notes)})
+    draft = draft_of(str(model.get("name") or path.stem), where, links, motors, "SDF")
+    return Draft(**{**vars(draft), "notes": (*draft.notes, *notes)})
 
 
 def _child(joint: Element, where: str) -> str:

@@ -1,4 +1,4 @@
-"""The text of a model file: the user's own text, comments and order kept, its effects and history written anew."""
+"""The text of a model file: the user's own text with comments and order kept, its effects and history rewritten."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def dumps(model: Model) -> str:
 
 @lru_cache(maxsize=8)
 def _without_effects(text: str) -> str:
-    """The text of a model file less what `dumps` writes anew; parsing takes 20 ms, and the same file is asked often."""
+    """The text of a model file without what `dumps` rewrites; cached, since parsing takes 20 ms."""
     document = tomlkit.parse(text)
     for name in ("effects", "history", "between_flights"):
         document.pop(name, None)
@@ -118,7 +118,7 @@ def _number(value: float) -> str:
     return text if any(c in text for c in ".e") or text in ("inf", "-inf", "nan") else text + ".0"
 
 
-def _told(value: float | Array, tolerance: float | Array | None) -> Any:
+def _with_tolerance(value: float | Array, tolerance: float | Array | None) -> Any:
     """A value, or a table of it and its tolerance."""
     plain = np.asarray(value).tolist()
     if tolerance is None:
@@ -129,12 +129,12 @@ def _told(value: float | Array, tolerance: float | Array | None) -> Any:
 
 
 def _skeleton(model: Model) -> tomlkit.TOMLDocument:
-    """A document for a model that was made in code."""
+    """A document for a model without a file."""
     v = model.vehicle
     t, body = v.tolerances, v.body
-    vehicle: dict[str, Any] = {"name": v.name, "mass": _told(body.mass, t.mass)}
-    vehicle |= {"inertia": _told(body.inertia, t.inertia), "com": _told(body.com_B, t.com)}
-    vehicle["imu_position"] = _told(v.imu_position_B, t.imu_position)
+    vehicle: dict[str, Any] = {"name": v.name, "mass": _with_tolerance(body.mass, t.mass)}
+    vehicle |= {"inertia": _with_tolerance(body.inertia, t.inertia), "com": _with_tolerance(body.com_B, t.com)}
+    vehicle["imu_position"] = _with_tolerance(v.imu_position_B, t.imu_position)
     document = tomlkit.document()
     document["schema"] = SCHEMA
     if model.unmeasured:
@@ -184,7 +184,7 @@ def next_version(
     flights: Sequence[tuple[str, str]] = (),
     trial: Trial | None = None,
 ) -> Model:
-    """`model` with `parent`'s history and one version more: itself, as made by `command` and written to `path`.
+    """`model` with the history of `parent` and one more version: itself, by `command`, in the file `path`.
 
     A parent without history becomes the first version; one that was changed since its last version gets a version
     for that.
@@ -196,7 +196,7 @@ def next_version(
         number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else str(parent.path)
         versions.append(Version(number, reason, content, file, before, effects=parent.snapshot))
     last = versions[-1]
-    made = Version(
+    new = Version(
         last.number + 1,
         command,
         content_hash(model),
@@ -208,7 +208,7 @@ def next_version(
         trial,
         model.snapshot,
     )
-    return replace(model, history=(*versions, made))
+    return replace(model, history=(*versions, new))
 
 
 def changed_since(model: Model) -> bool:

@@ -1,8 +1,8 @@
-"""The flight computer: control law, compensator and allocation of the vehicle that it believes to fly.
+"""The flight computer: control law, compensator and allocation for the vehicle that it assumes.
 
     W_des = law(state, reference) [+ e(t)]  ->  compensator  ->  W_cmd  ->  allocation [+ a(t)]  ->  u
 
-e and a are what a recorded computer sent beyond law and allocation (`RecordedPilot`); none in a simulation.
+e and a are what a recorded flight computer sent beyond law and allocation (`RecordedPilot`); zero in a simulation.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class RecordedPilot:
     """How a recorded flight computer began, and what it sent beyond our law and allocation in K periods.
 
     offset              e (K, 6) desired wrench beyond the law, about the believed centre of mass
-    correction          (K, 6) commanded minus desired wrench: what a compensator did when the log was made
+    correction          (K, 6) commanded minus desired wrench: what a compensator did when the log was recorded
     tilt, rotor_speed   a (K, A) [rad], (K, R) [rad/s] beyond the allocation; None without rotors
     integral            (3,) of the law at the first period [rad s]
     previous_tilt       (A,) allocated one period before the first, None at the start of a log
@@ -74,7 +74,7 @@ class RecordedPilot:
 class FlightComputer:
     """Law, compensator and allocation as stages of a loop, due once per control period; `steps` are the compensator's.
 
-    It knows the pose reading "pose" (13,) and the gyroscope "gyro" (3,), or where it is not `measured` the true state.
+    Its state is the pose reading "pose" (13,) and the gyroscope "gyro" (3,), or, if not `measured`, the true state.
     """
 
     def __init__(
@@ -98,12 +98,12 @@ class FlightComputer:
         self.stages = self._stages(reference, recorded)
 
     def limited(self, loop: Loop) -> dict[str, int]:
-        """How many commands ran into a limit of the actuators, by its name, in a loop that has run."""
+        """Number of commands that met each limit of the actuators, by its name, in a loop that has run."""
         counts = loop.now("limited").astype(int).tolist()
         return {name: count for name, count in zip(LIMITS, counts, strict=True) if name != "held"}
 
     def _start(self, integral: Array | None, recorded: RecordedPilot | None) -> dict[str, Array]:
-        signals = {"known": np.zeros(NUMBERS), "desired": np.zeros(6), "commanded": np.zeros(6)}
+        signals = {"estimate": np.zeros(NUMBERS), "desired": np.zeros(6), "commanded": np.zeros(6)}
         signals |= {"integral": np.zeros(3) if integral is None else integral, "limited": np.zeros(len(LIMITS))}
         if self.allocation is None:
             return signals
@@ -119,13 +119,16 @@ class FlightComputer:
         r, c, count = reference, self.clock, len(reference.time)
         none = np.zeros((count, 6))
         beyond = (none, none) if recorded is None else (recorded.offset, recorded.correction)
-        asked = (r.position_E, r.quat_ED, r.velocity_E, r.omega_D, r.acceleration_E, r.omega_dot_D, *beyond)
-        stages = [Stage("law", self._law, np.hstack(asked), c.per_command, ("desired",))]
+        columns = (r.position_E, r.quat_ED, r.velocity_E, r.omega_D, r.acceleration_E, r.omega_dot_D, *beyond)
+        stages = [Stage("law", self._law, np.hstack(columns), c.per_command, ("desired",))]
         if self.compensator is not None:
             time = c.time[:: c.per_command]
             volts = np.full(count, np.nan) if c.voltage is None else c.voltage[:: c.per_command]
-            given = np.column_stack((time, volts))
-            stages.append(Stage("compensator", self._compensate, given, c.per_command, numpy_steps=ALWAYS))
+            stages.append(
+                Stage(
+                    "compensator", self._compensate, np.column_stack((time, volts)), c.per_command, numpy_steps=ALWAYS
+                )
+            )
         if self.allocation is None:
             return [*stages, Stage("command", lambda now, row: {}, np.zeros((count, 0)), c.per_command, ("commanded",))]
         more = np.zeros((count, len(self.signals["tilt"]) + len(self.signals["speed"])))
@@ -134,14 +137,14 @@ class FlightComputer:
         return [*stages, Stage("command", self._allocate, more, c.per_command, ("commanded", "tilt", "speed"))]
 
     def _law(self, now: Signals, row: Array) -> Signals:
-        known = np.concatenate((now["pose"][:10], now["gyro"])) if self.measured else now["state"]
+        estimate = np.concatenate((now["pose"][:10], now["gyro"])) if self.measured else now["state"]
         p, q, v, w, a, dw, offset, correction = (part[None] for part in np.split(row, np.cumsum([3, 4, 3, 3, 3, 3, 6])))
-        asked = Reference(np.zeros(1), p, v, a, q, w, dw)
-        state, integral = unpack(np.zeros(1), known[None]), now["integral"]
-        wrench, error = control_law(self.gains, self.believed.body, state, asked, integral[None], along_z=self.along_z)
+        target = Reference(np.zeros(1), p, v, a, q, w, dw)
+        state, integral = unpack(np.zeros(1), estimate[None]), now["integral"]
+        wrench, error = control_law(self.gains, self.believed.body, state, target, integral[None], along_z=self.along_z)
         desired = (wrench + offset)[0]
         return {
-            "known": known,
+            "estimate": estimate,
             "desired": desired,
             "commanded": desired + correction[0],
             "integral": next_integral(self.gains, integral, error[0], self.clock.period),
@@ -149,7 +152,7 @@ class FlightComputer:
 
     def _compensate(self, now: Signals, row: Array) -> Signals:
         assert self.compensator is not None
-        state = unpack(row[:1], now["known"][None], None if self.clock.voltage is None else row[1:])
+        state = unpack(row[:1], now["estimate"][None], None if self.clock.voltage is None else row[1:])
         self.steps.append(self.compensator.step(now["desired"], state))
         return {"commanded": self.steps[-1].wrench_cmd}
 

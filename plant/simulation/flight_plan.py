@@ -1,4 +1,4 @@
-"""Flights made to order: what the controller believes, what is hidden from it, where it flies."""
+"""Plans of simulated flights: the believed model, effects hidden from it, the trajectory."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], Non
 
 
 def provenance(plan: Plan) -> dict[str, str]:
-    """Where a log comes from, without a hint of what is hidden."""
+    """The source of a log, without the hidden effects."""
     file = trajectory_file(plan)
     return {
         "made_by": f"wrenchgap {tool_version()} simulate",
@@ -101,7 +101,7 @@ def provenance(plan: Plan) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Summary:
-    """How a flight went: its length, largest tilt, and errors against the reference, rms over time."""
+    """Duration and largest tilt of a flight, and its rms errors against the reference."""
 
     duration_s: float
     tilt_max_deg: float
@@ -110,16 +110,16 @@ class Summary:
 
 
 def summary(flown: Flight) -> Summary:
-    """How a flight went, by its odometry."""
+    """Summary of a flight by its odometry."""
     assert flown.odometry is not None
     assert flown.reference is not None
     odometry, reference = flown.odometry, flown.reference
-    want = interpolated(odometry.time, reference.time, reference.position_E)
+    target = interpolated(odometry.time, reference.time, reference.position_E)
     quat_ED = so3.interpolate(odometry.time, reference.time, reference.quat_ED)
     error = so3.log(so3.multiply(so3.conjugate(quat_ED), odometry.quat_EB))
     return Summary(
         duration_s=float(odometry.time[-1]),
         tilt_max_deg=float(np.degrees(so3.tilt_angle(odometry.quat_EB).max())),
-        position_error_rms_m=float(np.sqrt(np.mean(np.sum((odometry.position_E - want) ** 2, axis=1)))),
+        position_error_rms_m=float(np.sqrt(np.mean(np.sum((odometry.position_E - target) ** 2, axis=1)))),
         attitude_error_rms_deg=float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))),
     )

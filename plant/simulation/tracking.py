@@ -1,4 +1,4 @@
-"""How well a flight followed its reference, and how far it is from a recorded one."""
+"""Errors of a flight against its reference, and its deviation from a recorded flight."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far a flight of `duration_s` is from recorded poses: the angle between the attitudes, and the distance."""
+    """Deviation of a flight of `duration_s` from recorded poses: angle between the attitudes, and distance."""
 
     attitude_deg_max: float
     attitude_deg_rms: float

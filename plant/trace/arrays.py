@@ -1,7 +1,7 @@
-"""Arrays that write down what is done with them, so that an effect's own `apply` yields its program.
+"""Arrays that record every operation on a tape, so that an effect's own `apply` yields its program.
 
-A `Traced` is a numpy array of `Node`; numpy hands its functions over (NEP 13 and 18), so that code which was written
-for numbers runs as it is. What decides by a value (`if thrust > 0`) cannot be written down and raises `Untraceable`.
+A `Traced` is a numpy array of `Node`; numpy hands its functions over (NEP 13 and 18), so that code written for numbers
+runs unchanged. A branch on a value (`if thrust > 0`) cannot be recorded and raises `Untraceable`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from wrenchgap.plant.trace.tape import Tape
 
 
 class Untraceable(Exception):
-    """Code that decides by a value, or uses a function that a tape does not have."""
+    """Code that branches on a value, or uses a function that a tape does not have."""
 
 
 class Node:
@@ -167,7 +167,7 @@ class Traced(np.ndarray[Any, Any]):
 
     @classmethod
     def of(cls, values: Any) -> Traced:
-        """These values as an array that writes down what is done with it."""
+        """These values as an array that records its operations."""
         return np.asarray(values, dtype=object).view(cls)
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **kwargs: Any) -> Any:
@@ -223,4 +223,4 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.zeros: lambda shape, *_, **__: Traced.of(np.zeros(shape)),
     np.empty_like: lambda like, shape=None, **_: Traced.of(np.zeros(np.shape(like) if shape is None else shape)),
 }
-"""Functions of numpy that would decide by a value, or make an array of plain numbers."""
+"""Functions of numpy that would branch on a value, or return an array of numbers."""

@@ -13,11 +13,11 @@ from wrenchgap.plant.trace.tape import Tape
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 CATALOGUE = "wrenchgap.plant.effects."
-"""Where effects stand whose `apply` is known to depend on nothing but its arguments."""
+"""Package of the effects whose `apply` depends on nothing but its arguments."""
 
 
 def traced_model(model: WrenchModel) -> WrenchModel:
-    """The model, whose effects write down what they do.
+    """The model with traced effects.
 
     Raises Untraceable for effects of a user's own, which may depend on more than their arguments.
     """
@@ -28,34 +28,34 @@ def traced_model(model: WrenchModel) -> WrenchModel:
 
 
 def traced_effect(item: ModelEffect) -> ModelEffect:
-    """The effect, whose results are arrays that go on writing down, and whose name is in what it raises."""
+    """The effect with `Traced` results; its name is in the section of the tape and in errors."""
     effect = item.effect
 
-    def apply(_: Any, *given: Any) -> Any:
-        tape = _tape_of(given)
-        before = None if tape is None else tape.section
+    def apply(_: Any, *arguments: Any) -> Any:
+        tape = _tape_of(arguments)
+        section = None if tape is None else tape.section
         if tape is not None:
             tape.section = item.name
         try:
-            return _traced(effect.apply(*given))
+            return _traced(effect.apply(*arguments))
         except Untraceable as error:
             raise Untraceable(f"effect {item.name} {error}") from None
         except (TypeError, AttributeError, ValueError) as error:
-            said = " ".join(str(error).split())
-            raise Untraceable(f"effect {item.name} is not plain arithmetic: {said}") from None
+            words = " ".join(str(error).split())
+            raise Untraceable(f"effect {item.name} is not plain arithmetic: {words}") from None
         finally:
             if tape is not None:
-                tape.section = before or ""
+                tape.section = section or ""
 
     kind: Any = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
-    made: AnyEffect = object.__new__(kind)
-    made.__dict__.update(getattr(effect, "__dict__", {}))
-    return ModelEffect(made, item.theta)
+    traced: AnyEffect = object.__new__(kind)
+    traced.__dict__.update(getattr(effect, "__dict__", {}))
+    return ModelEffect(traced, item.theta)
 
 
-def _tape_of(given: Sequence[Any]) -> Tape | None:
+def _tape_of(arguments: Sequence[Any]) -> Tape | None:
     """The tape of the first node among arguments of an effect."""
-    for one in given:
+    for one in arguments:
         for array in vars(one).values() if hasattr(one, "__dataclass_fields__") else (one,):
             if isinstance(array, np.ndarray) and array.dtype == object:
                 for node in array.flat:
@@ -76,7 +76,7 @@ def _traced(result: Any) -> Any:
 
 
 def memory_arrays(memory: Any) -> Iterator[Any]:
-    """The arrays in what effects remember, in a fixed order."""
+    """The arrays in the memory of effects, in a fixed order."""
     if isinstance(memory, dict):
         for key in sorted(memory):
             yield from memory_arrays(memory[key])
@@ -88,10 +88,10 @@ def memory_arrays(memory: Any) -> Iterator[Any]:
 
 
 def memory_of_arrays(memory: Any, make: Callable[[Any], Any]) -> Any:
-    """The same structure with other arrays, made one after the other in the order of `memory_arrays`."""
+    """The same structure with other arrays, called for in the order of `memory_arrays`."""
     if isinstance(memory, dict):
-        made = {key: memory_of_arrays(memory[key], make) for key in sorted(memory)}
-        return {key: made[key] for key in memory}
+        built = {key: memory_of_arrays(memory[key], make) for key in sorted(memory)}
+        return {key: built[key] for key in memory}
     if isinstance(memory, tuple):
         return tuple(memory_of_arrays(part, make) for part in memory)
     return None if memory is None else make(memory)

@@ -1,4 +1,4 @@
-"""Arithmetic written down as it is done: a tape of scalar operations, each on the results of earlier ones.
+"""A tape of scalar operations, each on the results of earlier ones.
 
 A compiled loop evaluates a tape, together with its derivatives where they are wanted (tangent propagation: Griewank and
 Walther, "Evaluating Derivatives", 2nd ed., 2008, ch. 3); an export prints it as C. Equal operations are written once;
@@ -25,7 +25,7 @@ Line = tuple[int, int, int, int]
 class Tape:
     """Lines (operation, a, b, c); the arguments are numbers of earlier lines, and every line has one result.
 
-    `section` names what is being written, and `sections` says of every line in which it was first written.
+    `section` names what is being traced; `sections` holds for every line the section in which it first appeared.
     """
 
     def __init__(self) -> None:
@@ -51,11 +51,11 @@ class Tape:
         return self._found[key]
 
     def write(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
-        """The line with the result of an operation: a new one, or one that has it already."""
+        """The line with the result of an operation: a new one, or an equal one."""
         given = (a, b, c)[: ARITY.get(op, 1)]
         if all(k in self.constants for k in given):
             return self.constant(self._folded(op, [self.constants[k] for k in given]))
-        short = self._shortened(op, a, b, c)
+        short = self._simplified(op, a, b, c)
         if short is not None:
             return short
         if op in (Op.ADD, Op.MUL) and a > b:
@@ -89,8 +89,8 @@ class Tape:
         except (ZeroDivisionError, ValueError, OverflowError):
             return math.nan
 
-    def _shortened(self, op: Op, a: int, b: int, c: int) -> int | None:
-        """A line that is there already where the operation changes nothing; products with zero are zero."""
+    def _simplified(self, op: Op, a: int, b: int, c: int) -> int | None:
+        """An existing line where the operation has no effect; products with zero are zero."""
         zero, one = (self._found.get(("constant", value, 1.0), -1) for value in (0.0, 1.0))
         if op is Op.ADD and zero in (a, b):
             return b if a == zero else a
@@ -111,7 +111,7 @@ class Tape:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What of a tape some results need, in an order in which all that does not depend on the `free` inputs comes first.
+    """The lines that some results need; those that do not depend on the `free` inputs come first.
 
     code        (n, 4) operation and arguments of every line
     start       (n,) constants in their places, zero elsewhere
@@ -119,7 +119,7 @@ class Program:
     free        (L,) places, among the inputs, of those with respect to which is differentiated
     split       number of lines that do not depend on the free inputs
     results     (K,) lines of the results
-    sections    (n,) what each line was written for
+    sections    (n,) the section of each line
     """
 
     code: NDArray[np.int32]
@@ -163,8 +163,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """Compile without numba's reference counts: no array is allocated, and each call would count every argument."""
     numba: Any = njit  # whose annotations leave _nrt out
-    made: F = numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
-    return made
+    dispatcher: F = numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
+    return dispatcher
 
 
 _value_of, _slopes_of, _chosen_of = compiled(value_of), compiled(slopes_of), compiled(chosen_of)

@@ -1,4 +1,4 @@
-"""Reference trajectories: what the vehicle is asked to do, as functions of time with consistent derivatives.
+"""Reference trajectories: the desired motion as a function of time, with consistent derivatives.
 
 Every trajectory gives position, velocity and acceleration of O in E, the attitude `quat_ED` of the reference frame D,
 and its rate and acceleration in D, vectorised over time. All start and end at rest (`Step` jumps on purpose; the

@@ -60,7 +60,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class TrajectoryFile:
-    """A trajectory with its name, the vehicle that it was made for, and what it is for (plain TOML values)."""
+    """A trajectory with its name, the vehicle that it was designed for, and its purpose (TOML values)."""
 
     name: str
     trajectory: Moves

@@ -1,4 +1,4 @@
-"""What every reference trajectory is made of: its samples, smooth profiles, attitudes with consistent rates."""
+"""Parts of reference trajectories: samples, smooth profiles, attitudes with consistent rates."""
 
 from __future__ import annotations
 
