@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike
 
 from wrenchgap.compensate.lbfgs import Optimiser
 from wrenchgap.compensate.not_compiled import NotCompiled
-from wrenchgap.compensate.parts import Fixed, Sum
-from wrenchgap.compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.physics import Fixed, PhysicsMismatch, Sum
 from wrenchgap.compensate.reach import Reach, reach_of
 from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
 from wrenchgap.compensate.uncertainty import default_filter

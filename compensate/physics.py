@@ -21,11 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.compensate.lbfgs import linearisation
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
-from wrenchgap.plant.mismatch import output_indices
+from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.state import Commands, State, joined
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
@@ -174,3 +175,47 @@ def _last(held: Commands, back: float) -> Commands:
     weights, tilt, speed = np.array([[back, 1.0 - back]]), held.tilt, held.rotor_speed
     actuators = (None if part is None else weights @ part[-2:] for part in (tilt, speed))
     return Commands(weights @ held.wrench_B[-2:], *actuators)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A model that depends on the command alone, as a `Follower`."""
+
+    model: MismatchModel
+
+    def here(self, state: State | None, /) -> MismatchModel:
+        """See `plant.mismatch.Follower`."""
+        return self.model
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        """See `plant.mismatch.Follower`."""
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Two mismatch models on top of each other; only the second is uncertain."""
+
+    physics: MismatchModel
+    process: MismatchModel
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Those of both."""
+        return self.process.outputs
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        """See `plant.mismatch.MismatchModel`."""
+        return self.physics.mean(wrench_cmd) + self.process.mean(wrench_cmd)
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        """Of the process alone."""
+        return self.process.std(wrench_cmd)
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        """See `plant.mismatch.MismatchModel`."""
+        return self.physics.jacobian(wrench_cmd) + self.process.jacobian(wrench_cmd)
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        """See `plant.mismatch.Linearises`."""
+        (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
+        return mean + more, slope + steeper

@@ -206,7 +206,7 @@ class Room(NamedTuple):
 
 
 class Observer(NamedTuple):
-    """Constants of a momentum observer (`compensate.combined`).
+    """Constants of a momentum observer (`compensate.observer`).
 
     gain k [rad/s], dt [s]; inertia (3, 3) [kg m^2]; torque_max (3,) largest estimate, jump (3,) torque beyond which a
     change of the rates is no motion [Nm]; late, late_part the delay, in periods; follow_a, b0, b1 (3,) the lag
