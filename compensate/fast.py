@@ -54,8 +54,7 @@ class NewtonSettings:
     evaluations
         At most; four are usual.
     pivot, still, stalled
-        Relative sizes at the level of rounding: of a pivot that counts as zero, of a step that does not move, and of a
-        decrease of J that is none.
+        Relative sizes at the level of rounding: of a pivot, of a step, and of a decrease of J that count as zero.
     """
 
     enough: float = 1e-14

@@ -86,10 +86,27 @@ class Allocation:
     def step(
         self, wrench_B: Array, before: Array, fresh: Flags | bool = False, dt: float | None = None
     ) -> tuple[Array, Array, Array]:
-        """Tilt angles (A,) [rad] and rotor speeds (R,) [rad/s] for a wrench (6,) about O, and what limited them (4,).
+        """Commands for one wrench.
 
-        `before` (A,) are the angles that were sent `dt` [s] ago, zero where none were (`fresh`). Without `dt` no rate
-        limit is applied. What limited the commands is 1.0, else 0.0, in the order of `LIMITS`.
+        Parameters
+        ----------
+        wrench_B : (6,)
+            About O [N, Nm].
+        before : (A,)
+            Angles that were sent `dt` [s] ago [rad]; zero where none were.
+        fresh
+            Whether none were.
+        dt
+            Without it no rate limit is applied [s].
+
+        Returns
+        -------
+        tilt : (A,)
+            [rad].
+        speed : (R,)
+            [rad/s].
+        limited : (4,)
+            1.0 for each of `LIMITS` that was met, else 0.0.
         """
         arms, rotors = self.vehicle.geometry()
         solution = self.inverse @ wrench_B

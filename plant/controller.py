@@ -145,10 +145,22 @@ def control_law(
     integral: Array,
     along_z: bool = False,
 ) -> tuple[Array, Array]:
-    """Desired wrench (N, 6) in B about the believed centre of mass, and e_R (N, 3), for N independent samples.
+    """The control law for N independent samples.
 
-    `integral` (N, 3) is q [rad s] at each sample. With `along_z` the vehicle can push along body z only: the
-    desired attitude then points that axis along F_des, keeping the reference's yaw, and the force is its projection.
+    Parameters
+    ----------
+    integral : (N, 3)
+        q [rad s].
+    along_z
+        Whether the vehicle can push along body z only: the desired attitude then points that axis along F_des, with the
+        yaw of the reference, and the force is the projection on it.
+
+    Returns
+    -------
+    wrench_B : (N, 6)
+        Desired, about the assumed centre of mass [N, Nm].
+    error : (N, 3)
+        e_R.
     """
     force_E = desired_force(gains, body.mass, state, reference)
     force_B = so3.rotate_inverse(state.quat_EB, force_E)

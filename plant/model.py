@@ -24,14 +24,25 @@ from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 @dataclass(frozen=True)
 class Model:
-    """A vehicle and what is known about it.
+    """A vehicle with its effects, controller, sensors and logs.
 
-    `topics` maps roles to topics for logs of this vehicle, `unmeasured` are axes that its IMU does not measure
-    (`flight.unmeasured`). `between_flights` (6,) [N, Nm] is by how much the constant wrench differs between flights,
-    one standard deviation (`learn.identify.bias_and_trim`), where that was measured. `text` is the file's own text
-    (empty for a model made in code), kept so that comments survive a rewrite. `history` are the versions that led here,
-    oldest first; `notes` is what a user should know about the file. `command` turns the rotor commands of logs into
-    speeds where they are none.
+    Attributes
+    ----------
+    topics
+        Topics by role, for logs of this vehicle.
+    text
+        Of the model file, so that comments survive a rewrite; empty for a model without a file.
+    history
+        Versions of the model, oldest first.
+    notes
+        Remarks on the file, for the user.
+    unmeasured
+        Axes that the IMU does not measure (`flight.unmeasured`).
+    between_flights : (6,)
+        Standard deviation of the constant wrench between flights [N, Nm] (`learn.identify.bias_and_trim`), where it was
+        measured.
+    command
+        From the rotor commands of logs to speeds, where the commands are not speeds.
     """
 
     vehicle: Vehicle
@@ -104,7 +115,26 @@ class Model:
 
 
 def make_effect(vehicle: Vehicle, name: str, values: Mapping[str, float] | Iterable[float]) -> ModelEffect:
-    """An effect of the catalogue with values, by parameter name (the rest are zero) or in order."""
+    """An effect of the catalogue with values.
+
+    Parameters
+    ----------
+    name
+        Of the effect.
+    values
+        By the name of the parameter, where the others keep their start values, or all in order.
+
+    Raises
+    ------
+    ModelError
+        For an unknown effect or parameter, a wrong number of values, or a vehicle without the geometry it needs.
+
+    Examples
+    --------
+    >>> from wrenchgap.plant.model_file import load
+    >>> make_effect(load("crazyflie").vehicle, "mass", {"added": 0.002}).theta.tolist()
+    [0.002]
+    """
     effect = find(name)
     if effect.needs_rotors and not vehicle.has_rotors:
         raise ModelError(f"effect {name}: this needs arms and rotors, and the model file has none")

@@ -37,9 +37,17 @@ def joined(parts: Sequence[Arrays]) -> Arrays:
 
 @dataclass(frozen=True)
 class Commands:
-    """Commands of the flight controller: `wrench_B` (N, 6), and where the vehicle has rotors `tilt` (N, A) [rad] and
-    `rotor_speed` (N, R) [rad/s].
-    """  # noqa: D205
+    """Commands of the flight controller; tilt and speed are None for a vehicle without rotors.
+
+    Attributes
+    ----------
+    wrench_B : (N, 6)
+        About the centre of mass, in B [N, Nm].
+    tilt : (N, A)
+        Angles of the arms [rad].
+    rotor_speed : (N, R)
+        [rad/s].
+    """
 
     wrench_B: Array
     tilt: Array | None = None
@@ -52,9 +60,21 @@ class Commands:
 
 @dataclass(frozen=True)
 class State:
-    """Motion of the body origin O: `time` (N,) [s], `position_E` (N, 3), `quat_EB` (N, 4), `velocity_E` (N, 3) and
-    `omega_B` (N, 3); `voltage` (N,) [V] or None where unknown.
-    """  # noqa: D205
+    """Motion of the body origin O.
+
+    Attributes
+    ----------
+    time : (N,)
+        [s].
+    position_E, velocity_E : (N, 3)
+        Of O, in E [m], [m/s].
+    quat_EB : (N, 4)
+        Attitude, (w, x, y, z).
+    omega_B : (N, 3)
+        Angular velocity, in B [rad/s].
+    voltage : (N,)
+        Of the battery [V], None where unknown.
+    """
 
     time: Array
     position_E: Array
@@ -70,7 +90,7 @@ class State:
 
 @dataclass(frozen=True)
 class Rates:
-    """How fast the actuators move: `tilt` (N, A) [rad/s], `tilt_dot` (N, A) [rad/s^2], `rotor_dot` (N, R) [rad/s^2]."""
+    """Rates of the actuators: `tilt` (N, A) [rad/s], `tilt_dot` (N, A) [rad/s^2], `rotor_dot` (N, R) [rad/s^2]."""
 
     tilt: Array
     tilt_dot: Array
@@ -135,10 +155,18 @@ def _directions(vehicle: Vehicle) -> Array:
 
 @dataclass(frozen=True)
 class Actuation:
-    """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals.
+    """The state of the actuators.
 
-    Without `rates` the actuators count as at rest. A `posture` that is not
-    that of `tilt` is replaced by one that is.
+    Attributes
+    ----------
+    tilt : (N, A)
+        Angles of the arms [rad].
+    rotor_speed, thrust : (N, R)
+        Speeds [rad/s], and thrusts along the normals [N].
+    rates
+        Of the actuators; None counts as at rest.
+    posture
+        Of these angles; one of other angles is replaced.
     """
 
     vehicle: Vehicle

@@ -26,7 +26,7 @@ from wrenchgap.flight.flight import GRAVITY as GRAVITY
 from wrenchgap.flight.flight import Array
 
 PART = re.compile(r"(arm|rotor)_(\d+)")
-"""How parameters of effects and JSON keys call an arm or a rotor, in the order of the model file."""
+"""The name of an arm or a rotor in parameters of effects and in JSON keys, in the order of the model file."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,18 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Arms:
-    """A arms. Positions (A, 3) [m], unit tilt axes (A, 3), unit thrust directions at zero tilt (A, 3).
+    """The A arms of a vehicle, in B.
 
-    `tilts` (A,) bool says which can tilt; limits (A,) in rad and rad/s.
+    Attributes
+    ----------
+    position_B : (A, 3)
+        Hub points from O [m].
+    axis_B, normal_B : (A, 3)
+        Unit tilt axes, and unit thrust directions at zero tilt.
+    tilts : (A,)
+        Whether an arm can tilt.
+    tilt_min, tilt_max, tilt_rate_max : (A,)
+        Limits of the tilt angle [rad] and of its rate [rad/s].
     """
 
     position_B: Array
@@ -65,15 +74,27 @@ class Arms:
 
     @cached_property
     def lateral_B(self) -> Array:
-        """Where thrust goes as an arm tilts: a x n_0, (A, 3)."""
+        """Direction (A, 3) in which the thrust turns as an arm tilts: a x n_0."""
         return np.cross(self.axis_B, self.normal_B)
 
 
 @dataclass(frozen=True, eq=False)
 class Rotors:
-    """R rotors. `arm` (R,) index of the arm that carries each, `offset` (R,) [m] along n, `spin` (R,) +1 or -1,
-    `c_f` (R,) [N s^2], `kappa` (R,) [m], `radius` (R,) [m], speed limits (R,) [rad/s].
-    """  # noqa: D205
+    """The R rotors of a vehicle.
+
+    Attributes
+    ----------
+    arm : (R,)
+        Index of the arm that carries the rotor.
+    offset : (R,)
+        Place along the thrust direction, from the hub point of the arm [m].
+    spin : (R,)
+        +1 for a rotor that turns counter-clockwise about its thrust direction, else -1.
+    c_f, kappa, radius : (R,)
+        Thrust coefficient [N s^2], drag torque per thrust [m], radius [m].
+    speed_min, speed_max : (R,)
+        Limits of the speed [rad/s].
+    """
 
     arm: NDArray[np.intp]
     offset: Array
@@ -90,7 +111,7 @@ class Rotors:
 
 @dataclass(frozen=True, eq=False)
 class Tolerances:
-    """To how much the numbers of a vehicle are known, one standard deviation; None for one of which nothing is said.
+    """Standard deviations of the numbers of a vehicle; None where the model file gives none.
 
     `mass` [kg]; `inertia` (3, 3) [kg m^2], entry by entry; `com` and `imu_position` (3,) [m].
     """
@@ -103,11 +124,20 @@ class Tolerances:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A vehicle as its designer believes it to be.
+    """The nominal vehicle.
 
-    `arms` and `rotors` are None for a vehicle of which only the wrench is known. `imu_position_B` (3,) [m] is the
-    accelerometer's place, from O. `arm_names` (A,) and `rotor_names` (R,) are the user's, "" for one without; empty
-    where no arm or no rotor has a name. `tolerances` are what mass properties were measured or estimated to.
+    Attributes
+    ----------
+    body
+        Mass properties.
+    arms, rotors
+        None for a vehicle of which only the wrench is known.
+    imu_position_B : (3,)
+        Place of the accelerometer, from O [m].
+    arm_names, rotor_names : (A,), (R,)
+        The user's names, "" for one without; empty where none has a name.
+    tolerances
+        Of mass properties and of the place of the IMU.
     """
 
     name: str
@@ -133,11 +163,11 @@ class Vehicle:
         return self.arms, self.rotors
 
     def arm_name(self, arm: int) -> str:
-        """What the user calls an arm, by its index; where the model file has no name, what parameters call it."""
+        """The user's name of an arm, by its index; without one the name that parameters have."""
         return self.named("arm", arm) or f"arm_{arm}"
 
     def rotor_name(self, rotor: int) -> str:
-        """What the user calls a rotor, by its index; where the model file has no name, what parameters call it."""
+        """The user's name of a rotor, by its index; without one the name that parameters have."""
         return self.named("rotor", rotor) or f"rotor_{rotor}"
 
     def named(self, kind: Literal["arm", "rotor"], index: int) -> str:

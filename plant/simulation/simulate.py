@@ -103,22 +103,39 @@ def simulate(
     name: str = "simulation",
     compiled: bool = True,
 ) -> Flight:
-    """Fly `truth` along `trajectory` for `duration` [s] (its own by default) with a controller that knows `believed`.
+    """Fly `truth` along `trajectory` for `duration` [s] (by default its own) with a controller that assumes `believed`.
 
-    believed     what controller and allocation assume; the truth's vehicle without effects by default
-    compensator  turns W_des into W_cmd; none: they are equal
-    disturbance  extra wrench (6,) about O in B as a function of time [s]
-    initial      state (N = 1) at time 0; on the reference by default
-    integral     the controller's integral (3,) [rad s] at time 0; give none when a compensator takes over its job
-    feedback     "measured": pose and velocity from the last pose reading, rate from the gyroscope; "true": the state
-    sensors      noise and rates; the truth's by default
-    physics_rate [Hz], a whole multiple of the controller's, IMU's and pose sensor's rates
-    voltage      of the battery [V] as a function of time [s], logged at 10 Hz at most
-    compiled     False calls everything in numpy, as is done anyhow with effects of the truth that cannot be compiled
+    The simulation ends where control is lost. `Flight.notes` says so, and where user code could not be compiled.
 
-    The simulation stops where control is lost and says so in `Flight.notes`, as where it could not be compiled.
-    Raises UsageError for rates that do not divide, or vehicles that do not match.
+    Parameters
+    ----------
+    believed
+        Model of controller and allocation; by default the vehicle of the truth without effects.
+    compensator
+        From W_des to W_cmd; without one they are equal.
+    disturbance
+        Extra wrench (6,) about O in B [N, Nm] as a function of time [s].
+    initial
+        State (N = 1) at time 0; by default on the reference.
+    integral : (3,)
+        Of the controller at time 0 [rad s].
+    feedback
+        "measured": pose and velocity from the last pose reading, rate from the gyroscope; "true": the state.
+    sensors
+        Noise and rates; by default those of the truth.
+    physics_rate
+        [Hz], a whole multiple of the rates of controller, IMU and pose sensor.
+    voltage
+        Of the battery [V] as a function of time [s]; logged at 10 Hz at most.
+    compiled
+        False calls everything in numpy.
+
+    Raises
+    ------
+    UsageError
+        For rates that do not divide, or vehicles that do not match.
     """
+    # Long because every argument has its lines in the docstring.
     believed = truth.nominal if believed is None else believed
     length = trajectory.duration if duration is None else duration
     _check(truth.vehicle, believed.vehicle, length)
