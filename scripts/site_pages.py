@@ -88,19 +88,25 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 def made() -> dict[str, str]:
     """Every generated page by its place in the site."""
     pages = {"reference/commands.md": commands(), "reference/schemas.md": schema_page()}
+    entries: dict[str, str] = {}
     for stub in sorted(SOURCE.glob("__init__.pyi")) + sorted(SOURCE.glob("*/__init__.pyi")):
         package = ".".join(("wrenchgap", *stub.parent.relative_to(SOURCE).parts))
-        pages[f"reference/api/{package}.md"] = public_names(stub, package)
+        pages[f"reference/api/{package}.md"] = public_names(stub, package, entries)
     return pages
 
 
-def public_names(stub: Path, package: str) -> str:
-    """A page with an entry for each name that a package offers."""
+def public_names(stub: Path, package: str, entries: dict[str, str]) -> str:
+    """A page with an entry for each name that a package offers, or a link to that of an earlier page (`entries`)."""
     lines = [f"# {package}\n"]
     for node in ast.parse(stub.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ImportFrom):
-            for name in node.names:
-                lines.append(f"::: {package}.{node.module}.{name.name}\n    options:\n      heading: {name.name}\n")
+            for name in (alias.name for alias in node.names):
+                whole = f"{package}.{node.module}.{name}"
+                first = entries.setdefault(whole, package)
+                if first == package:
+                    lines.append(f"::: {whole}\n    options:\n      heading: {name}\n")
+                else:
+                    lines.append(f"## {name}\n\nThe same as [`{first}.{name}`]({first}.md#{whole}).\n")
     return "\n".join(lines)
 
 
