@@ -22,11 +22,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wrenchgap.compensate.kernels import is_plausible
 from wrenchgap.compensate.lbfgs import Optimiser
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.physics import Fixed, PhysicsMismatch, Sum
 from wrenchgap.compensate.reach import Reach, reach_of
-from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
+from wrenchgap.compensate.state_row import IMPLAUSIBLE, looked_at, state_row
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -368,6 +369,11 @@ def wrench_of(wrench_des: ArrayLike) -> Array:
     if not np.isfinite(wrench).all():
         raise UsageError(f"compensate: desired wrench {wrench.tolist()} is not finite; check the controller")
     return wrench
+
+
+def plausible(state: State, *, powered: bool = False) -> bool:
+    """Whether the first state is one that a flight can have; its voltage too where an effect is `powered`."""
+    return bool(is_plausible(looked_at(True, powered=powered), state_row(state)))
 
 
 def _accept(model: MismatchModel | Follows, settings: Settings, most: float = 1e-4, share: float = 0.02) -> float:

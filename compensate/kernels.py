@@ -20,6 +20,7 @@ import math
 from wrenchgap.compensate import fast_exp
 from wrenchgap.compensate.compiling import external, kernel, opening, printed, replaced, sums
 from wrenchgap.compensate.generated.views import opened
+from wrenchgap.compensate.state_row import LARGEST
 from wrenchgap.compensate.tables import (
     Actuators,
     Compensation,
@@ -57,10 +58,7 @@ demand."""
 ROUNDS, PULLS = 100, 30
 """Rounds of the search for the nearest wrench, and halvings when it is pulled inside. Both are fixed, so that a period
 takes a bounded time; `reach.NEAR` is what they reach."""
-STATE_MAX = (1e8, 1e8, 1e8, 2.0, 2.0, 2.0, 2.0, 1e3, 1e3, 1e3, 1e3, 1e3, 1e3, 1e10, 1e4)
-"""Largest numbers that the state of a flight can have: position in E [m] (with room for geocentric ones), quaternion,
-velocity [m/s], body rates [rad/s], time [s] (with room for that of the day), voltage [V]. What is beyond is a fault,
-not a flight."""
+STATE_MAX = tuple(LARGEST.values())
 TURN_MIN, TURN_MAX = 0.25, 4.0
 """Squared norm that a quaternion can have before it is none: one of zeros turns every vector to zero."""
 KEPT = 1.001
@@ -71,10 +69,10 @@ DONE, HANDED_BACK, REFUSED = range(3)
 """How a step ended."""
 ILL = 1e-3
 """Ratio of pivots of A^T A below which A = I + dmu/dW counts as ill-conditioned: singular values apart by 30."""
-COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST = 0, 6, 12, 18, 19, 20
-EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = 21, 22, 23, 24
-"""Places in a row of results; the mismatch expected before (L,) and after (L,) comes last. LIMITED: the vehicle
-cannot make what was asked for, or what was found."""
+COMMAND, CORRECTED, FOUND = range(0, 18, 6)
+SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = range(18, 25)
+"""Places in a row of results: three wrenches (6,), numbers, and last the mismatch expected before (L,) and after (L,).
+LIMITED: the vehicle cannot make the demand, or the optimum."""
 
 
 @printed

@@ -32,11 +32,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wrenchgap.compensate import kernels
-from wrenchgap.compensate.compensator import Compensator, Result, largest_correction, wrench_of
+from wrenchgap.compensate.compensator import Compensator, Result, largest_correction, plausible, wrench_of
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
-from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
+from wrenchgap.compensate.state_row import IMPLAUSIBLE
 from wrenchgap.compensate.tables import Observed, Observer
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array

@@ -10,14 +10,17 @@ from wrenchgap.compensate.tables import Ints
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 
-STATE = (
-    *(f"position_{k}" for k in "xyz"),
-    *(f"quat_{k}" for k in "wxyz"),
-    *(f"velocity_{k}" for k in "xyz"),
-    *(f"omega_{k}" for k in "xyz"),
-    "time",
-    "voltage",
-)
+LARGEST = {
+    **{f"position_{k}": 1e8 for k in "xyz"},
+    **{f"quat_{k}": 2.0 for k in "wxyz"},
+    **{f"velocity_{k}": 1e3 for k in "xyz"},
+    **{f"omega_{k}": 1e3 for k in "xyz"},
+    "time": 1e10,
+    "voltage": 1e4,
+}
+"""Largest numbers that the state of a flight can have; beyond is a fault. In E and B, in SI units: geocentric positions
+and the time of day fit in."""
+STATE = tuple(LARGEST)
 """Names of the state's numbers, in their order."""
 IMPLAUSIBLE = "the state is not finite, or none that a flight can have: no correction"
 
@@ -39,10 +42,3 @@ def state_row(state: State) -> Array:
 def looked_at(moves: bool, *, powered: bool) -> Ints:
     """Which numbers of a state (15,) must be such as a flight can have: of all the motion, or none; the voltage."""
     return np.array([moves] * (len(STATE) - 1) + [powered], dtype=np.int64)
-
-
-def plausible(state: State, *, powered: bool = False) -> bool:
-    """Whether the first of the states is one that a flight can have; its voltage too where an effect is `powered`."""
-    from wrenchgap.compensate.kernels import is_plausible
-
-    return bool(is_plausible(looked_at(True, powered=powered), state_row(state)))

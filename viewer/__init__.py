@@ -1,4 +1,4 @@
-"""Shows flights, and the tabs that a session brings, through a protocol of its own; knows no learn or compensate."""
+"""The page: flights in 3D, plots, and the tabs of a session, which it asks through a protocol of its own."""
 
 import lazy_loader
 

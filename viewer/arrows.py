@@ -1,4 +1,4 @@
-"""Wrenches in the scene: as arrows or as frames, in newtons and newton metres, with the uncertainty at their tips."""
+"""Wrenches in the scene as arrows or frames, with the uncertainty of a prediction at its tip."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLOUD = {"radius": 1.0, "opacity": 0.28, "cast_shadow": False, "receive_shadow":
 
 @dataclass(frozen=True)
 class Scale:
-    """How long arrows are: metres per newton, per newton metre, per newton of a single rotor's thrust."""
+    """Lengths of arrows: metres per newton, per newton metre, and per newton of the thrust of one rotor."""
 
     force: float
     torque: float
@@ -31,13 +31,13 @@ class Scale:
         return Scale(self.force * factors[0], self.torque * factors[1], self.thrust * factors[2])
 
     def words(self) -> str:
-        """For a legend: what 10 cm on the scene stand for."""
+        """For the legend: the force and torque of 10 cm in the scene."""
         force, torque, thrust = (0.1 / scale for scale in (self.force, self.torque, self.thrust))
         return f"10 cm: {force:.3g} N force, {torque:.3g} Nm torque, {thrust:.3g} N rotor thrust"
 
 
 def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
-    """Lengths that suit a vehicle of `size` [m] on a flight.
+    """Scale for a vehicle of `size` [m] on a flight.
 
     The weight is 1.7 sizes, the largest torque (99th percentile) 1.4 sizes, a rotor's share of the weight half a size.
     """
@@ -135,7 +135,7 @@ class Arrows:
         set_visible(self.thrusts, seen)
 
     def _worth(self, vector: Array) -> bool:
-        """Whether an arrow is known and longer than a thousandth of the vehicle."""
+        """Whether an arrow is finite and longer than a thousandth of the vehicle."""
         return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > 1e-3 * self._size
 
     def _arrows(self, name: str, colour: Colour, thick: float) -> Any:
@@ -150,6 +150,6 @@ def thickness(size: float, share: float) -> dict[str, float]:
 
 
 def set_visible(handle: Any, seen: bool) -> None:
-    """Assign only what changes: every assignment is a message."""
+    """Set `visible` only where it changes: every assignment sends a message."""
     if handle.visible != seen:
         handle.visible = seen

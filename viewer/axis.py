@@ -27,7 +27,7 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
 
 
 def limits(values: Array, floor: float = 0.0) -> tuple[float, float]:
-    """Range of an axis: all finite values with a little air, about their middle.
+    """Range of an axis: all finite values with a margin, about their middle.
 
     At least `floor`, 1e-6 [unit] and 1e-9 of the values high: below that a curve is rounding noise.
     """

@@ -1,4 +1,4 @@
-"""Long work beside the page: one thread a job, progress and result handed back under the page's lock."""
+"""Background jobs of the page: one thread each; progress and result are handed back under the page's lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Report = Callable[[float, str], None]
 
 
 class Job(threading.Thread):
-    """Work that runs; `cancel` makes its next report raise `Cancelled`, so that it ends there."""
+    """A running job. `cancel` makes its next report raise `Cancelled`, which ends it."""
 
     def __init__(self, name: str, run: Callable[[Job], None]) -> None:
         super().__init__(name=name, daemon=True)
@@ -31,12 +31,12 @@ class Job(threading.Thread):
         self._run(self)
 
     def cancel(self) -> None:
-        """Ask it to end at its next report; its result is thrown away."""
+        """Request the end at the next report; the result is discarded."""
         self.cancelled = True
 
 
 class Cancelled(Exception):
-    """Raised inside a job that nobody waits for any more."""
+    """Raised inside a cancelled job."""
 
 
 def start(

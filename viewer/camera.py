@@ -1,4 +1,4 @@
-"""Where the clients look from. Each client has a camera of its own; the page only places it when asked to."""
+"""Cameras of the clients. Each client has its own; the page places it only on request."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DIRECTIONS: dict[str, tuple[float, float, float]] = {
 
 
 class Cameras:
-    """Places the cameras of all clients, and of those that come later, around a vehicle of `size` [m].
+    """Places the cameras of all present and later clients around a vehicle of `size` [m].
 
     `fov` is their vertical field of view [rad], narrower than viser's, so that frames are not distorted.
     """

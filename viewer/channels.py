@@ -1,4 +1,4 @@
-"""Any channel of the log as a plot: a tab of the board in which channels are found by name, added and taken away."""
+"""Any channel of the log as a plot: a tab in which channels are found by name, added and removed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NONE = "(no channel of that name)"
 
 
 class ChannelPicker:
-    """The names of the channels that are plotted, kept when the flight changes; read when first asked for."""
+    """The names of the plotted channels, which stay when the flight changes; channels are read on first use."""
 
     def __init__(self, host: Host, board: Board, read: ReadChannels | None) -> None:
         self.host, self._read_all = host, read
@@ -42,7 +42,7 @@ class ChannelPicker:
         self._offer()
 
     def plots(self) -> list[Plot]:
-        """Plots of the chosen channels, as far as this log has them and they are read."""
+        """Plots of the chosen channels that this log has and that have been read."""
         known = self._known()
         return [channel_plot(name, known[name]) for name in self.names if name in known]
 
@@ -54,7 +54,7 @@ class ChannelPicker:
             self.host.replot()
 
     def read(self) -> None:
-        """Read all channels of the flight beside the page, unless that has been done."""
+        """Read all channels of the flight in the background, once."""
         flight, read = self.host.scene.name, self._read_all
         if flight in self._read or flight in self._reading:
             self._offer()

@@ -58,6 +58,6 @@ def line_colours(names: tuple[str, ...]) -> tuple[Colour, ...]:
 
 
 def css(colour: Colour, opacity: float = 1.0) -> str:
-    """As style sheets write it."""
+    """The colour as CSS text."""
     red, green, blue = colour
     return f"rgb({red},{green},{blue})" if opacity >= 1.0 else f"rgba({red},{green},{blue},{opacity:g})"

@@ -1,4 +1,4 @@
-"""The one cursor of the page: an instant on the flight's clock, and how it moves by itself while playing."""
+"""The cursor of the page: an instant on the flight's clock, which advances while the flight plays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wrenchgap.flight.flight import Array
 
 
 class Cursor:
-    """An instant of a flight. Whoever wants to know that it moved adds a function to `listeners`.
+    """An instant of a flight; functions in `listeners` are called when it moves.
 
     time [s]            the instant, always within the flight
     playing             whether it moves by itself, `speed` seconds of flight per second
@@ -43,12 +43,12 @@ class Cursor:
 
     @property
     def index(self) -> int:
-        """The flight's last instant that is not after the cursor."""
+        """Index of the last instant of the flight that is not after the cursor."""
         return max(int(np.searchsorted(self._clock, self.time + 1e-9, side="right")) - 1, 0)
 
     @property
     def playing(self) -> bool:
-        """Whether it moves by itself."""
+        """Whether the flight plays."""
         return self._playing.is_set()
 
     @playing.setter
@@ -56,13 +56,13 @@ class Cursor:
         (self._playing.set if on else self._playing.clear)()
 
     def open(self, time: Array) -> None:
-        """Take over the clock (K,) [s] of another flight and stand at its start; nobody is told."""
+        """Take the clock (K,) [s] of another flight and go to its start, without calling listeners."""
         with self._lock:
             self._clock, self.loop, self.playing = time, None, False
             self.time = self.start
 
     def go(self, time: float) -> None:
-        """Move to `time` [s], or as near as the flight reaches, and tell everybody. Not a number moves nothing."""
+        """Move to `time` [s], within the flight, and call listeners. A nan has no effect."""
         if not np.isfinite(time):
             return
         with self._lock:
@@ -93,14 +93,14 @@ class Cursor:
         return self._player is not None and self._player.is_alive()
 
     def advance(self, seconds: float) -> None:
-        """Move on as playing for `seconds` does: at the end of the loop, or of the flight, from its start again."""
+        """Advance as playing for `seconds` does; from the end of loop or flight it continues at the start."""
         with self._lock:
             start, stop = self.loop or (self.start, self.stop)
             ahead = self.time + self.speed * seconds
             self.go(ahead if start <= ahead <= stop else start)
 
     def _play(self) -> None:
-        """Advance by the time that really passed, so that a slow machine shows fewer frames and not a slower flight."""
+        """Advance by the time that passed, so that a slow machine shows fewer frames and not a slower flight."""
         last = clock.monotonic()
         while True:
             if not self._playing.is_set():

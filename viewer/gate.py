@@ -1,4 +1,4 @@
-"""Who may drive the page: checked for every request and every websocket handshake, before viser sees it.
+"""Access to the page: checked for every request and every websocket handshake, before viser sees it.
 
 Three locks, each enough against most of what tries (docs/decisions/0033-who-drives-the-page.md):
 
@@ -33,7 +33,7 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a request is not answered: an HTTP status and one line."""
+    """The refusal of a request: an HTTP status and one line."""
 
     status: HTTPStatus
     words: str
@@ -57,7 +57,7 @@ class Gate:
         return LOOPBACK[0] if self.host in ANYWHERE else self.host
 
     def passes(self, path: str, hosts: Sequence[str], origins: Sequence[str], port: int) -> str | Refusal:
-        """What `path` asks for behind the token, or why not. `hosts` and `origins` are all values of these headers."""
+        """The path behind the token, or the refusal. `hosts` and `origins` are all values of these headers."""
         if len(hosts) != 1 or not self._is_mine(hosts[0].lower(), port):
             where = f"{_address(self.name, port)} or {_address('localhost', port)}"
             return Refusal(HTTPStatus.FORBIDDEN, f"Host is not this page; open it as {where}, in a tunnel too.")
@@ -99,7 +99,7 @@ def exposed(host: str) -> bool:
 
 
 def _address(name: str, port: int) -> str:
-    """As a browser writes it in Host."""
+    """The address as a browser writes it in the Host header."""
     name = f"[{name}]" if ":" in name else name
     return name if port == 80 else f"{name}:{port}"
 

@@ -1,4 +1,4 @@
-"""What a panel, or any other part of the page, may ask of the page that hosts it."""
+"""The interface of the page for its panels and other parts."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Host(Protocol):
     _waiting: BoundedSemaphore
 
     def show(self, view: ViewState) -> None:
-        """Let this be seen instead, as far as the flight has it: every part follows."""
+        """Show this view, as far as the flight has it; all parts follow."""
 
     def view_of(self, client: Any) -> ViewState:
-        """What a client sees at this moment, to be saved: with time and camera."""
+        """The present view of a client with time and camera, to be saved."""
 
     def restore(self, view: ViewState, client: Any = None) -> None:
         """Show a view that was saved."""
@@ -57,13 +57,13 @@ class Host(Protocol):
         """Ask the session for the flight again after the model changed; the cursor stays where it is."""
 
     def replot(self) -> None:
-        """Make the plots anew after it changed which there are."""
+        """Rebuild the plots after their selection changed."""
 
     def show_ghost(self, name: str, motion: Motion) -> None:
-        """Offer a second vehicle for the flight shown, under a name, and show it."""
+        """Offer a second vehicle under a name for the present flight, and show it."""
 
     def curve(self, name: str, points: Array | None, colour: tuple[int, int, int]) -> None:
-        """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
+        """Draw a curve (N, 3) [m] in E under a name; None removes it."""
 
     def tab(self, label: str) -> Any:
         """A new tab of the control panel, as a context to put controls into."""
@@ -75,7 +75,7 @@ class Host(Protocol):
         handle.on_trigger(self.guarded(lambda _: act()))
 
     def guarded(self, callback: Callback) -> Callback:
-        """`callback` under the page's lock; what it raises is told to who caused it and does not end the page.
+        """`callback` under the page's lock; an error is reported to the client that caused it.
 
         What comes while too much waits is dropped: a click then does nothing, and a slider has a later value to give.
         """
@@ -100,7 +100,7 @@ class Host(Protocol):
         on_done: Callable[[T], None],
         on_error: Callable[[Exception], None] | None = None,
     ) -> Job:
-        """Do long work beside the page: `function(report)` on a thread, the others under the page's lock.
+        """Start a background job: `function(report)` on a thread, the other functions under the page's lock.
 
         `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
         user is told). `cancel()` of the job ends it at its next report.
@@ -111,7 +111,7 @@ class Host(Protocol):
 
     @property
     def crowded(self) -> bool:
-        """Whether so much work runs beside the page, or is still ending, that more must wait."""
+        """Whether `max_jobs` background jobs run or are still ending."""
         return sum(job.is_alive() for job in self._jobs) >= self.max_jobs
 
     def make_room(self) -> None:
@@ -120,15 +120,15 @@ class Host(Protocol):
             raise UsageError("earlier work is still ending; try again in a moment")
 
     def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0, client: Any = None) -> None:
-        """Tell a client something, or all of them, in a corner of the page."""
+        """Show a message in a corner of the page, to one client or to all."""
         for one in self.server.get_clients().values() if client is None else [client]:
             one.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
 
     def fail(self, error: Exception, client: Any = None) -> None:
-        """Tell a client, or all of them, what went wrong."""
+        """Show an error, to one client or to all."""
         self.notify(error_text(error), "error", 15.0, client)
 
 
 def download(client: Any, name: str, content: bytes) -> None:
-    """Let the browser of one client save a file; nobody else gets it."""
+    """Let the browser of this client save a file."""
     client.send_file_download(name, content, save_immediately=True)

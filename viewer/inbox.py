@@ -1,4 +1,4 @@
-"""What a client may send: every message is checked before viser acts on it, and what does not fit is dropped.
+"""Messages of clients: each is checked before viser acts on it, and dropped where it is not one the page expects.
 
 viser's client is a program that runs at whoever has the link, so what arrives is whatever he likes: viser would set any
 attribute of a control to any value, keep uploads of any size, and open a tunnel to a public server when asked. Here a
@@ -66,7 +66,7 @@ Check = Callable[[Any], bool]
 
 
 def _number(value: Any) -> bool:
-    """Finite and of this world; not a number compares as neither."""
+    """Whether it is a finite number of a plausible size."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LIMITS.number
 
 
@@ -83,7 +83,7 @@ def _vector(size: int) -> Check:
 
 
 def _picture(value: Any) -> bool:
-    """A PNG of one frame that is not too large to unpack, or empty, which says that there is none."""
+    """Whether it is a PNG of one frame of a plausible size, or empty, which means none."""
     if not isinstance(value, bytes) or (value and (len(value) < 24 or not value.startswith(PNG))):
         return False
     width, height = int.from_bytes(value[16:20], "big"), int.from_bytes(value[20:24], "big")
@@ -161,7 +161,7 @@ INPUTS = (
 """Kinds of controls that this page has for its users; viser would take a value for its progress bars as well."""
 
 
-def fits(control: Any, value: Any) -> bool:
+def is_possible(control: Any, value: Any) -> bool:
     """Whether a control that a client sees could have sent this value."""
     if not isinstance(control, INPUTS) or control.disabled or not control.visible:
         return False
@@ -191,14 +191,14 @@ class Inbox:
         self._uploads: dict[str, int] = {}
 
     def wait(self) -> float:
-        """Count a message; how long to leave the next ones unread [s], so that a flood stays with its sender."""
+        """Count a message; the time [s] for which the next ones stay unread, so that a flood stays with its sender."""
         now = self._clock()
         self._allowance = min(LIMITS.burst, self._allowance + LIMITS.rate * (now - self._at)) - 1.0
         self._at = now
         return max(0.0, -self._allowance / LIMITS.rate)
 
     def admits(self, raw: bytes | str) -> bool:
-        """Whether a message is one of those that the page knows, and has what it should."""
+        """Whether a message is one that the page expects, with plausible contents."""
         if isinstance(raw, str):
             return False
         try:
@@ -214,15 +214,15 @@ class Inbox:
             return False
         match kind:
             case "GuiUpdateMessage":
-                return fits(self._control(message["uuid"]), message["updates"]["value"])
+                return is_possible(self._control(message["uuid"]), message["updates"]["value"])
             case "FileTransferStartUpload":
-                return self._begins(message)
+                return self._admits_start(message)
             case "FileTransferPart":
-                return self._goes_on(message)
+                return self._admits_part(message)
         return True
 
-    def _begins(self, message: dict[str, Any]) -> bool:
-        """An upload to a button for it; not more at a time than a hand starts."""
+    def _admits_start(self, message: dict[str, Any]) -> bool:
+        """Whether an upload may start: to an upload button, and not too many at once."""
         button, transfer = self._control(message["source_component_uuid"]), message["transfer_uuid"]
         if not isinstance(button, viser.GuiUploadButtonHandle) or transfer in self._uploads:
             return False
@@ -232,8 +232,8 @@ class Inbox:
             self._uploads[transfer] = message["size_bytes"]
         return True
 
-    def _goes_on(self, message: dict[str, Any]) -> bool:
-        """A part of an upload that began, and of no more bytes than it said."""
+    def _admits_part(self, message: dict[str, Any]) -> bool:
+        """Whether a part belongs to a started upload and is within its size."""
         transfer = message["transfer_uuid"]
         rest = self._uploads.get(transfer, 0) - len(message["content"])
         if transfer not in self._uploads or rest < 0:

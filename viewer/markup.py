@@ -1,4 +1,4 @@
-"""HTML for the panels, from `templates/`: what comes from outside is escaped there; sizes fit a control panel."""
+"""HTML of the panels, from `templates/`, which escape all text; sizes fit a control panel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def render(template: str, **values: Any) -> str:
-    """HTML of a template of `templates/`; a value that it lacks is an error."""
+    """HTML of a template; a missing value is an error."""
     return _environment().get_template(f"{template}.html").render(**values)
 
 
@@ -30,7 +30,7 @@ def style() -> str:
 
 
 def banner(warnings: Sequence[str]) -> str:
-    """What checks said of a flight, to stand over the page; nothing where they said nothing."""
+    """The warnings of the checks of a flight, for the top of the page; empty without any."""
     return render("banner", warnings=list(warnings)) if warnings else ""
 
 

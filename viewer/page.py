@@ -1,4 +1,4 @@
-"""A page in the browser: a flight in 3D, plots over one time, and panels that ask what the model lacks.
+"""The page in the browser: a flight in 3D, plots, and panels.
 
 page = Page(session)           # serves page.url: http://127.0.0.1:8080/ and a token
 page.cursor.go(12.5)
@@ -61,12 +61,12 @@ class Page(Host):
 
     @property
     def url(self) -> str:
-        """The link to it, for a browser on this machine: whoever has it may drive the page."""
+        """The link to the page, for a browser on this machine; it gives full access."""
         return self.gate.url(self.port)
 
     @property
     def port(self) -> int:
-        """On which it listens."""
+        """The port on which the page listens."""
         return int(self.server.get_port())
 
     def open(self, name: str) -> None:
@@ -84,7 +84,7 @@ class Page(Host):
             self._fill(self.session.scene(self.scene.name))
 
     def show(self, view: ViewState) -> None:
-        """Let this be seen of the flight, as far as the flight has it: every part follows."""
+        """Show this view, as far as the flight has it; all parts follow."""
         with self.lock, self.server.atomic():
             for part in self._parts:
                 view = part.possible(view)
@@ -107,7 +107,7 @@ class Page(Host):
                 self.cameras.place(position, look_at, None if client is None else [client])
 
     def view_of(self, client: Any = None) -> ViewState:
-        """What is seen at this moment, to be saved: with the time, and the camera of a client where one is given."""
+        """The present view with the time, and the camera of a client where one is given, to be saved."""
         camera = None
         if client is not None:
             (a, b, c), (d, e, f) = (map(float, p) for p in (client.camera.position, client.camera.look_at))
@@ -115,20 +115,20 @@ class Page(Host):
         return replace(self.view, flight=self.scene.name, time=self.cursor.time, camera=camera)
 
     def replot(self) -> None:
-        """Make the plots anew after it changed which there are."""
+        """Rebuild the plots after their selection changed."""
         with self.lock, self.server.atomic():
             self.board.fill([*plots_of(self.scene), *self.channels.plots()], self.transport.plotted)
             self.board.move(self.cursor.time)
 
     def show_ghost(self, name: str, motion: Motion) -> None:
-        """Offer a second vehicle for the flight shown, under a name, and show it."""
+        """Offer a second vehicle under a name for the present flight, and show it."""
         with self.lock, self.server.atomic():
             self.scene_panel.offer_ghost(name, motion)
             self.show(replace(self.view, ghost=name, ghost_shift=0.0))
             self._draw()
 
     def curve(self, name: str, points: Array | None, colour: tuple[int, int, int]) -> None:
-        """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
+        """Draw a curve (N, 3) [m] in E under a name; None removes it."""
         self.drawing.curve(name, points, colour)
 
     def stop(self, patience: float = 2.0) -> None:
@@ -210,6 +210,6 @@ class Page(Host):
             self._legend.content = legend
 
     def _left(self, client: Any) -> None:
-        """The last client has gone: nobody watches, so nothing plays."""
+        """Pause after the last client has left."""
         if not self.server.get_clients():
             self.transport.playing(False)

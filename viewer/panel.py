@@ -1,4 +1,4 @@
-"""What a panel of the page is: a tab with controls of its own that follows flight, view and cursor; what it is made of.
+"""Panels of the page: tabs with controls that follow flight, view and cursor; and their parts.
 
 viser 1.1 tells of clicks on buttons, but not of clicks on plots, images or HTML. An HTML label, though, presses the
 button that it is for, and viser's buttons carry their id: every link in HTML is a label for a button that is not seen.
@@ -19,18 +19,18 @@ from wrenchgap.viewer.view_state import ViewState
 T = TypeVar("T")
 
 LONG = 120.0
-"""Flights longer than this are looked at beside the page [s]."""
+"""Flights longer than this [s] are evaluated in the background."""
 HIDDEN = "<span class='wrenchgap-links'></span>"
 """Hides whatever follows in the same tab, by the style sheet."""
 
 
 def is_long(scene: Scene) -> bool:
-    """Whether looking at a flight would keep the page waiting."""
+    """Whether evaluating a flight would block the page."""
     return bool(scene.time[-1] - scene.time[0] > LONG)
 
 
 class Part:
-    """Whatever follows flight and view: the panels and the controls of time. Called under the page's lock."""
+    """A panel, or the controls of time: a part of the page that follows flight and view, under the page's lock."""
 
     def __init__(self, host: Host) -> None:
         self.host = host
@@ -43,7 +43,7 @@ class Part:
         return view
 
     def viewed(self, view: ViewState) -> None:
-        """Another view is shown: controls take its values."""
+        """Another view is shown: the controls take its values."""
 
 
 class Panel(Part):
@@ -51,12 +51,12 @@ class Panel(Part):
 
     _looking: Job | None = None
 
-    def look_up(self, of: Callable[[], T], show: Callable[[T], None], *, beside: bool) -> None:
-        """`show(of())` at once, or `beside` the page as soon as it stands. What was asked before is given up."""
+    def look_up(self, of: Callable[[], T], show: Callable[[T], None], *, in_background: bool) -> None:
+        """Call `show(of())` now, or in the background. An earlier call that still runs is dropped."""
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
-        if not beside or self.host.crowded:
+        if not in_background or self.host.crowded:
             show(of())
             return
 
@@ -68,7 +68,7 @@ class Panel(Part):
 
 
 class Links:
-    """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
+    """The links of one tab, constructed inside it. Call `start` before its HTML is rebuilt, then `to` for each."""
 
     last = 1e6
     """Order of the buttons in their tab: behind everything that is seen."""
@@ -82,7 +82,7 @@ class Links:
         self._actions: list[Callable[[], None]] = []
 
     def start(self) -> None:
-        """Forget the links that were there; their buttons are used again."""
+        """Remove the links; their buttons are reused."""
         self._actions = []
 
     def to(self, action: Callable[[], None]) -> str:
@@ -103,7 +103,7 @@ class Links:
 
 
 class JobControls:
-    """Controls of one kind of long work; at most one is running.
+    """Controls of one kind of background job; at most one runs.
 
     `ask` is called when the button is pressed, by `client`.
     """
@@ -126,11 +126,11 @@ class JobControls:
 
     @property
     def running(self) -> bool:
-        """Whether work is under way."""
+        """Whether the job runs."""
         return self._job is not None
 
     def start(self, function: Callable[[Report], T], on_done: Callable[[T], None]) -> None:
-        """Run it beside the page; what was running is cancelled, the last one asked for wins."""
+        """Start the job in the background; one that runs is cancelled."""
         self.host.make_room()
         self.cancel()
         self._showing(True)
@@ -151,7 +151,7 @@ class JobControls:
         self._job = self.host.background(function, self._progress, done, failed)
 
     def cancel(self) -> None:
-        """End what is running; nothing comes of it."""
+        """Cancel the running job and discard its result."""
         if self._job is not None:
             self._job.cancel()
             self._ended()

@@ -1,4 +1,4 @@
-"""The plots beside the scene: one chart each, all over one range of time, with the cursor drawn on top.
+"""The plots next to the scene: one chart each over a common range of time, with the cursor on top.
 
 While the flight plays, only the cursor's line and the values at it are sent; a chart's data are sent when its range or
 its flight changes. Zooming is therefore done here and not in the charts, which also keeps peaks
@@ -48,7 +48,7 @@ CHART = Geometry()
 
 @dataclass(frozen=True)
 class View:
-    """What all charts share: the range [s] they show, the marks A and B [s], stretches to shade, by style."""
+    """Common settings of all charts: range [s], marks A and B [s], and gaps to shade."""
 
     start: float
     stop: float
@@ -57,7 +57,7 @@ class View:
     loop: tuple[float, float] | None = None
 
     def place(self, time: float) -> float | None:
-        """Where an instant lies, 0 left to 1 right; None outside."""
+        """Place of an instant, from 0 (left) to 1 (right); None outside."""
         share = (time - self.start) / max(self.stop - self.start, 1e-9)
         return share if -1e-9 <= share <= 1.0 + 1e-9 else None
 
@@ -74,12 +74,12 @@ class Chart:
     last: dict[str, str] = field(default_factory=dict)
 
     def remove(self) -> None:
-        """Take it off the page."""
+        """Remove the chart from the page."""
         for handle in (self.head, self.marks, self.cursor, self.chart):
             handle.remove()
 
     def put(self, part: str, content: str) -> None:
-        """Renew one of the HTML parts if it changes."""
+        """Set one of the HTML parts if it changes."""
         if self.last.get(part) != content:
             self.last[part] = content
             getattr(self, part).content = content
@@ -97,7 +97,7 @@ class Board:
         self._read_at, self._time = 0.0, np.nan
 
     def tab(self, group: str) -> Any:
-        """The tab of a group, made when it is first asked for."""
+        """The tab of a group, created on first use."""
         if group not in self._tabs:
             self._tabs[group] = self.panel.add_tab(group)
         return self._tabs[group]
@@ -128,7 +128,7 @@ class Board:
         self.move(self._time)
 
     def move(self, time: float, *, quick: bool = False, period: float = 0.1) -> None:
-        """Draw the cursor at an instant; with `quick`, the values at it once in a `period` [s]: nobody reads faster."""
+        """Draw the cursor at an instant; with `quick`, update the values only every `period` [s]."""
         self._time = time
         share = self.view.place(time)
         line = _over([], [] if share is None else [("", 100.0 * share, css(PALETTE.cursor), 1.5)])
@@ -226,7 +226,7 @@ def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
 
 
 def _number(value: float) -> str:
-    """Some digits, and always as wide as its neighbours."""
+    """The value with a fixed width."""
     return f"{value:+.3f}" if abs(value) < 10 else f"{value:+.2f}" if abs(value) < 1000 else f"{value:+.0f}"
 
 

@@ -1,4 +1,4 @@
-"""Which plots a flight gets, and what lies in each: from the quantities of a scene to titles, colours and lines."""
+"""The plots of a flight: from the quantities of a scene to titles, colours and lines."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Line:
 
     @property
     def width(self) -> float:
-        """In pixels: the measurement is wide, so that what lies on it shows it where they agree."""
+        """Width [px]: the measurement is wide, so that it stays visible under a prediction that agrees."""
         return 2.2 if self.name == "measured" else 1.2
 
 
@@ -58,7 +58,7 @@ class Plot:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What must be equal for a chart to take over the data of another plot."""
+        """The properties that must agree for a chart to take the data of another plot."""
         return (
             self.group,
             self.title,
@@ -71,7 +71,7 @@ class Plot:
         return self._at(time, [line.values for line in self.lines])
 
     def sigma_at(self, time: float) -> Array:
-        """Their standard deviations, nan where there is none."""
+        """Standard deviations of all lines at that sample, nan where there is none."""
         return self._at(time, [line.sigma for line in self.lines])
 
     def _at(self, time: float, columns: Sequence[Array | None]) -> Array:

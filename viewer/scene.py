@@ -1,4 +1,4 @@
-"""What the page shows: flights ready to be drawn, second vehicles, series to be plotted. Plain data."""
+"""Data of the page: flights to draw, second vehicles, series to plot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wrenchgap.flight.flight import Array
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of flight that is worth a look: [start, stop] [s], and why, in a few words."""
+    """A part of a flight, [start, stop] [s], and the reason to look at it."""
 
     start: float
     stop: float
@@ -21,7 +21,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Motion:
-    """How a second vehicle moves, to be drawn as a ghost: on the clock of the flight that it is compared with.
+    """Motion of a second vehicle (a ghost), on the clock of the flight that it is compared with.
 
     time (K,) [s]                       strictly increasing
     position_E (K, 3), quat_EB (K, 4)   its body

@@ -1,4 +1,4 @@
-"""Everything in the scene. Lengths in metres, z up.
+"""Drawing of the scene. Lengths in metres, z up.
 
 /world                      where the flight is; with the following camera it moves and the body stays
 /world/body                 pose of B, see `viewer.vehicle_shape`; its arrows, see `viewer.arrows`
@@ -29,7 +29,7 @@ NOTHING = "nothing"
 
 @dataclass(frozen=True)
 class Shown:
-    """What of the scene is to be seen: the switches of the page. `hidden` are names of wrenches.
+    """Switches of the page for the parts of the scene. `hidden` are names of wrenches.
 
     `along` is what stands along the path: "nothing", "frames", or "force NAME", "torque NAME"; every `spacing` [s].
     `factors` multiply the lengths of forces, torques and thrusts.
@@ -106,7 +106,7 @@ class Drawing:
             self._paths.append(self._path("/world/reference_path", flight.time, flight.reference_position_E, pink, 1.0))
 
     def show(self, index: int, shown: Shown) -> None:
-        """Move everything to instant `index`."""
+        """Move all objects to instant `index`."""
         flight = self.flight
         assert flight is not None
         position = flight.position_E[index]
@@ -123,7 +123,7 @@ class Drawing:
             self._scene.configure_default_lights(cast_shadow=shown.shadows)
 
     def curve(self, name: str, points: Array | None, colour: Colour = (20, 160, 150)) -> None:
-        """Draw a curve (N, 3) [m] in E under a name, in place of what had that name; None takes it away."""
+        """Draw or replace a curve (N, 3) [m] in E under a name; None removes it."""
         old = self._curves.pop(name, None)
         if old is not None:
             old.remove()
@@ -164,7 +164,7 @@ class Drawing:
             self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
 
     def _show_along(self, flight: Scene, shown: Shown) -> None:
-        """Frames or arrows along the path; made anew only when what is asked for changes."""
+        """Draw frames or arrows along the path, again only when the settings change."""
         key = (shown.along, shown.spacing, self.scale)
         if key == self._along_key:
             return

@@ -1,4 +1,4 @@
-"""viser's server behind our gate, and all that this takes from viser's private parts.
+"""viser's server behind the gate of the page; all uses of private parts of viser are here.
 
 viser 1.1 has no hook for who may connect or what a client may send. It serves through `websockets`, which has both:
 `process_request` and `create_connection`. So while viser's server starts, its call of `serve` gets them from here. A
@@ -49,7 +49,7 @@ def serve(host: str, port: int) -> tuple[Any, Gate]:
     """
     port = free_port(host, port)
     for name in ("websockets.server", "asyncio"):
-        logging.getLogger(name).addFilter(_no_strangers)
+        logging.getLogger(name).addFilter(_has_page)
     gate, found = Gate(host, own_scripts()), _Controls()
     with _starting, _guarded(gate, found) as guarded, redirect_stdout(io.StringIO()):  # viser announces itself
         server = viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)
@@ -118,7 +118,7 @@ class _Controls:
 
 
 class _Connection(websockets.ServerConnection):
-    """One client, of whose messages viser gets those that its inbox admits."""
+    """Connection of one client; viser gets the messages that its inbox admits."""
 
     def __init__(self, *given: Any, inbox: Inbox, **options: Any) -> None:
         super().__init__(*given, **options)
@@ -186,8 +186,8 @@ def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[...
     return process
 
 
-def _no_strangers(record: logging.LogRecord) -> bool:
-    """Whether a record is not about who has no page: each has a traceback, and whoever reaches the port makes them.
+def _has_page(record: logging.LogRecord) -> bool:
+    """Whether a log record is not about a connection without a page: anybody who reaches the port causes such records.
 
     What is no GET, e.g. `curl -I` or a port scan, is refused; without a free file descriptor, accept waits a second.
     """

@@ -1,4 +1,4 @@
-"""Whom the page asks: a working session.
+"""The protocol of a working session, which the page uses.
 
 The page knows no logs, fits or compensators. It asks a `Session` for flights that are ready to be drawn, on one clock,
 with every quantity in the frames of `flight.flight`. `replay` implements it; a test may do so in ten lines.
@@ -25,7 +25,7 @@ MakePanel = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What only some sessions can do: tabs of their own (`panels`); what is None has no controls on the page."""
+    """Optional features of a session, such as its own tabs (`panels`); those that are None have no controls."""
 
     panels: Sequence[MakePanel] = ()
     channels: ReadChannels | None = None
@@ -33,7 +33,7 @@ class Capabilities:
 
 
 class Session(Protocol):
-    """What the page may ask of every session."""
+    """The interface of every session."""
 
     vehicle: Vehicle
     """The vehicle to draw."""

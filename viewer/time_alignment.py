@@ -1,4 +1,4 @@
-"""Two flights of the same manoeuvre, aligned in time by how they turn and climb."""
+"""Alignment in time of two flights of the same manoeuvre, by attitude and height."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controls of time, above the tabs and always in sight: slider, play, step, speed, jumps, the marks A and B, range.
+"""The controls of time above the tabs: slider, play, step, speed, jumps, the marks A and B, range.
 
 Marks A and B are two more cursors: the plots say how much each line changes between them, and playing can be kept to
 the stretch that they bound.
@@ -75,7 +75,7 @@ class Transport(Part):
 
     @property
     def plotted(self) -> View:
-        """What the plots show."""
+        """Shown range of the plots."""
         marks = tuple(sorted(self.host.view.marks.items()))
         return View(*self._range, marks, self.host.scene.gaps, self._cursor.loop)
 
@@ -113,11 +113,11 @@ class Transport(Part):
             self._board.look(self.plotted)
 
     def set_marks(self, marks: Mapping[str, float], loop: bool) -> None:
-        """Put the marks A and B somewhere [s], within the flight; play between them if `loop`."""
+        """Set the marks A and B [s] within the flight; with `loop`, play between them."""
         self.host.show(replace(self.host.view, marks=dict(marks), loop=loop))
 
     def next_stretch(self, way: int) -> None:
-        """Go to the next of the worst stretches and gaps (+1), or to the one before (-1)."""
+        """Go to the next (+1) or previous (-1) of the worst parts and gaps."""
         starts = np.array(sorted(s.start for s in self._stretches.values()))
         if starts.size:
             later = starts[starts > self._cursor.time + 1e-3] if way > 0 else starts[starts < self._cursor.time - 1e-3]
@@ -149,7 +149,7 @@ class Transport(Part):
             self._board.look(self.plotted)
 
     def _dragged(self, event: Any) -> None:
-        """A client moved the slider; when the page did, everything has moved already."""
+        """A client moved the slider; a move by the page needs no action."""
         if event.client_id is not None:
             self._cursor.go(float(self.slider.value))
 

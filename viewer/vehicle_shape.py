@@ -1,4 +1,4 @@
-"""A vehicle as viser scene nodes, whatever its geometry: hull, arms that tilt, rotor discs that say how they turn.
+"""A vehicle of any geometry as viser scene nodes: hull, tilting arms, rotor discs with their turning direction.
 
 ROOT                pose of B               ROOT/arm0 ...   poses of the arms, tilted    ROOT/arm0/disc0 ...
 """
@@ -65,7 +65,7 @@ class VehicleShape:
             self._arms(vehicle.arms)
 
     def move(self, position_E: Array, quat_EB: Array, tilt: Array | None) -> None:
-        """Put the body (3,), (4,) and the arms (A,) [rad] somewhere; unknown tilts change nothing."""
+        """Set the pose of the body (3,), (4,) and the angles of the arms (A,) [rad]; nan angles stay."""
         self.frame.position, self.frame.wxyz = position_E, quat_EB
         arms = self._vehicle.arms
         if arms is None or tilt is None or not np.isfinite(tilt).all():

@@ -1,4 +1,4 @@
-"""What is seen of a flight, as a frozen state; saved and opened again, by a colleague or on the next log, as JSON.
+"""The view of a flight as a frozen state, saved as JSON and opened again, also on another log.
 
     {"schema": "wrenchgap.view/1", "flight": "test", "time": 12.5, "marks": {"A": 3.0, "B": 4.0}, "loop": true,
      "zoom": "10 s", "speed": "1", "shown": {...}, "channels": [...], "ghost": "nothing", "ghost_shift": 0.0,
@@ -54,13 +54,13 @@ class ViewState:
 
 
 def read(path: Path) -> ViewState:
-    """A view from its file. Raises UsageError where there is none."""
+    """The view in a file. Raises UsageError for a file that holds none."""
     text = text_of(path, "as --view", UsageError, "; expected what `Save view` wrote")
     return parse(text, f"--view {path}")
 
 
 def parse(text: str, where: str = "saved view") -> ViewState:
-    """A view from its JSON. Raises UsageError, naming the entry, for anything that is none."""
+    """The view in a JSON text. Raises UsageError that names the invalid entry."""
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:

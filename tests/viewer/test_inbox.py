@@ -10,7 +10,7 @@ import viser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchgap.viewer.inbox import FIELDS, LIMITS, PNG, Inbox, fits
+from wrenchgap.viewer.inbox import FIELDS, LIMITS, PNG, Inbox, is_possible
 from wrenchgap.viewer.serving import serve
 
 
@@ -109,7 +109,7 @@ def test_messages_with_fields_of_any_kind_raise_nothing(inbox, controls, data, k
     admitted = inbox.admits(packed(kind, **fields))
     assert isinstance(admitted, bool)
     if admitted and kind == "GuiUpdateMessage":
-        assert fits(controls[fields["uuid"]], fields["updates"]["value"])
+        assert is_possible(controls[fields["uuid"]], fields["updates"]["value"])
 
 
 def test_the_types_are_those_of_this_viser():

@@ -1,1 +1,1 @@
-"""Tabs of every page: the scene, what leaves the page, notes. Sessions bring others (`Capabilities.panels`)."""
+"""Tabs of every page: scene, export, notes. Sessions bring others (`Capabilities.panels`)."""

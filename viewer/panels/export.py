@@ -1,4 +1,4 @@
-"""The tab of what leaves the page: picture, table, report, and the view itself, to be opened again elsewhere."""
+"""The tab of exports: picture, table, report, and the view, which can be opened again elsewhere."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
 
 
 class ExportPanel(Panel):
-    """Downloads go to the client that asked for them and to nobody else."""
+    """Export controls. A download goes only to the client that requested it."""
 
     def __init__(self, host: Host, board: Board, caption: Callable[[], Caption]) -> None:
         super().__init__(host)

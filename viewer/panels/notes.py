@@ -1,4 +1,4 @@
-"""The tab of what a user should know about the flight: where the model is worst, and the notes of the reader."""
+"""The tab of notes: the parts of the flight with the largest error, and the notes of the reader."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = (
 
 
 class NotesPanel(Panel):
-    """Checks of the log, buttons to the worst stretches, notes, keys."""
+    """Checks of the log, buttons to the worst parts, notes, keys."""
 
     def __init__(self, host: Host) -> None:
         super().__init__(host)
@@ -33,7 +33,7 @@ class NotesPanel(Panel):
         self._content: list[Any] = []
 
     def opened(self, scene: Scene) -> None:
-        """Those of the flight."""
+        """Show the notes of the flight."""
         for handle in self._content:
             handle.remove()
         gui = self.host.gui

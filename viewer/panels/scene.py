@@ -1,4 +1,4 @@
-"""The tab of the scene: what is drawn, how long arrows are, from where it is looked at, and beside which ghost."""
+"""The tab of the scene: its contents, lengths of arrows, camera, and ghost."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class ScenePanel(Panel):
         self.boxes: dict[str, Any] = {}
 
     def opened(self, scene: Scene) -> None:
-        """One switch per wrench; what is hidden stays hidden."""
+        """One switch per wrench; hidden wrenches stay hidden."""
         for box in self.boxes.values():
             box.remove()
         self.boxes = {}
@@ -74,13 +74,13 @@ class ScenePanel(Panel):
         self.ghost.options = (NOTHING, *self.ghost_names())
 
     def possible(self, view: ViewState) -> ViewState:
-        """Only wrenches and ghosts that this flight has."""
+        """The view with only the wrenches and ghosts of this flight."""
         along = view.shown.along if view.shown.along in self.along.options else NOTHING
         ghost = view.ghost if view.ghost in self.ghost.options else NOTHING
         return replace(view, shown=replace(view.shown, along=along), ghost=ghost)
 
     def viewed(self, view: ViewState) -> None:
-        """Switches, ghost and camera of the view."""
+        """Take the switches, ghost and camera of the view."""
         shown = view.shown
         for name in SWITCHES:
             getattr(self, name).value = getattr(shown, name)
@@ -109,12 +109,12 @@ class ScenePanel(Panel):
         self._switch(hidden=hidden - {name} if self.boxes[name].value else hidden | {name})
 
     def ghost_names(self) -> tuple[str, ...]:
-        """What can be shown as a second vehicle beside the flight: what panels made, and the other flights."""
+        """Names of the second vehicles: those that panels offer, and the other flights."""
         shown = self.host.scene.name
         return (*self._ghosts.get(shown, {}), *(name for name in self.host.session.flights if name != shown))
 
     def ghost_of(self, name: str) -> Motion | None:
-        """One of them; another flight begins when this one does."""
+        """The motion of a ghost; another flight starts with this one."""
         scene = self.host.scene
         made = self._ghosts.get(scene.name, {}).get(name)
         if made is not None or name not in self.host.session.flights:
@@ -123,7 +123,7 @@ class ScenePanel(Panel):
         return replace(motion, time=motion.time - motion.time[0] + scene.time[0])
 
     def offer_ghost(self, name: str, motion: Motion) -> None:
-        """Another one for the flight shown, in place of what had its name."""
+        """Add or replace a ghost of the present flight."""
         self._ghosts.setdefault(self.host.scene.name, {})[name] = motion
         self.ghost.options = (NOTHING, *self.ghost_names())
         self.viewed(self.host.view)
@@ -145,7 +145,7 @@ class ScenePanel(Panel):
         self._cameras.look("oblique", 0.5 * (low + high), extent, clients)
 
     def legend_rows(self) -> list[tuple[str, Colour]]:
-        """Names and colours of what is to be seen."""
+        """Names and colours of the visible parts."""
         view, scene = self.host.view, self.host.scene
         shown = view.shown
         rows = [("body frame", PALETTE.body)]
@@ -156,7 +156,7 @@ class ScenePanel(Panel):
         return rows + ([(f"ghost: {view.ghost}", PALETTE.ghost)] if view.ghost != NOTHING else [])
 
     def legend(self) -> str:
-        """The same as HTML, with the lengths."""
+        """The legend as HTML, with the scale."""
         shown = self.host.view.shown
         return markup.render(
             "legend",
@@ -192,7 +192,7 @@ class ScenePanel(Panel):
         return slider
 
     def _align(self) -> None:
-        """Shift the ghost so that it does what the vehicle does when the vehicle does it."""
+        """Shift the ghost in time to align its motion with that of the vehicle."""
         motion = self.ghost_of(self.host.view.ghost)
         if motion is None:
             self.host.notify("Choose a second vehicle first.", "warning")

@@ -118,7 +118,7 @@ class EffectsPanel(Panel):
         beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
         if beside:
             self._climb((), f"looking at {scene.name} ...")
-        self.look_up(partial(self.effects.staircases, scene.name), self._climb, beside=beside)
+        self.look_up(partial(self.effects.staircases, scene.name), self._climb, in_background=beside)
 
     def _climb(self, staircases: tuple[Staircase, ...], words: str = "") -> None:
         self.stairs.content = html.render("model", state=self.state, staircases=staircases, words=words)

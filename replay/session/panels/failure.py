@@ -69,7 +69,7 @@ class FailurePanel(Panel):
         if beside and (self.failure is None or self.failure.flight != name):
             self.failure, self.parts.content = None, ""
             self.map.content = sentences(f"looking at {name} ...", look="wg-pale")
-        self.look_up(partial(self.failures.of, name), self._show, beside=beside)
+        self.look_up(partial(self.failures.of, name), self._show, in_background=beside)
 
     def _show(self, failure: Failure) -> None:
         self.failure, self.budget = failure, failure.budget
