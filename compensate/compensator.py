@@ -245,7 +245,7 @@ class Compensator:
             self.forget()
             zero = np.zeros(len(AXES))
             return Result(wrench, zero, zero, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
-        here = [f.here(state) for f in self._following]
+        here = [f.model_at(state) for f in self._following]
         model = self._model = Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
         if len(here) > 1:
@@ -267,7 +267,7 @@ class Compensator:
             self.forget()
         else:
             for follower in self._following:
-                follower.sent(command)
+                follower.record(command)
         took = perf_counter() - started
         return Result(
             command, correction, found, sigma, beta, cost, iterations, optimum.accepted, limited, trouble, took
@@ -281,7 +281,7 @@ class Compensator:
     def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
         if state is None and self.needs_state:
             for follower in self._following:
-                follower.here(None)  # says which model it is that needs the state
+                follower.model_at(None)  # says which model it is that needs the state
         row = fast.one(wrench, state)
         self._stepped = True
         return result_of(row.copy(), fast.trouble, perf_counter() - started)

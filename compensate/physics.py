@@ -27,7 +27,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
-from wrenchgap.plant.state import Commands, State, joined
+from wrenchgap.plant.state import Commands, State, concatenated
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
@@ -76,14 +76,14 @@ class PhysicsFollower:
         self._memory: dict[str, Any] | None = None
         self._here: PhysicsHere | None = None
 
-    def here(self, state: State | None, /) -> PhysicsHere:
+    def model_at(self, state: State | None, /) -> PhysicsHere:
         """See `plant.mismatch.Follower`."""
         if state is None:
             raise UsageError("physics in the compensation needs the state: call Compensator.step(wrench_des, state)")
         self._here = PhysicsHere(self._physics, self._allocation, self._dt, state, self._tilt, self._memory)
         return self._here
 
-    def sent(self, wrench_cmd: Array, /) -> None:
+    def record(self, wrench_cmd: Array, /) -> None:
         """See `plant.mismatch.Follower`."""
         assert self._here is not None
         commands = self._here.allocated(wrench_cmd[None])
@@ -165,7 +165,7 @@ class PhysicsHere:
         for k in range(len(commands.wrench_B)):
             held, _ = model.command(commands.take(np.full(count, k)), state, self.dt, self.memory)
             found.append(_last(held, count - ahead))
-        return joined(found)
+        return concatenated(found)
 
 
 def _last(held: Commands, back: float) -> Commands:
@@ -183,11 +183,11 @@ class Fixed:
 
     model: MismatchModel
 
-    def here(self, state: State | None, /) -> MismatchModel:
+    def model_at(self, state: State | None, /) -> MismatchModel:
         """See `plant.mismatch.Follower`."""
         return self.model
 
-    def sent(self, wrench_cmd: Array, /) -> None:
+    def record(self, wrench_cmd: Array, /) -> None:
         """See `plant.mismatch.Follower`."""
 
 

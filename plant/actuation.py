@@ -68,11 +68,11 @@ def rotor_wrench(actuation: Actuation) -> Array:
 
 def _wrench_of_thrusts(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
     """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts."""
-    if rotor_kernels.many(thrust, turn):
+    if rotor_kernels.is_batch(thrust, turn):
         arms, rotors = vehicle.geometry()
         arm, drag = np.ascontiguousarray(rotors.arm), np.ascontiguousarray(rotors.spin * rotors.kappa)
-        place = rotor_kernels.whole(arms.normal_B, arms.lateral_B, arms.position_B)
-        thrust, turn = rotor_kernels.whole(thrust, turn)
+        place = rotor_kernels.contiguous(arms.normal_B, arms.lateral_B, arms.position_B)
+        thrust, turn = rotor_kernels.contiguous(thrust, turn)
         return np.asarray(rotor_kernels.rotor_wrench(arm, thrust, turn, drag, *place))
     sums, wrench = _matrices(vehicle)
     per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques

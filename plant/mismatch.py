@@ -88,13 +88,13 @@ class Judged(Protocol):
 class Follower(Protocol):
     """Keeps the further inputs of a mismatch model: the motion, and the commands that were sent."""
 
-    def here(self, state: State | None, /) -> MismatchModel:
+    def model_at(self, state: State | None, /) -> MismatchModel:
         """The mismatch as a function of the next command alone, in this state (N = 1), called once per period.
 
         Raises UsageError where the state is needed and None.
         """
 
-    def sent(self, wrench_cmd: Array, /) -> None:
+    def record(self, wrench_cmd: Array, /) -> None:
         """The command (6,) that went out in this period."""
 
 
@@ -111,7 +111,7 @@ class Follows(Protocol):
         """Whether its followers need the state."""
 
     def follow(self, dt: float) -> Follower:
-        """A follower without a past; `here` will be called every `dt` [s]."""
+        """A follower without a past; `model_at` will be called every `dt` [s]."""
 
 
 def needs_state(model: MismatchModel | Follows) -> bool:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def many(*arrays: Any, least: int = 64) -> bool:
+def is_batch(*arrays: Any, least: int = 64) -> bool:
     """Whether these are arrays of numbers with `least` samples: a closed loop has one, a trace no numbers."""
     return all(type(a) is np.ndarray and a.dtype == np.float64 and len(a) >= least for a in arrays)
 
 
-def whole(*arrays: Array) -> tuple[Array, ...]:
+def contiguous(*arrays: Array) -> tuple[Array, ...]:
     """The same, each in one run of memory: a kernel is compiled once for each way in which its arrays lie."""
     return tuple(np.ascontiguousarray(a) for a in arrays)
 

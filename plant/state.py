@@ -28,11 +28,11 @@ def rows(item: Arrays, index: Index) -> Arrays:
     return replace(item, **taken)  # type: ignore[type-var]
 
 
-def joined(parts: Sequence[Arrays]) -> Arrays:
+def concatenated(parts: Sequence[Arrays]) -> Arrays:
     """The parts one after the other; None where one of them is None."""
     columns = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
-    whole = {n: None if any(v is None for v in c) else np.concatenate(c) for n, c in columns.items()}
-    return replace(parts[0], **whole)  # type: ignore[type-var]
+    contiguous = {n: None if any(v is None for v in c) else np.concatenate(c) for n, c in columns.items()}
+    return replace(parts[0], **contiguous)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Posture:
     tilt: Array
     _held: dict[str, Array] = field(default_factory=dict, repr=False)
 
-    def hold(self, name: str, make: Callable[[], Array]) -> Array:
+    def cached(self, name: str, make: Callable[[], Array]) -> Array:
         """The array of this name, computed once; for effects, too, that derive one from the angles alone."""
         if name not in self._held:
             self._held[name] = make()
@@ -118,30 +118,30 @@ class Posture:
     @property
     def turn(self) -> Array:
         """Cosines, then sines of the angles (N, 2A)."""
-        return self.hold("turn", lambda: _turned(self.tilt))
+        return self.cached("turn", lambda: _turned(self.tilt))
 
     @property
     def arm_normal_B(self) -> Array:
         """Unit thrust directions of the arms (N, A, 3): cos(alpha) n_0 + sin(alpha) a x n_0."""
-        return self.hold("arm_normal_B", lambda: (self.turn @ _directions(self.vehicle)).reshape(*self.tilt.shape, 3))
+        return self.cached("arm_normal_B", lambda: (self.turn @ _directions(self.vehicle)).reshape(*self.tilt.shape, 3))
 
     @property
     def normal_B(self) -> Array:
         """Unit thrust directions of the rotors (N, R, 3)."""
         _, rotors = self.vehicle.geometry()
-        return self.hold("normal_B", lambda: self.arm_normal_B[:, rotors.arm])
+        return self.cached("normal_B", lambda: self.arm_normal_B[:, rotors.arm])
 
     @property
     def hub_B(self) -> Array:
         """Positions of the rotors (N, R, 3) from O [m]."""
         arms, rotors = self.vehicle.geometry()
-        return self.hold("hub_B", lambda: arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
+        return self.cached("hub_B", lambda: arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
 
 
 def _turned(tilt: Array) -> Array:
     """Cosines, then sines (N, 2A) of angles (N, A)."""
-    if rotor_kernels.many(tilt):
-        return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.whole(tilt)))
+    if rotor_kernels.is_batch(tilt):
+        return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.contiguous(tilt)))
     return np.hstack((np.cos(tilt), np.sin(tilt)))
 
 

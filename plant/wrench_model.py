@@ -243,11 +243,11 @@ class WrenchModel:
         are one compiled pass.
         """
         on_sensors = any(isinstance(item.effect, SensorEffect) for item in self.effects)
-        if not on_sensors and rotor_kernels.many(wrench_B, state.omega_B):
+        if not on_sensors and rotor_kernels.is_batch(wrench_B, state.omega_B):
             numbers = self.dynamics
             if body is not None:
                 numbers = np.concatenate((numbers[:22], [body.mass], body.com_B, body.inertia.ravel()))
-            wrench, omega = rotor_kernels.whole(wrench_B, state.omega_B)
+            wrench, omega = rotor_kernels.contiguous(wrench_B, state.omega_B)
             return np.asarray(rotor_kernels.reported_wrench(wrench, omega, numbers))
         motion = self.read_imu(self.motion(wrench_B, state.omega_B), state)
         return measured_wrench(self.vehicle.body if body is None else body, motion)

@@ -413,7 +413,7 @@ class Following:
         self._sent: Array | None = None
         self._memory: LagMemory | None = None
 
-    def here(self, state: State | None, /) -> MismatchModel:
+    def model_at(self, state: State | None, /) -> MismatchModel:
         """See `plant.mismatch.Follower`."""
         if not self._names:
             return self._gp
@@ -426,7 +426,7 @@ class Following:
         extra, self._memory = mismatch_inputs.extra_inputs(self._names, sent[None], state, self._dt, memory)
         return self._gp.given(extra[0])
 
-    def sent(self, wrench_cmd: Array, /) -> None:
+    def record(self, wrench_cmd: Array, /) -> None:
         """See `plant.mismatch.Follower`."""
         if self._sent is None:
             self._memory = None

@@ -38,7 +38,7 @@ class DownwashBlockage(ThrustEffect):
         if theta[0] == 0.0:
             return actuation.thrust
         _, rotors = context.vehicle.geometry()
-        share = actuation.posture.hold(self.name, lambda: _share(actuation.posture))
+        share = actuation.posture.cached(self.name, lambda: _share(actuation.posture))
         return np.asarray(actuation.thrust * np.maximum(1.0 - theta[0] * share[:, rotors.arm], 0.0))
 
 

@@ -124,8 +124,8 @@ class Context:
     def hub_velocity_B(self, actuation: Actuation) -> Array:
         """Velocity of the rotor hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O."""
         velocity, omega, hub = self.velocity_through_air_B, self.state.omega_B, actuation.hub_B
-        if rotor_kernels.many(velocity, omega, hub):
-            return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.whole(velocity, omega, hub)))
+        if rotor_kernels.is_batch(velocity, omega, hub):
+            return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.contiguous(velocity, omega, hub)))
         return np.asanyarray(velocity[:, None] + np.cross(omega[:, None], hub))
 
 

@@ -42,8 +42,8 @@ class RotorDrag(WrenchEffect):
         """Force and torque about O of all rotors."""
         assert actuation is not None
         hubs = context.velocity_through_air_B, context.state.omega_B, actuation.hub_B, actuation.normal_B
-        if rotor_kernels.many(actuation.rotor_speed, *hubs):
-            moving = rotor_kernels.whole(actuation.rotor_speed, *hubs)
+        if rotor_kernels.is_batch(actuation.rotor_speed, *hubs):
+            moving = rotor_kernels.contiguous(actuation.rotor_speed, *hubs)
             return np.asarray(rotor_kernels.rotor_drag(float(theta[0]), *moving))
         velocity = context.hub_velocity_B(actuation)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)

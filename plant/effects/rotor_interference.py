@@ -45,7 +45,7 @@ class RotorInterference(ThrustEffect):
         arms, rotors = context.vehicle.geometry()
         per_arm = actuation.thrust @ (rotors.arm[:, None] == np.arange(len(arms)))
         strength = loss * np.sqrt(np.maximum(per_arm, 0.0) * len(arms) / (context.vehicle.body.mass * GRAVITY)).T
-        apart = actuation.posture.hold(self.name, lambda: _apart(actuation.posture))
+        apart = actuation.posture.cached(self.name, lambda: _apart(actuation.posture))
         sources, reach = _sources(context.vehicle)
         reach = width * reach[:, :, None]
         lost = np.empty(actuation.thrust.shape[::-1], like=actuation.thrust)

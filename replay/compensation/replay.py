@@ -35,7 +35,7 @@ from wrenchgap.plant.allocation import Saturation, allocation_of
 from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.state import State, joined
+from wrenchgap.plant.state import State, concatenated
 from wrenchgap.plant.wrench_model import about_origin
 from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
 from wrenchgap.replay.compensation.compensators import compensator as made_for
@@ -239,7 +239,7 @@ def _motion(
         require_pose(gp.settings.inputs, record)
     if compensator.physics is not None:
         check_effects(compensator.physics.model.effects, model, records)
-    every = joined([r.state for r in records])
+    every = concatenated([r.state for r in records])
     return every.take(np.maximum(np.searchsorted(every.time, series.time, side="right") - 1, 0))
 
 

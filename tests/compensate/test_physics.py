@@ -57,7 +57,7 @@ def wrenches(count, seed=0):
 @pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.7, -1.2, 2.0)])
 def test_displaced_centre_of_mass_makes_the_torque_of_its_lever(omega):
     """Euler about the true centre of mass: -c x F is added, however the body turns."""
-    here = physics({"com_offset": OFFSET}).follow(0.005).here(state(omega))
+    here = physics({"com_offset": OFFSET}).follow(0.005).model_at(state(omega))
     commands = wrenches(20)
     assert here.mean(commands) == pytest.approx(-np.cross(OFFSET, commands[:, :3]), abs=1e-9)
 
@@ -77,7 +77,7 @@ def test_centrifugal_force_on_the_lever():
     (The nominal processing believes that this place is the centre of mass.)
     """
     omega = np.array([0.0, 0.0, 3.0])
-    here = physics({"com_offset": OFFSET}, outputs=AXES).follow(0.005).here(state(omega))
+    here = physics({"com_offset": OFFSET}, outputs=AXES).follow(0.005).model_at(state(omega))
     command = HOVER.copy()
     command[3:] = np.cross(OFFSET, HOVER[:3])  # no torque about the centre of mass
     expected = -MODEL.vehicle.body.mass * np.cross(omega, np.cross(omega, OFFSET))
@@ -86,10 +86,10 @@ def test_centrifugal_force_on_the_lever():
 
 def test_jacobian_of_the_lever():
     """d(-c x F)/dF = -hat(c); where forces are not corrected, their columns are left out."""
-    full = physics({"com_offset": OFFSET}, outputs=AXES).follow(0.005).here(REST)
+    full = physics({"com_offset": OFFSET}, outputs=AXES).follow(0.005).model_at(REST)
     lever = np.cross(np.eye(3), OFFSET)  # rows e_j x c; columns of -c x e_j are the same
     assert full.jacobian(HOVER[None])[0, 3:, :3] == pytest.approx(lever.T, abs=1e-7)
-    torques = physics({"com_offset": OFFSET}).follow(0.005).here(REST)
+    torques = physics({"com_offset": OFFSET}).follow(0.005).model_at(REST)
     assert torques.jacobian(HOVER[None])[0] == pytest.approx(np.zeros((3, 6)), abs=1e-7)
 
 
@@ -98,9 +98,9 @@ def test_jacobian_is_the_derivative_of_the_mean(name):
     count = len(make_effect(MODEL.vehicle, name, {}).theta)
     values = 0.06 + 0.02 * np.arange(count)
     follower = physics({name: values}, AXES, 0.04).follow(0.005)
-    follower.here(REST)
-    follower.sent(wrenches(1, seed=3)[0])
-    here, command = follower.here(REST), wrenches(1, seed=4)
+    follower.model_at(REST)
+    follower.record(wrenches(1, seed=3)[0])
+    here, command = follower.model_at(REST), wrenches(1, seed=4)
     slope = here.jacobian(command)[0]
     for axis in range(6):
         step = np.zeros(6)
@@ -112,9 +112,9 @@ def test_jacobian_is_the_derivative_of_the_mean(name):
 def test_many_commands_are_single_commands():
     """Also where their tilt angles lie on both sides of the half turn that an arm may wrap at."""
     follower = physics({"servo_lag": [TAU]}, AXES, 0.04).follow(0.005)
-    follower.here(REST)
-    follower.sent(HOVER)
-    here = follower.here(REST)
+    follower.model_at(REST)
+    follower.record(HOVER)
+    here = follower.model_at(REST)
     commands = np.vstack((wrenches(4), [[3.0, 1.0, -WEIGHT, 0, 0, 0.2], [-3.0, -1.0, -WEIGHT, 0, 0, -0.2]]))
     for function in (here.mean, here.jacobian):
         singles = np.concatenate([function(row[None]) for row in commands])
@@ -125,7 +125,9 @@ def test_many_commands_are_single_commands():
 def test_what_the_sensors_do_is_not_corrected(name):
     """A skewed IMU reads another wrench; the vehicle makes the commanded one."""
     skewed = physics({name: [0.03, -0.02, 0.04]}, AXES)
-    assert skewed.follow(0.005).here(state(omega=(1.0, 0.5, -2.0))).mean(wrenches(5)) == pytest.approx(0.0, abs=1e-9)
+    assert skewed.follow(0.005).model_at(state(omega=(1.0, 0.5, -2.0))).mean(wrenches(5)) == pytest.approx(
+        0.0, abs=1e-9
+    )
     assert alone(skewed).step(wrenches(1)[0], REST).correction == pytest.approx(np.zeros(6), abs=1e-9)
 
 
@@ -202,7 +204,7 @@ def test_led_command_arrives_when_it_should():
     mismatch = PhysicsMismatch(model, TORQUES, lead)
     yaw = hover(torque_x=0.2, torque_z=0.15)
     command = after_hover(mismatch, yaw, dt).wrench_cmd
-    here = mismatch.follow(dt).here(REST)
+    here = mismatch.follow(dt).model_at(REST)
     _, memory = model.command(here.allocated(HOVER[None]), REST, fine)
     held = here.allocated(command[None]).take(np.zeros(round(lead / fine), dtype=np.intp))
     made = model.wrench(model.command(held, REST, fine, memory)[0], REST)
@@ -300,8 +302,8 @@ def test_process_with_the_past_as_input_is_told_the_past():
     dt, sent = 0.01, HOVER + np.cumsum(np.random.default_rng(2).normal(size=(8, 6)), axis=0) * 0.1
     follower, found = seeing.follow(dt), []
     for command in sent:
-        found.append(follower.here(REST).mean(HOVER[None])[0])
-        follower.sent(command)
+        found.append(follower.model_at(REST).mean(HOVER[None])[0])
+        follower.record(command)
     before = np.vstack((sent[:1], sent[:-1]))
     past, _ = extra_inputs(("past",), before, REST.take(np.zeros(8, dtype=np.intp)), dt)
     expected = seeing.mean(np.hstack((np.tile(HOVER, (8, 1)), past)))

@@ -114,7 +114,7 @@ def stepped(mismatch, count=12):
     rows, wrenches = rows_of(every), commands(count)
     plain, written, slopes = [], [], []
     for k, wrench in enumerate(wrenches):
-        here = follower.here(every.take(slice(k, k + 1)))
+        here = follower.model_at(every.take(slice(k, k + 1)))
         inputs = np.concatenate((wrench, rows[k], [fresh], memory))
         for lines in (mean, sent):
             lines.value[lines.inputs] = inputs
@@ -123,7 +123,7 @@ def stepped(mismatch, count=12):
         plain.append(here.mean(wrench[None])[0])
         written.append(mean.value[mean.results].copy())
         slopes.append((mean.tangent[mean.results].copy(), here.jacobian(wrench[None])[0]))
-        follower.sent(wrench)
+        follower.record(wrench)
         memory, fresh = sent.value[sent.results].copy(), 0.0
     return np.array(plain), np.array(written), slopes
 
