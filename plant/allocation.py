@@ -132,7 +132,7 @@ class Allocation:
         return tilt, speed, np.concatenate(limited)
 
     def _rate_limited(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
-        """Angles (T,) of arms that tilt, turned and limited in rate as the module says; where they were limited."""
+        """Angles (T,) of tilting arms, turned and limited in rate (see the module), and where the rate was limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]
         tilt = nearest_angle(tilt, before)
@@ -148,7 +148,7 @@ class Allocation:
     def allocate(
         self, wrench_B: Array, *, previous_tilt: Array | None = None, dt: float | None = None
     ) -> tuple[Commands, Saturation]:
-        """Commands that make the wrenches (N, 6) about O, and how often they had to be limited: `step`, one by one.
+        """Commands for wrenches (N, 6) about O by `step`, one by one, and the number of limited samples.
 
         Samples are `dt` [s] apart; `previous_tilt` (A,) [rad] is the angle one `dt` before the first. Without `dt`
         no rate limit is applied. The returned `wrench_B` is the request, before saturation.

@@ -1,4 +1,4 @@
-"""From what an autopilot sends to a motor to its thrust: a curve over the command, and what the battery does to it.
+"""From motor commands of an autopilot to thrust: a curve over the command, and the effect of the battery.
 
 With u = (command - range_0) / (range_1 - range_0), or the command as it is logged in a bench table, rotor r makes
 
@@ -52,7 +52,7 @@ class Bench:
     voltage: Array | None = None
 
     def __call__(self, command: Array, voltage: Array | None) -> Array:
-        """Values (N, R) at commands (N, R) and voltages (N,); at the mean of the bench's where none is known."""
+        """Values (N, R) at commands (N, R) and voltages (N,), or at the mean voltage of the bench."""
         if self.voltage is None:
             return _interpolated(command, self.command, self.value)
         levels = np.unique(self.voltage)

@@ -50,7 +50,7 @@ class MismatchModel(Protocol):
 
 @runtime_checkable
 class Linearises(Protocol):
-    """A mismatch model that gives mean and Jacobian together for less than the price of both."""
+    """A mismatch model that gives mean and Jacobian together at less cost than one after the other."""
 
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         """`mean` (N, L) and `jacobian` (N, L, 6)."""
@@ -79,7 +79,7 @@ class Judged(Protocol):
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Names of these outputs; the model expects nothing on them."""
+        """Names of these outputs, on which `mean` is zero."""
 
     def despite_verdict(self) -> MismatchModel | Follows:
         """The model without the verdict."""
@@ -95,7 +95,7 @@ class Follower(Protocol):
         """
 
     def record(self, wrench_cmd: Array, /) -> None:
-        """The command (6,) that went out in this period."""
+        """Record the command (6,) of this period."""
 
 
 @runtime_checkable
@@ -159,7 +159,7 @@ class LinearMismatch:
         return np.asarray(self.offset + wrench_cmd @ self.gain.T)
 
     def std(self, wrench_cmd: Array, /) -> Array:
-        """The same standard deviation everywhere (N, L): a straight line does not know where its data ends."""
+        """The same standard deviation everywhere (N, L): a linear model has no range of validity."""
         return np.broadcast_to(self.sigma, (len(wrench_cmd), len(self.sigma))).copy()
 
     def jacobian(self, wrench_cmd: Array, /) -> Array:

@@ -1,4 +1,4 @@
-"""What a mismatch may depend on besides the command: the motion of the hull, and commands of a moment ago.
+"""Further inputs of a mismatch model: the motion of the body, and past commands.
 
     velocity   velocity of O in B                                                                 [m/s]
     rates      angular velocity in B                                                              [rad/s]

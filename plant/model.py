@@ -75,7 +75,7 @@ class Model:
 
     @property
     def without_tolerances(self) -> Model:
-        """The same without tolerances: for what asks by how much a vehicle changed since its numbers were measured."""
+        """The model without tolerances, for changes of a vehicle since its numbers were measured."""
         return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 
     def effect(self, name: str) -> ModelEffect | None:

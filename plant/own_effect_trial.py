@@ -1,4 +1,4 @@
-"""A user's own effect in a trial: one vehicle, a few samples in motion, what `apply` is given and returns."""
+"""A trial of a user effect on one vehicle: arguments of `apply` for a few samples in motion, and its results."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PLACES: dict[type, tuple[type, tuple[str, ...]]] = {
 
 
 class Wrong(Exception):
-    """What `apply` returned is not what its place asks for."""
+    """The result of `apply` does not suit its place."""
 
 
 class Trial:
@@ -65,7 +65,7 @@ class Trial:
         return names[:1] if self.place is CommandEffect and not self.vehicle.has_rotors else names
 
     def unchanged(self) -> tuple[Array, ...]:
-        """What no effect returns."""
+        """The results of `apply` without an effect."""
         if self.place is WrenchEffect:
             return (np.zeros((SAMPLES, 6)),)
         if self.place is AirEffect:
@@ -94,7 +94,7 @@ class Trial:
         )
 
     def arrays(self, returned: Any) -> tuple[Array, ...]:
-        """The arrays of what `apply` returned; raises Wrong where it is something else."""
+        """The arrays in the result of `apply`; raises Wrong for a result of another kind."""
         kind, words = PLACES[self.place][0], type(returned).__name__
         if self.place is CommandEffect:
             if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], kind)):

@@ -1,4 +1,4 @@
-"""A user's own effect: one Python file with a subclass of an effect's place, checked before it is used.
+"""User effects: a Python file with subclasses of the places of effects, checked before use.
 
 What is checked, on two vehicles (tilting arms with twelve rotors; one of which only the wrench is known) and a few
 states in motion: it has a name of its own and says what excites it; parameters have names, finite ranges and
@@ -48,7 +48,7 @@ _PREFIX = "wrenchgap_own_effect_"
 
 
 def use(paths: Iterable[Path]) -> None:
-    """Make these files' effects, and no others, the own effects of this process; raises ModelError."""
+    """Make the effects of these files the user effects of this process, in place of any others; raises ModelError."""
     forget()
     for path in paths:
         for effect, source in load(path):
@@ -56,13 +56,13 @@ def use(paths: Iterable[Path]) -> None:
 
 
 def files() -> tuple[Path, ...]:
-    """The files whose effects are own ones of this process: what another process has to `use`."""
+    """The files of the user effects of this process, which another process has to `use`."""
     modules = (sys.modules.get(type(find(name)).__module__) for name in sources())
     return tuple(dict.fromkeys(Path(m.__file__) for m in modules if m is not None and m.__file__ is not None))
 
 
 def load(path: Path) -> list[tuple[AnyEffect, Source]]:
-    """The checked effects of a file; raises ModelError with file and line for whatever is wrong with it."""
+    """The checked effects of a file; raises ModelError with file and line of the first error."""
     if path.is_dir() or not path.exists():
         raise ModelError(f"--effects {path}: no such file; expected a Python file with an effect, {PAGE}")
     text = text_of(path, "as --effects")
@@ -87,7 +87,7 @@ def load(path: Path) -> list[tuple[AnyEffect, Source]]:
 
 
 def blame(error: BaseException) -> str | None:
-    """`file:line: what` where an error was raised inside the file of an own effect, None where it was not."""
+    """`file:line: error` for an error that was raised in the file of a user effect, else None."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if any(m.__file__ == frame.filename for n, m in list(sys.modules.items()) if n.startswith(_PREFIX)):
             return f"{frame.filename}:{frame.lineno}: {type(error).__name__}: {_first_line(error)}"
@@ -136,7 +136,7 @@ def _first_line(error: BaseException) -> str:
 
 
 class _File:
-    """One class of a user's file, and what is checked of it."""
+    """One class of a user's file, and its checks."""
 
     def __init__(self, path: Path, cls: type) -> None:
         self.path = path
@@ -151,7 +151,7 @@ class _File:
         raise ModelError(f"{self.path}:{line}: {what} {words}")
 
     def call(self, method: str, function: Callable[[], Any]) -> Any:
-        """What a method returns; what it raises becomes an error at that line."""
+        """The result of a method; an exception becomes an error at its line."""
         try:
             with np.errstate(all="ignore"):
                 return function()
@@ -229,7 +229,7 @@ class _File:
                 self.fail(f"parameter {p.name}: {said}", "parameters")
 
     def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:
-        """The arrays that `apply` returns, of the right shapes and finite; nothing it was given has changed."""
+        """The arrays that `apply` returns, checked to be finite, of the right shapes, and without changed arguments."""
         given = trial.arguments(theta)
         before = copy.deepcopy(given)
         got = self.call("apply", lambda: trial.arrays(trial.effect.apply(*given)))

@@ -1,4 +1,4 @@
-"""Files that people write, checked whole: every key known, every value of the right kind, the first error in one line.
+"""Checked reading of files that people write: known keys, valid values, the first error in one line.
 
 A file's shape is a `Table` (pydantic) whose fields are of the kinds below; a table that is nothing but the fields of
 a dataclass needs no class of its own (`values_of`). An error names the key with the tables that it is in, what was

@@ -23,7 +23,7 @@ def is_batch(*arrays: Any, least: int = 64) -> bool:
 
 
 def contiguous(*arrays: Array) -> tuple[Array, ...]:
-    """The same, each in one run of memory: a kernel is compiled once for each way in which its arrays lie."""
+    """The arrays in C order: a kernel is compiled once for each layout of its arrays."""
     return tuple(np.ascontiguousarray(a) for a in arrays)
 
 

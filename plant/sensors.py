@@ -1,4 +1,4 @@
-"""Sensor models: what an IMU and a pose sensor say about a known motion.
+"""Sensor models: the readings of an IMU and a pose sensor for a known motion.
 
 IMU, at position r from O:     gyro  = omega + bias + noise
                                accel = f_O + omega_dot x r + omega x (omega x r) + bias + noise
@@ -59,7 +59,7 @@ class SensorNoise:
 
     @property
     def silent(self) -> SensorNoise:
-        """The same rates without any error."""
+        """Sensors with the same rates and without errors."""
         none = (0.0, 0.0, 0.0)
         return SensorNoise(0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, self.imu_rate_hz, self.pose_rate_hz)
 

@@ -1,4 +1,4 @@
-"""How far a compensated attitude loop is from instability, whether the mismatch that was learnt is there or not.
+"""Stability margin of a compensated attitude loop where the learnt mismatch may be absent.
 
 A compensation that expects the slope dmu/dW commands dW_cmd = A^-1 dW_des with A = I + dmu/dW. If the slope is there,
 the vehicle answers as its controller believes. If it is not, the loop's torque is multiplied by A^-1. With the loop of
@@ -94,7 +94,7 @@ def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
 
 
 def growing_modes(L: Array, at_zero: int) -> NDArray[np.int_]:
-    """How many closed-loop poles (R,) are to the right of the imaginary axis, of loops L(j w) (R, F).
+    """The number of closed-loop poles (R,) are to the right of the imaginary axis, of loops L(j w) (R, F).
 
     `at_zero` poles of L are at s = 0, none to the right. Nyquist: 1 + L turns by (at_zero / 2 - that number) pi from
     low to high frequencies.

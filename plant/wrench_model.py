@@ -114,7 +114,7 @@ _RATES = "actuator rates"
 
 
 def _rates(commands: Commands, dt: float, memory: Any) -> tuple[Rates, Any]:
-    """Rates of the actuators by backward differences; and what to remember."""
+    """Rates of the actuators by backward differences, and the memory."""
     tilt, speed = commands.tilt, commands.rotor_speed
     assert tilt is not None
     assert speed is not None
@@ -144,7 +144,7 @@ class WrenchModel:
 
     @cached_property
     def acting(self) -> WrenchModel:
-        """The same without effects whose parameters are all zero: those are not there (`plant.effects.effect`)."""
+        """The model without effects whose parameters are all zero, which have no effect."""
         there = tuple(item for item in self.effects if np.any(item.theta))
         return self if len(there) == len(self.effects) else WrenchModel(self.vehicle, there)
 
@@ -156,7 +156,7 @@ class WrenchModel:
         return np.concatenate([np.ravel(x) for x in (*parts, own.mass, own.com_B, own.inertia)])
 
     def context(self, state: State) -> Context:
-        """What effects on thrusts and wrench look at in these states (N samples): with the air as the model has it."""
+        """Inputs of effects on thrusts and wrench in these states (N samples), with the air of the model."""
         air = [item.effect.apply(state, item.theta) for item in self.effects if isinstance(item.effect, AirEffect)]
         return Context(self.vehicle, state, np.sum(air, axis=0) if air else None)
 
@@ -183,9 +183,9 @@ class WrenchModel:
     def rotors(
         self, commands: Commands, state: State, rates: Rates | None = None, nominal: Actuation | None = None
     ) -> tuple[Actuation | None, Array]:
-        """What the rotors do, None where they are not known, and their wrench (N, 6) about O.
+        """The actuation, None without rotors, and its wrench (N, 6) about O.
 
-        `nominal` is what they nominally do at `commands`, where it is at hand.
+        `nominal` is the nominal actuation at `commands`, where it is known.
         """
         if not self.vehicle.has_rotors or commands.rotor_speed is None:
             return None, about_origin(self.vehicle.body, commands.wrench_B)
@@ -229,7 +229,7 @@ class WrenchModel:
         return forward_dynamics(self.body, wrench_B, omega_B)
 
     def read_imu(self, motion: Motion, state: State) -> Motion:
-        """What the IMU's nominal processing believes the motion of O to be, with the sensor effects."""
+        """The motion of O by the nominal processing of the IMU, with the sensor effects."""
         context = Context(self.vehicle, state)
         for item in self.effects:
             if isinstance(item.effect, SensorEffect):

@@ -1,1 +1,1 @@
-"""Models drafted from what a log, an autopilot or a robot description says of a vehicle; each number has a source."""
+"""Drafts of models from a log, an autopilot's parameters or a robot description; each number has a source."""

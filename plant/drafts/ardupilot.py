@@ -1,4 +1,4 @@
-"""A vehicle from ArduPilot's parameters: frame, motors, IMU; out of a parameter file or a log.
+"""A vehicle from the parameters of ArduPilot, in a parameter file or a log: frame, motors, IMU.
 
 The parameters name a frame (FRAME_CLASS, FRAME_TYPE: `plant.drafts.frames`) and no lengths, so the arm has to be said.
 Motor outputs are pulse widths: u = 0 at MOT_PWM_MIN + MOT_SPIN_MIN (MAX - MIN), u = 1 at MOT_SPIN_MAX likewise; thrust
@@ -31,7 +31,7 @@ USUAL = {
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Of a parameter file: `NAME,VALUE` or `NAME VALUE` a line, # begins a comment. Raises ModelError in one line."""
+    """Parameters of a file with `NAME,VALUE` or `NAME VALUE` a line; # begins a comment. Raises ModelError."""
     found: dict[str, float] = {}
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -50,7 +50,7 @@ def read_parameters(path: Path) -> dict[str, float]:
 
 
 def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[RotorDraft, ...]:
-    """The rotors of the frame that the parameters name; empty where they name none. ModelError without an arm."""
+    """The rotors of the frame in the parameters, empty without one; ModelError without the length of an arm."""
     if "FRAME_CLASS" not in parameters:
         return ()
     kind, shape = parameters["FRAME_CLASS"], parameters.get("FRAME_TYPE", 1.0)
@@ -64,7 +64,7 @@ def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[
 
 
 def imu_of(parameters: Parameters) -> Sourced | None:
-    """The first IMU's place, INS_POS1_*."""
+    """Position of the first IMU, INS_POS1_*."""
     if "INS_POS1_X" not in parameters:
         return None
     at = flipped(*(parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"))
@@ -93,7 +93,7 @@ def command_of(parameters: Parameters) -> CommandDraft:
 
 
 def _pulses(parameters: Parameters) -> tuple[tuple[float, float], str, bool]:
-    """Smallest and largest pulse [us], of which parameters, and whether they are but usual."""
+    """Smallest and largest pulse [us], the names of their parameters, and whether they are defaults."""
     throttle = f"RC{int(parameters.get('RCMAP_THROTTLE', 3.0))}"
     for low, high in (("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"{throttle}_MIN", f"{throttle}_MAX")):
         if high not in parameters:

@@ -1,4 +1,4 @@
-"""Frames that autopilots know by name: where motors are and how they turn, in the order of their outputs.
+"""Frames of autopilots by name: positions and turning directions of motors, in the order of the outputs.
 
 Angles are ArduPilot's, clockwise from the nose as seen from above [deg]; turning +1 is counter-clockwise. PX4 numbers
 the motors of quad_x and hexa_x alike. Source: the frame classes and types of ArduPilot (ardupilot.org, "Connect ESCs
@@ -35,7 +35,7 @@ TYPES: dict[float, str] = {0: "plus", 1: "x", 3: "h", 12: "bf_x", 13: "dji_x", 1
 
 
 def rotors_of(frame: str, arm: float, source: str, *, assumed: bool = False) -> tuple[RotorDraft, ...]:
-    """The rotors of a frame, `arm` [m] from the middle to the motors. Raises UsageError for another name."""
+    """The rotors of a frame, `arm` [m] from the centre to the motors. Raises UsageError for an unknown name."""
     if frame not in FRAMES:
         raise UsageError(f"--frame {frame}: expected one of {', '.join(FRAMES)}")
     if not (np.isfinite(arm) and arm > 0.0):

@@ -106,7 +106,7 @@ def _elements(one: Path, path: Path, max_copies: int = 1000) -> list[ElementTree
 
 
 def _compiled(mujoco: Any, path: Path, make: Callable[[], Any]) -> Any:
-    """What MuJoCo makes of a file; its warnings are errors, as by itself it would write them to MUJOCO_LOG.TXT here."""
+    """The model that MuJoCo compiles from a file. Its warnings are errors; else it would write a log file here."""
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda text: warnings.append(_one_line(text)))
@@ -126,7 +126,7 @@ def _one_line(said: object) -> str:
 
 
 def _held(document: ElementTree.Element, path: Path) -> ElementTree.Element:
-    """The URDF without meshes, its root link below one that stands in for the world."""
+    """The URDF without meshes, with its root link fixed to an added link for the world."""
     for link in document.iter("link"):
         for member in [child for child in link if child.tag in MEMBERS]:
             link.remove(member)
@@ -145,7 +145,7 @@ def _held(document: ElementTree.Element, path: Path) -> ElementTree.Element:
 
 
 def _root(mujoco: Any, model: Any, path: Path) -> int:
-    """The body that flies: the heaviest of those that hang on the world."""
+    """The flying body: the heaviest child of the world."""
     candidates = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
     if not candidates:
         raise ModelError(f"{path.name}: has no body that could fly")
@@ -163,7 +163,7 @@ def _subtree(model: Any, root: int) -> list[int]:
 
 
 def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
-    """All bodies of what flies, the root first, in the root's frame and at rest."""
+    """All bodies of the flying tree, the root first, in the frame of the root and at rest."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -196,7 +196,7 @@ _FIXED: Joined = ("fixed", None, (-math.inf, math.inf), "")
 
 
 def _joint(mujoco: Any, model: Any, data: Any, body: int, turned: Any) -> Joined:
-    """How a body is joined to its parent: its first joint."""
+    """The first joint of a body to its parent."""
     if not model.body_jntnum[body]:
         return _FIXED
     joint = int(model.body_jntadr[body])
@@ -211,7 +211,7 @@ def _joint(mujoco: Any, model: Any, data: Any, body: int, turned: Any) -> Joined
 
 
 def _actuators(mujoco: Any, model: Any, numbers: dict[int, int], links: list[Link]) -> dict[int, Motor]:
-    """Actuators on sites as rotors: a body of its own for each, by which `draft_of` finds its place."""
+    """Rotors from actuators on sites; each gets a body, by which `draft_of` finds its position."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[int, Motor] = {}

@@ -1,4 +1,4 @@
-"""The text of a model file of a draft: every number with a comment that says where it comes from."""
+"""The text of the model file of a draft: every number has a comment with its source."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHARED = ("c_f", "kappa", "radius", "speed_max")
 
 
 def text_of(draft: Draft, headline: Sequence[str]) -> str:
-    """TOML of a finished draft; `headline` are lines for its top."""
+    """TOML of a completed draft; `headline` are lines for its top."""
     top = [f"# {printable(line)}" for line in headline]
     lines = [*top, "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
     for key in ("mass", "inertia", "com", "imu_position"):
@@ -77,7 +77,7 @@ def _alike(rotors: Sequence[RotorDraft], key: str) -> bool:
 
 
 def _shared(rotors: Sequence[RotorDraft]) -> list[str]:
-    """[vehicle.arm] and [vehicle.rotor]: what all have in common."""
+    """[vehicle.arm] and [vehicle.rotor]: the common values."""
     lines = [] if any(r.tilt for r in rotors) else ["[vehicle.arm]", "tilts = false", ""]
     common = [key for key in SHARED if _alike(rotors, key)]
     lines += ["[vehicle.rotor]"] if common else []
@@ -88,7 +88,7 @@ def _shared(rotors: Sequence[RotorDraft]) -> list[str]:
 
 
 def _arms(rotors: Sequence[RotorDraft]) -> list[list[int]]:
-    """Rotors by arm, in their order: those that are above one another and follow one another share one."""
+    """Rotors by arm, in their order: consecutive coaxial rotors share one."""
     groups: list[list[int]] = []
     for r, rotor in enumerate(rotors):
         last = rotors[groups[-1][-1]] if groups else None
@@ -129,7 +129,7 @@ def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
 
 
 def _tilting(first: RotorDraft, rotors: Sequence[RotorDraft], middle: Any) -> list[str]:
-    """Whether and how an arm tilts."""
+    """Lines for the tilt of an arm."""
     if first.tilt is not None:
         limits = (("min", first.tilt.low), ("max", first.tilt.high))
         known = [f"tilt_{end}_deg = {_value(np.degrees(angle))}" for end, angle in limits if np.isfinite(angle)]

@@ -1,4 +1,4 @@
-"""A vehicle from PX4's parameters: CA_ROTOR* and what belongs to them.
+"""A vehicle from the parameters of PX4: CA_ROTOR* and related ones.
 
 PX4's body frame is x forward, y right, z down, so (x, y, z) there is (x, -y, -z) in B. CA_ROTORn_PX, _PY, _PZ [m] are
 from the centre of mass, _AX, _AY, _AZ is the direction of the thrust (0, 0, -1: up), _KM the torque per thrust [m],
@@ -69,7 +69,7 @@ def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:
 
 
 def imu_of(parameters: Parameters) -> Sourced | None:
-    """The IMU's place, EKF2_IMU_POS_*."""
+    """Position of the IMU, EKF2_IMU_POS_*."""
     if "EKF2_IMU_POS_X" not in parameters:
         return None
     at = flipped(*(parameters.get(f"EKF2_IMU_POS_{axis}", 0.0) for axis in "XYZ"))
@@ -78,7 +78,7 @@ def imu_of(parameters: Parameters) -> Sourced | None:
 
 
 def com_of(parameters: Parameters) -> Sourced | None:
-    """PX4 gives rotors from the centre of mass."""
+    """The centre of mass, from which PX4 gives the rotors."""
     return Sourced((0.0, 0.0, 0.0), "CA_ROTOR* are from the centre of mass") if has_geometry(parameters) else None
 
 
@@ -113,7 +113,7 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
 
 
 def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:
-    """What a user should know of these parameters."""
+    """Notes on these parameters for the user."""
     found = []
     kind = int(parameters.get("CA_AIRFRAME", 0))
     if kind not in MULTIROTORS:

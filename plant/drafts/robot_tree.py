@@ -1,4 +1,4 @@
-"""A vehicle from a tree of bodies: what robot descriptions (URDF, SDF, MJCF) have in common.
+"""A vehicle from a tree of bodies, the common form of robot descriptions (URDF, SDF, MJCF).
 
 Everything is in the frame of the root body at rest, which is B: x forward, y left, z up (REP 103). Mass properties are
 those of all bodies together,
@@ -118,7 +118,7 @@ def combined_mass_properties(links: Sequence[Link]) -> tuple[float, Array, Array
 
 
 def free_leaf_bodies(links: Sequence[Link]) -> list[int]:
-    """Leaf bodies on joints that turn without limit."""
+    """Indices of leaf bodies on joints that turn without limit."""
     parents = {one.parent for one in links}
     return [k for k, one in enumerate(links) if one.joint == "turning" and k not in parents]
 
@@ -145,7 +145,7 @@ def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: s
 
 
 def _direction(link: Link) -> Array:
-    """A rotor pushes along the z axis of its body, as Gazebo's motors do."""
+    """Thrust direction: the z axis of the body, as of Gazebo's motors."""
     return np.asarray(link.rotation[:, 2])
 
 

@@ -22,7 +22,7 @@ HERE: Pose = (np.zeros(3), np.eye(3))
 
 
 def from_sdf(path: Path, document: Element) -> Draft:
-    """A draft of the first model. Raises ModelError, in one line, for what is no model or lacks what it names."""
+    """A draft of the first model. Raises ModelError for a file without one, or with a missing reference."""
     model = document if document.tag == "model" else next(document.iter("model"), None)
     if model is None:
         raise ModelError(f"{path.name}: holds no <model>")
@@ -75,7 +75,7 @@ def _pose(element: Element | None, what: str) -> Pose:
 
 
 def _after(first: Pose, second: Pose) -> Pose:
-    """A frame given in a second one that is given in a first."""
+    """The product of two poses: a frame given in a second one that is given in a first."""
     return first[0] + first[1] @ second[0], first[1] @ second[1]
 
 

@@ -1,4 +1,4 @@
-"""From whatever describes a vehicle to a draft of its model: a log, parameters, a robot description, answers."""
+"""From a log, parameters, a robot description or answers of the user to a draft of a model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .urdf, .sdf, .xml (MuJoCo)"
 
 @dataclass(frozen=True)
 class Given:
-    """What the user says: `mass` [kg] with its tolerance, `frame` and `arm` [m], `radius` [m] and `thrust_max` [N]."""
+    """Values by the user: `mass` [kg] and its tolerance, `frame`, `arm` [m], `radius` [m], `thrust_max` [N]."""
 
     name: str | None = None
     mass: float | None = None
@@ -37,7 +37,7 @@ class Given:
 
 
 def draft_of_source(source: Path | None, given: Given, budget: Budget | str | None = None) -> Draft:
-    """What a source says of a vehicle, with what the user says over it; `completed` completes it.
+    """The draft of a source, with the values of the user in place of its own; `completed` completes it.
 
     `budget` is what reading a log may take (`flight.budget`).
     Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
@@ -80,7 +80,7 @@ def _check(given: Given) -> None:
 
 
 def _over(draft: Draft, given: Given) -> Draft:
-    """The draft with what the user says in place of what the source says."""
+    """The draft with the values of the user in place of those of the source."""
     rotors = draft.rotors
     if given.frame is not None and given.arm is not None:
         rotors = rotors_of(given.frame, given.arm, f"--frame {given.frame} --arm {given.arm:g}")
@@ -124,7 +124,7 @@ def _ulog(source: Path, given: Given, budget: Budget | str | None) -> Draft:
 
 
 def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[RotorDraft, ...]:
-    """The rotors, where the log commands as many of them."""
+    """The rotors; ModelError where the log commands another number of them."""
     if flown is None or flown.actuators is None or not rotors or not flown.actuators.rotor_speed.shape[1]:
         return rotors
     sent = flown.actuators.rotor_speed.shape[1]
@@ -152,13 +152,13 @@ def _ardupilot(source: Path, given: Given, budget: Budget | str | None = None) -
 
 
 def _level(draft: Draft, flown: Flight | None) -> Draft:
-    """The draft with the level of its curve from the flight, unless it was said."""
+    """The draft with the level of its thrust curve from the flight, unless it is known."""
     said = draft.command is None or draft.command.thrust_max is not None
     return draft if flown is None or said else with_fitted_thrust(draft, flown)
 
 
 def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tuple[str, ...]]:
-    """The flight of a log, None and the reason where it cannot be opened: its parameters may do."""
+    """The flight of a log, or None and the reason: the parameters alone may suffice."""
     try:
         return flight.load(source, budget=budget), ()
     except (LogError, UsageError) as error:
@@ -188,7 +188,7 @@ WAYS = {"ccw": 1, "cw": -1}
 
 
 def answers(given: dict[str, float | str | None], draft: Draft, ask: Ask) -> dict[str, float | str | None]:
-    """What the user said, with answers to what neither that nor the draft has."""
+    """The values of the user, with answers to questions about what neither they nor the draft have."""
     out = dict(given)
     if draft.mass is None and out["mass"] is None:
         out["mass"] = float(ask("What does it weigh, with its battery [kg]?", float, None, ()))
@@ -207,7 +207,7 @@ def answers(given: dict[str, float | str | None], draft: Draft, ask: Ask) -> dic
 
 
 def with_spins(draft: Draft, ask: Ask) -> Draft:
-    """The draft with the turning of every rotor of which it was assumed, as answered: seen from above."""
+    """The draft with the turning directions, as answered, of rotors of which they were assumed."""
     rotors = []
     for rotor in draft.rotors:
         if rotor.spin.assumed:

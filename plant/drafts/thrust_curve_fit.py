@@ -1,4 +1,4 @@
-"""The curve of thrust over the command, from a flight of a vehicle whose weight is known.
+"""Fit of the thrust curve over the command, from a flight of a vehicle of known weight.
 
 In the air the accelerometer along the thrust reads m f_z = T_max sum_r n_r,z [f u_r^2 + (1 - f) u_r]. Both columns are
 known, so T_max and f follow from least squares. f is accepted where its standard deviation by the jackknife over blocks
@@ -125,7 +125,7 @@ def _in_the_air(flown: Flight, at: Array, columns: Array, limits: FitLimits) -> 
 
 
 def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_], min_height: float) -> NDArray[np.bool_]:
-    """Where (N,) the vehicle is above where its rotors stood still; where they never do, whether it moved at all."""
+    """Where (N,) the vehicle is above its height with rotors at rest; if they never rest, whether it moved."""
     if flown.odometry is None:
         return np.ones(len(at), dtype=bool)
     places = [np.interp(at, flown.odometry.time, column) for column in flown.odometry.position_E.T]

@@ -69,13 +69,13 @@ def register(effect: AnyEffect, source: Source) -> None:
 
 
 def forget() -> None:
-    """Take all own effects out of the catalogue again."""
+    """Remove all user effects from the catalogue."""
     _own.clear()
     catalogue.cache_clear()
 
 
 def sources() -> dict[str, Source]:
-    """Files of the own effects, by name of the effect."""
+    """Files of the user effects, by name of the effect."""
     return {name: source for name, (_, source) in _own.items()}
 
 
@@ -101,7 +101,7 @@ def catalogue() -> dict[str, AnyEffect]:
 
 
 def family(name: str) -> str:
-    """What forms of one effect have in common: their family's name, or its own where an effect has one form."""
+    """The name of the family of an effect; its own name where there is one form."""
     known = catalogue().get(name)
     return name if known is None else known.family or name
 
@@ -126,25 +126,25 @@ def find(name: str) -> AnyEffect:
 
 
 def is_air(name: str) -> bool:
-    """Whether an effect says how the air moves."""
+    """Whether an effect describes the motion of the air."""
     return isinstance(find(name), AirEffect)
 
 
 def is_drag(name: str) -> bool:
-    """Whether air that moves exerts a force through this effect even on a vehicle that stands."""
+    """Whether moving air exerts a force on a vehicle at rest through this effect."""
     effect = find(name)
     return effect.aerodynamic and effect.place == "wrench"
 
 
 def acting_effects(names: Iterable[str], among: Iterable[str] = ()) -> list[str]:
-    """`names` without air that moves where no effect of them, or of `among`, sees it."""
+    """`names` without effects of the air, unless one of `names` or `among` depends on the air."""
     listed = list(names)
     seen = any(find(n).aerodynamic for n in (*listed, *among))
     return [n for n in listed if seen or not is_air(n)]
 
 
 def require_force(names: Sequence[str]) -> None:
-    """Raise ModelError for a set in which nothing sees that the air moves."""
+    """Raise ModelError for a set with moving air in which no effect depends on the air."""
     for name in names:
         if name not in acting_effects(names):
             through = ", ".join(n for n in catalogue() if is_drag(n))

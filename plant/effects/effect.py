@@ -1,4 +1,4 @@
-"""What an effect is: an equation with parameters that acts at one of five places, or is a state of the air.
+"""Effects: equations with parameters that act at one of five places, or describe the air.
 
 place       signature of `apply`                                             examples
 commands    (commands, theta, context, dt, memory) -> (commands, memory)     lags, delay, tilt offset
@@ -105,7 +105,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Context:
-    """What an effect may look at: the vehicle, the state (N samples), the air.
+    """Inputs of an effect: the vehicle, the state (N samples), the air.
 
     `air_velocity_E` (N, 3) [m/s] is the velocity of the air in E, None where it is still. It is known at the places
     `thrusts` and `wrench`; what happens to commands and in the IMU does not depend on it.
@@ -238,7 +238,7 @@ class SensorEffect(Effect):
 
 
 class AirEffect(Effect):
-    """Says how the air moves. The velocities of several add up."""
+    """Describes the motion of the air. The velocities of several effects add up."""
 
     place = "air"
 

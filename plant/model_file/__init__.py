@@ -55,7 +55,7 @@ def load(name_or_path: str | Path) -> Model:
 
 
 def save(model: Model, path: Path, *, force: bool = False) -> Model:
-    """Write a model file and return the model as it stands there; never overwrites without `force`.
+    """Write a model file and return the model with its path; does not overwrite without `force`.
 
     Raises ModelError for a model whose file could not be read again: nothing is written then.
     """

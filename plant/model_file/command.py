@@ -1,4 +1,4 @@
-"""The table [command] of a model file: what the rotor commands in its logs are, and the curve to thrust or speed."""
+"""The table [command] of a model file: unit of the rotor commands in logs, and the curve to thrust or speed."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class BenchTable(Table):
 
 
 class VoltageTable(Table):
-    """What the battery does: thrust (or speed) goes with (V / nominal)^exponent."""
+    """Effect of the battery: thrust (or speed) is proportional to (V / nominal)^exponent."""
 
     nominal: Positive
     exponent: Annotated[Number, Interval(ge=-10.0, le=10.0), expected("-10 to 10")]  # physics has one or two
@@ -145,7 +145,7 @@ class CommandTable(Table):
 
 
 def table_of(curve: CommandCurve) -> dict[str, Any]:
-    """The table of a curve that was made in code."""
+    """The table of a curve."""
     out: dict[str, Any] = {"unit": curve.unit, "range": list(curve.ends)}
     if isinstance(curve.law, Bench):
         rows = {"command": curve.law.command.tolist(), curve.gives: curve.law.value.tolist()}
@@ -158,7 +158,7 @@ def table_of(curve: CommandCurve) -> dict[str, Any]:
 
 
 def with_bench_table(text: str, folder: Path) -> str:
-    """The text of a model file with a bench table that lies in a file beside it put in its place.
+    """The text of a model file, with a bench table in a file of its own inserted.
 
     So a model that is written elsewhere still has it, and a bench table that was changed is noticed.
     """

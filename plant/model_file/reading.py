@@ -42,7 +42,7 @@ SENTENCE = re.compile(r"(?:better|worse|no clear change): error energy ([+-]?\d+
 
 
 class FileTable(Table):
-    """A file that something came from."""
+    """A source file with its hash."""
 
     file: Text = ""
     sha256: Text = ""
@@ -126,7 +126,7 @@ class VersionTable(Table):
 
 
 class ProvenanceTable(Table):
-    """Where an effect's values come from."""
+    """Provenance of the values of an effect."""
 
     fitted: Text = ""
     version: Text = ""
@@ -160,7 +160,7 @@ class EffectTable(Table):
         return replace(effect, std=std, provenance=Provenance(logs, p.fitted, p.version, p.method, own)), note
 
     def _user_source(self) -> tuple[Source | None, str]:
-        """The file of a user's own effect, and a note where another one is loaded; an error where none is."""
+        """The file of a user effect, and a note where another file is loaded; ModelError where none is."""
         file, name = self.source.file, self.name
         if not file:
             return None, ""
@@ -178,7 +178,7 @@ SizeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], expected("t
 
 
 class BetweenFlightsTable(Table):
-    """By how much the wrench differs between flights, one standard deviation [N, Nm]."""
+    """Standard deviation of the wrench between flights [N, Nm]."""
 
     force: SizeVector
     torque: SizeVector

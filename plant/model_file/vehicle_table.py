@@ -263,7 +263,7 @@ class VehicleTable(Table):
 
     @model_validator(mode="after")
     def _own_names(self) -> VehicleTable:
-        """Every arm and rotor has a name of its own: one that was given, or what parameters call it."""
+        """Every arm and rotor has a unique name: that of the file, or that of its parameters."""
         arms = [(f"arms[{i}]", arm.name) for i, arm in enumerate(self.arms)]
         rotors = [
             (f"arms[{i}].rotors[{k}]", r.name) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)

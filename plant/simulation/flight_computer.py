@@ -25,7 +25,7 @@ from wrenchgap.plant.wrench_model import about_origin
 
 
 class Correction(Protocol):
-    """What a compensator's step returns; see `compensate.Result` for each."""
+    """The result of a step of a compensator; see `compensate.Result`."""
 
     @property
     def wrench_cmd(self) -> Array: ...  # noqa: D102
@@ -52,7 +52,7 @@ class Compensating(Protocol):
 
 @dataclass(frozen=True)
 class RecordedPilot:
-    """How a recorded flight computer began, and what it sent beyond our law and allocation in K periods.
+    """Initial state of a recorded flight computer, and its commands beyond law and allocation in K periods.
 
     offset              e (K, 6) desired wrench beyond the law, about the believed centre of mass
     correction          (K, 6) commanded minus desired wrench: what a compensator did when the log was recorded

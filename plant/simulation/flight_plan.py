@@ -26,9 +26,17 @@ from wrenchgap.plant.trajectory.file import TrajectoryFile, load
 
 @dataclass(frozen=True)
 class Plan:
-    """What to fly. `trajectory` is a name or a file of `wrenchgap design`; `integral` None: as in the model file;
-    `hidden` are texts like `com_offset=x:0.004`.
-    """  # noqa: D205
+    """A flight to simulate.
+
+    Attributes
+    ----------
+    trajectory
+        A name, or a file of `wrenchgap design`.
+    integral
+        Whether the controller has one; None: as in the model file.
+    hidden
+        Effects of the truth that the controller does not know, e.g. `com_offset=x:0.004`.
+    """
 
     believed: Model
     trajectory: str

@@ -1,4 +1,4 @@
-"""Loops of stages over signals: how everything that flies here is stepped.
+"""Loops of stages over signals, in which every closed loop is stepped.
 
 A loop holds named signals: a state, readings, commands, the memory of effects. A stage computes new values of some of
 them from all of them and from a row of inputs; the stages that are due at a step act one after the other. Stages are
@@ -230,7 +230,7 @@ class Loop:
         return self._table.logged[first:last].reshape(-1, max(width, 1))
 
     def _times(self, s: int) -> int:
-        """How often a stage is due."""
+        """Number of times that a stage is due."""
         return -(-self.steps // self.stages[s].every)
 
     def _stage_table(self) -> StageTable:

@@ -1,4 +1,4 @@
-"""Closed-loop simulation: a vehicle as it is, flown by a controller that believes something else, written as a flight.
+"""Closed-loop simulation: a true vehicle, flown by a controller with a believed model, as a flight.
 
     reference -> controller (believed) -> W_des -> [compensator] -> W_cmd -> allocation (believed) -> u
               -> truth: command effects, h(u), thrust and wrench effects, + disturbance -> rigid body -> sensors
@@ -64,7 +64,7 @@ class _Sensors:
         ]
 
     def poses(self, flown: LoopFlight, loop: Loop) -> State:
-        """What the pose sensor read; the generator is left as after so many readings."""
+        """The readings of the pose sensor; the generator is set to its state after this number of readings."""
         steps = len(flown.wrench) + (flown.lost is not None)  # they were read once more before control was lost
         count, clock = -(-steps // self.per_pose), flown.clock
         self._rng.bit_generator.state = self._before
@@ -164,7 +164,7 @@ def simulate(
 
 
 def _on(reference: Reference) -> State:
-    """The state that a reference asks for."""
+    """The state on a reference."""
     r = reference
     return State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
 
@@ -221,7 +221,7 @@ def _check(truth: Vehicle, believed: Vehicle, length: float) -> None:
 
 
 def _digest(flight: Flight) -> str:
-    """A hash of what was flown, for a flight that has no file."""
+    """A hash of the flight, which has no file."""
     digest = hashlib.sha256()
     readings = [("imu", "omega_B"), ("imu", "specific_force_B"), ("odometry", "position_E"), ("odometry", "quat_EB")]
     for role, name in [("desired", "wrench_B"), ("commanded", "wrench_B"), *readings]:

@@ -1,1 +1,1 @@
-"""What numpy code does, written down as a tape of scalar operations: from there to compiled code and to C."""
+"""From numpy code to a tape of scalar operations, and from there to compiled code and C."""

@@ -18,7 +18,7 @@ import numpy as np
 
 
 class Op(IntEnum):
-    """What a line of a tape does with its arguments a, b and c. Conditions are 1.0 where they hold, else 0.0."""
+    """Operation of a line of a tape on its arguments a, b and c. Conditions are 1.0 where they hold, else 0.0."""
 
     INPUT = 0
     CONSTANT = 1
@@ -53,7 +53,7 @@ ARITY = {Op.INPUT: 0, Op.CONSTANT: 0, Op.SELECT: 3, **dict.fromkeys(_PAIRS, 2)}
 
 
 def value_of(op: int, a: float, b: float, c: float) -> float:
-    """What an operation makes of its arguments."""
+    """The value of an operation."""
     if op == Op.MUL:
         return a * b
     if op == Op.ADD:
@@ -137,7 +137,7 @@ def chosen_of(op: int, a: float, b: float) -> int:
 
 @cache
 def expressions(function: Callable[..., Any]) -> dict[Op, ast.expr]:
-    """What each operation returns in one of the functions above, as it is written there."""
+    """The expression that each operation returns in one of the functions above."""
     (found,) = ast.parse(inspect.getsource(function)).body
     assert isinstance(found, ast.FunctionDef)
     written = {}

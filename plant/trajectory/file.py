@@ -70,7 +70,7 @@ class TrajectoryFile:
 
     @property
     def sha256(self) -> str:
-        """Of its text."""
+        """SHA-256 of the text."""
         return hashlib.sha256((self.text or dumps(self)).encode()).hexdigest()
 
 

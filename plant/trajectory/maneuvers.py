@@ -1,4 +1,4 @@
-"""Trajectories made of moves: tilt, turn, shift, swing, shake, each over its own interval, added up.
+"""Trajectories as sums of maneuvers (moves): tilt, turn, shift, swing, shake, each over its own interval.
 
     p_D(t)  = home + sum of shifts, swings and shakes                                  in E
     R_ED(t) = R_z(psi + phi) R_y(s) R_z(-phi) R_e
@@ -52,7 +52,7 @@ _Y, _Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Move:
-    """What a move has: `start` and `duration` [s]. A subclass names its `kind` and checks its values."""
+    """A maneuver with `start` and `duration` [s]. A subclass names its `kind` and checks its values."""
 
     kind: ClassVar[str]
     twice: ClassVar[str] = ""
@@ -79,7 +79,7 @@ class Move:
 
     @property
     def stop(self) -> float:
-        """When it ends [s]."""
+        """End of the move [s]."""
         return self.start + self.duration
 
 

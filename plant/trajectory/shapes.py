@@ -1,4 +1,4 @@
-"""The trajectories that fly somewhere: at rest, tilting, a figure-8, a circle, a step; and the attitude of thrust."""
+"""Shapes of trajectories: hover, tilts, figure-8, circle, step; and the attitude that the thrust needs."""
 
 from __future__ import annotations
 
