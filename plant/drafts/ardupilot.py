@@ -16,7 +16,6 @@ from pathlib import Path
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
 from wrenchgap.plant.drafts.frames import ardupilot_frame, rotors_of
-from wrenchgap.plant.drafts.px4 import flipped
 
 Parameters = Mapping[str, float]
 USUAL = {
@@ -61,16 +60,6 @@ def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[
             "measure from the middle to a motor and say --arm METRES"
         )
     return rotors_of(frame, arm, f"frame {frame} of FRAME_CLASS, FRAME_TYPE; --arm {arm:g}")
-
-
-def imu_of(parameters: Parameters) -> Sourced | None:
-    """Position of the first IMU, INS_POS1_*."""
-    if "INS_POS1_X" not in parameters:
-        return None
-    at = flipped(*(parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"))
-    return Sourced(
-        at, "INS_POS1_X, _Y, _Z" + ("" if any(at) else ", which are ArduPilot's default"), assumed=not any(at)
-    )
 
 
 def command_of(parameters: Parameters) -> CommandDraft:

@@ -68,12 +68,12 @@ def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:
     )
 
 
-def imu_of(parameters: Parameters) -> Sourced | None:
-    """Position of the IMU, EKF2_IMU_POS_*."""
-    if "EKF2_IMU_POS_X" not in parameters:
+def imu_of(parameters: Parameters, prefix: str = "EKF2_IMU_POS", autopilot: str = "PX4") -> Sourced | None:
+    """Position of the IMU by the parameters `prefix`_X, _Y, _Z, in forward, right, down; None without them."""
+    if f"{prefix}_X" not in parameters:
         return None
-    at = flipped(*(parameters.get(f"EKF2_IMU_POS_{axis}", 0.0) for axis in "XYZ"))
-    words = "EKF2_IMU_POS_X, _Y, _Z" + ("" if any(at) else ", which are PX4's default")
+    at = flipped(*(parameters.get(f"{prefix}_{axis}", 0.0) for axis in "XYZ"))
+    words = f"{prefix}_X, _Y, _Z" + ("" if any(at) else f", which are {autopilot}'s default")
     return Sourced(at, words, assumed=not any(at))
 
 

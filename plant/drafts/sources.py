@@ -144,7 +144,7 @@ def _ardupilot(source: Path, given: Given, budget: Budget | str | None = None) -
         source.stem,
         source.name,
         rotors,
-        imu_position=ardupilot.imu_of(known),
+        imu_position=px4.imu_of(known, "INS_POS1", "ArduPilot"),
         command=ardupilot.command_of(known),
         notes=notes,
     )

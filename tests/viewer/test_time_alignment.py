@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import so3
+from wrenchgap.viewer.panels.scene import delay_between
 from wrenchgap.viewer.scene import Motion
-from wrenchgap.viewer.time_alignment import delay_between
 
 
 def flown(start, stop, shift=0.0, noise=0.0):
