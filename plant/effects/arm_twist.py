@@ -15,6 +15,7 @@ from wrenchgap.plant.effects.effect import (
     Parameter,
     Vehicle,
     tilting_arms,
+    weight_scale,
 )
 
 
@@ -36,7 +37,7 @@ class ArmTwist(CommandEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Twist per thrust, the same on every tilting arm."""
         arms = tilting_arms(vehicle, self.name)
-        per_arm = vehicle.body.mass * 9.81 / len(arms)
+        per_arm = weight_scale(vehicle) / len(arms)
         return (Parameter("twist", "rad/N", -0.1 / per_arm, 0.1 / per_arm, 0.015 / per_arm),)
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle, hover_rotor
 
 
 class AxialInflow(ThrustEffect):
@@ -26,9 +26,7 @@ class AxialInflow(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """k_z; scaled to the vehicle's hover: a typical rotor loses a few per cent of its thrust per m/s."""
-        _, rotors = vehicle.geometry()
-        thrust = vehicle.body.mass * 9.81 / len(rotors)
-        speed = float(np.sqrt(thrust / rotors.c_f.mean()))
+        thrust, speed = hover_rotor(vehicle)
         return (Parameter("k_z", "N s^2/(m rad)", 0.0, 0.3 * thrust / speed, 0.05 * thrust / speed),)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:

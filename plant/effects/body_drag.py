@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect, force_at
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect, force_at, weight_scale
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -29,7 +29,7 @@ class BodyDrag(WrenchEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Linear and quadratic coefficients along body x, y and z (typical: a tenth of the weight at 5 m/s), and p."""
-        weight = vehicle.body.mass * 9.81
+        weight = weight_scale(vehicle)
         linear = tuple(Parameter(f"linear_{a}", "N s/m", 0.0, 0.2 * weight, 0.02 * weight) for a in "xyz")
         squared = tuple(Parameter(f"quadratic_{a}", "N s^2/m^2", 0.0, 0.04 * weight, 0.004 * weight) for a in "xyz")
         size = span(vehicle)

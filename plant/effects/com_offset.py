@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter, is_tight, with_prior
+from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter, is_tight, offset_parameters
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 
@@ -30,11 +30,7 @@ class ComOffset(BodyEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        usual = [Parameter(axis, "m", -0.1 * size, 0.1 * size, self.typical * size) for axis in "xyz"]
-        tolerance = vehicle.tolerances.com
-        if tolerance is None:
-            return tuple(usual)
-        return tuple(with_prior(p, float(t), -size) for p, t in zip(usual, tolerance, strict=True))
+        return offset_parameters(0.1 * size, self.typical * size, -size, vehicle.tolerances.com)
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Balanced, to much less than what is typical."""

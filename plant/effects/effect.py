@@ -250,6 +250,26 @@ class AirEffect(Effect):
 AnyEffect = CommandEffect | ThrustEffect | WrenchEffect | BodyEffect | SensorEffect | AirEffect
 
 
+def weight_scale(vehicle: Vehicle) -> float:
+    """A round weight [N] by which plausible ranges of parameters are scaled."""
+    return vehicle.body.mass * 9.81
+
+
+def hover_rotor(vehicle: Vehicle) -> tuple[float, float]:
+    """Thrust [N] and speed [rad/s] of a rotor in hover, by which plausible ranges of parameters are scaled."""
+    _, rotors = vehicle.geometry()
+    thrust = weight_scale(vehicle) / len(rotors)
+    return thrust, float(np.sqrt(thrust / rotors.c_f.mean()))
+
+
+def offset_parameters(reach: float, typical: float, least: float, tolerance: Array | None) -> tuple[Parameter, ...]:
+    """Offsets along body x, y and z of up to `reach`, typically `typical` [m], or with a tolerance (3,) as prior."""
+    usual = [Parameter(axis, "m", -reach, reach, typical) for axis in "xyz"]
+    if tolerance is None:
+        return tuple(usual)
+    return tuple(with_prior(p, float(t), least) for p, t in zip(usual, tolerance, strict=True))
+
+
 def tilting_arms(vehicle: Vehicle, effect: str) -> Arms:
     """The arms of a vehicle for an effect that needs some of them to tilt; raises ModelError where none does."""
     arms, _ = vehicle.geometry()

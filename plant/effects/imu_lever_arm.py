@@ -15,7 +15,7 @@ from wrenchgap.plant.effects.effect import (
     SensorEffect,
     Vehicle,
     is_tight,
-    with_prior,
+    offset_parameters,
 )
 from wrenchgap.plant.wrench_model import cross
 
@@ -36,11 +36,7 @@ class ImuLeverArm(SensorEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        usual = [Parameter(a, "m", -0.7 * size, 0.7 * size, self.typical * size) for a in "xyz"]
-        tolerance = vehicle.tolerances.imu_position
-        if tolerance is None:
-            return tuple(usual)
-        return tuple(with_prior(p, float(t), -size) for p, t in zip(usual, tolerance, strict=True))
+        return offset_parameters(0.7 * size, self.typical * size, -size, vehicle.tolerances.imu_position)
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Measured, to much less than what is typical."""

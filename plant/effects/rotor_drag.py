@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, hover_rotor
 
 
 class RotorDrag(WrenchEffect):
@@ -26,9 +26,7 @@ class RotorDrag(WrenchEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """lambda, scaled to the vehicle's weight and rotor speed."""
-        _, rotors = vehicle.geometry()
-        thrust = vehicle.body.mass * 9.81 / len(rotors)
-        speed = float(np.sqrt(thrust / rotors.c_f.mean()))
+        thrust, speed = hover_rotor(vehicle)
         return (Parameter("coefficient", "N s^2/(m rad)", 0.0, 0.3 * thrust / speed, 0.02 * thrust / speed),)
 
     def unexcited(self, context: Context) -> str | None:

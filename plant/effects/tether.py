@@ -6,7 +6,16 @@ import numpy as np
 
 from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, force_at
+from wrenchgap.plant.effects.effect import (
+    Actuation,
+    Array,
+    Context,
+    Parameter,
+    Vehicle,
+    WrenchEffect,
+    force_at,
+    weight_scale,
+)
 
 
 class Tether(WrenchEffect):
@@ -26,7 +35,7 @@ class Tether(WrenchEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force in E, and the point in B."""
-        weight, size = vehicle.body.mass * 9.81, span(vehicle)
+        weight, size = weight_scale(vehicle), span(vehicle)
         most = {"x": 0.3, "y": 0.3, "z": 0.05}  # share of the weight; up, a safety line relieves a little of it
         force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, most[a] * weight, 0.02 * weight) for a in "xyz")
         return force + tuple(Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size) for a in "xyz")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.plant.effects.body_drag import too_slow
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle, hover_rotor
 
 
 class TranslationalLift(ThrustEffect):
@@ -25,8 +25,7 @@ class TranslationalLift(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """k_h per rotor, scaled to the hover thrust."""
-        _, rotors = vehicle.geometry()
-        thrust = vehicle.body.mass * 9.81 / len(rotors)
+        thrust, _ = hover_rotor(vehicle)
         return (Parameter("k_h", "N s^2/m^2", 0.0, 0.03 * thrust, 1e-3 * thrust),)
 
     def unexcited(self, context: Context) -> str | None:
