@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect, weight_scale
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -21,7 +21,7 @@ class ConstantWrench(WrenchEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force and torque along the body axes; scaled to the vehicle's weight and size."""
         body = vehicle.body
-        force = 0.02 * weight_scale(vehicle)
+        force = 0.02 * body.mass * 9.81
         length = float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
         forces = tuple(Parameter(f"force_{a}", "N", -10 * force, 10 * force, force) for a in "xyz")
         torque = force * length
