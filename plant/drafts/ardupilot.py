@@ -43,8 +43,8 @@ def read_parameters(path: Path) -> dict[str, float]:
         try:
             found[words[0].upper()] = float(words[1])
         except (IndexError, ValueError):
-            said = repr(line.strip()[:80])
-            raise ModelError(f"{path}, line {number}: got {said}, expected NAME,VALUE") from None
+            got = repr(line.strip()[:80])
+            raise ModelError(f"{path}, line {number}: got {got}, expected NAME,VALUE") from None
     return found
 
 

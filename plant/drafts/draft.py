@@ -228,7 +228,7 @@ def assumptions(draft: Draft) -> list[str]:
             found.append(f"{key}: {next(v.source for v in values if v.assumed)}")
     if draft.command is not None:
         every = {**draft.command.keys, **({"thrust_max": draft.command.thrust_max} if draft.command.thrust_max else {})}
-        found += [f"command.{key}: {said.source}" for key, said in every.items() if said.assumed]
+        found += [f"command.{key}: {sourced.source}" for key, sourced in every.items() if sourced.assumed]
     return found
 
 

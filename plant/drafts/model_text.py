@@ -36,8 +36,10 @@ def _command(draft: Draft) -> list[str]:
     if command is None:
         return []
     lines = ["", "[command]"]
-    for key, said in command.keys.items():
-        lines.append(_line(key, _text(said.value) if isinstance(said.value, str) else _value(said.value), said))
+    for key, sourced in command.keys.items():
+        lines.append(
+            _line(key, _text(sourced.value) if isinstance(sourced.value, str) else _value(sourced.value), sourced)
+        )
     if command.thrust_max is not None:
         full = command.thrust_max
         lines += [_line("thrust_max", _value(full.value), full), f"source = {_text(full.source)}"]
@@ -55,21 +57,21 @@ def _value(value: Any) -> str:
     return text if any(c in text for c in ".en") else f"{text}.0"
 
 
-def _with_tolerance(said: Sourced) -> str:
-    value = _value(said.value)
-    return value if said.tolerance is None else f"{{ value = {value}, tolerance = {_value(said.tolerance)} }}"
+def _with_tolerance(sourced: Sourced) -> str:
+    value = _value(sourced.value)
+    return value if sourced.tolerance is None else f"{{ value = {value}, tolerance = {_value(sourced.tolerance)} }}"
 
 
-def _line(key: str, value: str, said: Sourced) -> str:
-    return _commented(f"{key} = {value}", _words(said))
+def _line(key: str, value: str, sourced: Sourced) -> str:
+    return _commented(f"{key} = {value}", _words(sourced))
 
 
 def _commented(entry: str, words: str, column: int = 58) -> str:
     return entry.ljust(column) + f"  # {words}"
 
 
-def _words(said: Sourced) -> str:
-    return printable(f"ASSUMED: {said.source}" if said.assumed else said.source)
+def _words(sourced: Sourced) -> str:
+    return printable(f"ASSUMED: {sourced.source}" if sourced.assumed else sourced.source)
 
 
 def _alike(rotors: Sequence[RotorDraft], key: str) -> bool:
@@ -82,8 +84,8 @@ def _shared(rotors: Sequence[RotorDraft]) -> list[str]:
     common = [key for key in SHARED if _alike(rotors, key)]
     lines += ["[vehicle.rotor]"] if common else []
     for key in common:
-        said = getattr(rotors[0], key)
-        lines.append(_line(key, _value(said.value), said))
+        sourced = getattr(rotors[0], key)
+        lines.append(_line(key, _value(sourced.value), sourced))
     return lines
 
 
@@ -124,8 +126,8 @@ def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
         row = [f"name = {_text(rotor.name)}"] if rotor.name else []
         row += [f"spin = {int(rotor.spin.value)}", *([f"offset = {_value(offset)}"] if abs(offset) > 1e-6 else [])]
         rows.append(", ".join([*row, *(f"{key} = {_value(getattr(rotor, key).value)}" for key in own)]))
-    said = [f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)]
-    return [*lines, *_rotor_lines(rows, "; ".join(said))]
+    words = [f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)]
+    return [*lines, *_rotor_lines(rows, "; ".join(words))]
 
 
 def _tilting(first: RotorDraft, rotors: Sequence[RotorDraft], middle: Any) -> list[str]:

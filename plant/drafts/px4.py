@@ -106,10 +106,10 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
         )
     default = DEFAULTS["MPC_THR_HOVER"]
     hover = float(parameters.get("MPC_THR_HOVER", default))
-    said = "" if hover != default and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
+    origin = "" if hover != default and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
     share = hover if shape.value == 0.0 else float(shape.value) * hover**2 + (1.0 - float(shape.value)) * hover
-    words = f"hovering at MPC_THR_HOVER = {hover:.3g}{said}"
-    return CommandDraft({**keys, "factor": shape}, hover=Sourced(share, words, assumed=bool(said)))
+    words = f"hovering at MPC_THR_HOVER = {hover:.3g}{origin}"
+    return CommandDraft({**keys, "factor": shape}, hover=Sourced(share, words, assumed=bool(origin)))
 
 
 def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:

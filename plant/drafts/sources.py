@@ -36,15 +36,15 @@ class Given:
     thrust_max: float | None = None
 
 
-def draft_of_source(source: Path | None, given: Given, budget: Budget | str | None = None) -> Draft:
+def draft_of_source(source: Path | None, user: Given, budget: Budget | str | None = None) -> Draft:
     """The draft of a source, with the values of the user in place of its own; `completed` completes it.
 
     `budget` is what reading a log may take (`flight.budget`).
     Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
     """
-    _check(given)
+    _check(user)
     if source is None:
-        return _over(Draft(given.name or "vehicle", "your answers"), given)
+        return _over(Draft(user.name or "vehicle", "your answers"), user)
     if source.is_dir():
         raise UsageError(f"--from {source}: is a folder; expected a file: {KINDS}")
     if not source.is_file():
@@ -66,61 +66,61 @@ def draft_of_source(source: Path | None, given: Given, budget: Budget | str | No
         raise UsageError(f"--from {source}: a macro; expand it first, `xacro {source.name} > {source.stem}.urdf`")
     if reader is None:
         raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
-    return reader(source, given)
+    return reader(source, user)
 
 
-def _check(given: Given) -> None:
-    options = {"--mass": given.mass, "--mass-tolerance": given.mass_tolerance, "--arm": given.arm}
-    options |= {"--rotor-radius": given.radius, "--thrust-max": given.thrust_max}
+def _check(user: Given) -> None:
+    options = {"--mass": user.mass, "--mass-tolerance": user.mass_tolerance, "--arm": user.arm}
+    options |= {"--rotor-radius": user.radius, "--thrust-max": user.thrust_max}
     for option, value in options.items():
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise UsageError(f"{option} {value:g}: expected a positive number")
-    if given.frame is not None and given.arm is None:
-        raise UsageError(f"--frame {given.frame}: say its size too, --arm METRES from the middle to a motor")
+    if user.frame is not None and user.arm is None:
+        raise UsageError(f"--frame {user.frame}: say its size too, --arm METRES from the middle to a motor")
 
 
-def _over(draft: Draft, given: Given) -> Draft:
+def _over(draft: Draft, user: Given) -> Draft:
     """The draft with the values of the user in place of those of the source."""
     rotors = draft.rotors
-    if given.frame is not None and given.arm is not None:
-        rotors = rotors_of(given.frame, given.arm, f"--frame {given.frame} --arm {given.arm:g}")
-    if given.radius is not None:
-        said = Sourced(given.radius, "--rotor-radius")
-        rotors = tuple(replace(r, radius=said) for r in rotors)
+    if user.frame is not None and user.arm is not None:
+        rotors = rotors_of(user.frame, user.arm, f"--frame {user.frame} --arm {user.arm:g}")
+    if user.radius is not None:
+        radius = Sourced(user.radius, "--rotor-radius")
+        rotors = tuple(replace(r, radius=radius) for r in rotors)
     mass = draft.mass
-    if given.mass is not None:
-        mass = Sourced(given.mass, "--mass", tolerance=given.mass_tolerance)
+    if user.mass is not None:
+        mass = Sourced(user.mass, "--mass", tolerance=user.mass_tolerance)
     inertia = draft.inertia
-    if given.mass is not None and draft.mass is not None and inertia is not None:
-        share = given.mass / float(draft.mass.value)
+    if user.mass is not None and draft.mass is not None and inertia is not None:
+        share = user.mass / float(draft.mass.value)
         scaled = np.asarray(inertia.value) * share
         words = f"{inertia.source}, times {share:.4g} for --mass"
         inertia = Sourced(tuple(map(tuple, scaled.tolist())), words, inertia.assumed)
     command = draft.command
-    if given.thrust_max is not None:
-        full = Sourced(given.thrust_max, "--thrust-max")
+    if user.thrust_max is not None:
+        full = Sourced(user.thrust_max, "--thrust-max")
         rotors = tuple(replace(r, thrust_max=full) for r in rotors)
         command = None if command is None else replace(command, thrust_max=full)
-    return replace(draft, name=given.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
+    return replace(draft, name=user.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
 
 
-def _ulog(source: Path, given: Given, budget: Budget | str | None) -> Draft:
+def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     from wrenchgap.flight.formats.ulog import parameters
 
-    known, flown, notes = parameters(source, budget), *_flown(source, budget)
-    unit = "normalised" if px4.has_geometry(known) else "pwm"
+    logged, flown, notes = parameters(source, budget), *_flown(source, budget)
+    unit = "normalised" if px4.has_geometry(logged) else "pwm"
     if flown is not None and flown.actuators is not None and flown.actuators.unit != "rad/s":
         unit = flown.actuators.unit
     draft = Draft(
         source.stem,
         source.name,
-        _as_many(px4.rotors_of(known, source.name), flown),
-        com=px4.com_of(known),
-        imu_position=px4.imu_of(known),
-        command=px4.command_of(known, unit),
-        notes=(*px4.notes_of(known, source.name), *notes),
+        _as_many(px4.rotors_of(logged, source.name), flown),
+        com=px4.com_of(logged),
+        imu_position=px4.imu_of(logged),
+        command=px4.command_of(logged, unit),
+        notes=(*px4.notes_of(logged, source.name), *notes),
     )
-    return _level(_over(draft, given), flown)
+    return _level(_over(draft, user), flown)
 
 
 def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[RotorDraft, ...]:
@@ -133,28 +133,28 @@ def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[Roto
     return rotors
 
 
-def _ardupilot(source: Path, given: Given, budget: Budget | str | None = None) -> Draft:
+def _ardupilot(source: Path, user: Given, budget: Budget | str | None = None) -> Draft:
     from wrenchgap.flight.formats import dataflash
 
     log = source.suffix.lower() == ".bin"
-    known = dataflash.parameters(source, budget) if log else ardupilot.read_parameters(source)
+    logged = dataflash.parameters(source, budget) if log else ardupilot.read_parameters(source)
     flown, notes = _flown(source, budget) if log else (None, ())
-    rotors = () if given.frame else ardupilot.rotors_from(known, given.arm, source.name)
+    rotors = () if user.frame else ardupilot.rotors_from(logged, user.arm, source.name)
     draft = Draft(
         source.stem,
         source.name,
         rotors,
-        imu_position=px4.imu_of(known, "INS_POS1", "ArduPilot"),
-        command=ardupilot.command_of(known),
+        imu_position=px4.imu_of(logged, "INS_POS1", "ArduPilot"),
+        command=ardupilot.command_of(logged),
         notes=notes,
     )
-    return _level(_over(draft, given), flown)
+    return _level(_over(draft, user), flown)
 
 
 def _level(draft: Draft, flown: Flight | None) -> Draft:
     """The draft with the level of its thrust curve from the flight, unless it is known."""
-    said = draft.command is None or draft.command.thrust_max is not None
-    return draft if flown is None or said else with_fitted_thrust(draft, flown)
+    has_level = draft.command is None or draft.command.thrust_max is not None
+    return draft if flown is None or has_level else with_fitted_thrust(draft, flown)
 
 
 def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tuple[str, ...]]:
@@ -165,7 +165,7 @@ def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tu
         return None, (f"the flight itself could not be read ({error}); parameters only.",)
 
 
-def _xml(source: Path, given: Given) -> Draft:
+def _xml(source: Path, user: Given) -> Draft:
     try:
         document = ElementTree.parse(source).getroot()
     except ElementTree.ParseError as error:
@@ -174,11 +174,11 @@ def _xml(source: Path, given: Given) -> Draft:
         raise ModelError(f"{source}: cannot be read: {error.strerror}") from None
     kind = document.tag
     if kind == "robot":
-        return _over(compiled.from_urdf(source, document), given)
+        return _over(compiled.from_urdf(source, document), user)
     if kind in ("sdf", "model"):
-        return _over(sdf.from_sdf(source, document), given)
+        return _over(sdf.from_sdf(source, document), user)
     if kind == "mujoco":
-        return _over(compiled.from_mjcf(source), given)
+        return _over(compiled.from_mjcf(source), user)
     raise ModelError(f"{source.name}: begins with <{kind}>, expected <robot> (URDF), <sdf> or <mujoco>")
 
 
@@ -187,9 +187,9 @@ Ask = Callable[[str, type, str | None, Sequence[str]], str]
 WAYS = {"ccw": 1, "cw": -1}
 
 
-def answers(given: dict[str, float | str | None], draft: Draft, ask: Ask) -> dict[str, float | str | None]:
+def answers(values: dict[str, float | str | None], draft: Draft, ask: Ask) -> dict[str, float | str | None]:
     """The values of the user, with answers to questions about what neither they nor the draft have."""
-    out = dict(given)
+    out = dict(values)
     if draft.mass is None and out["mass"] is None:
         out["mass"] = float(ask("What does it weigh, with its battery [kg]?", float, None, ()))
         tolerance = ask("How well is that known [kg]? Leave empty if not.", float, "", ())

@@ -68,15 +68,15 @@ def _keys(table: dict[str, Any]) -> str:
     return f"the keys {', '.join(table)}" if table else "no keys"
 
 
-def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
+def _positive(value: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
     """The tolerance as an array of one of these shapes; an error of the file where it is none, or not positive."""
-    wrong = rule_error(f"tolerance: got {given!r}, expected {words}, positive")
-    flat = given if isinstance(given, list) else [given]
+    wrong = rule_error(f"tolerance: got {value!r}, expected {words}, positive")
+    flat = value if isinstance(value, list) else [value]
     entries = [x for row in flat for x in (row if isinstance(row, list) else [row])]
     if any(isinstance(x, bool) or not isinstance(x, int | float) for x in entries):
         raise wrong
     try:
-        values = np.array(given, dtype=float)
+        values = np.array(value, dtype=float)
     except ValueError:
         raise wrong from None
     if values.shape not in shapes or not np.all(np.isfinite(values)) or not np.all(values > 0.0):
@@ -84,19 +84,19 @@ def _positive(given: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Ar
     return values
 
 
-def number_tolerance(given: Any) -> float:
+def number_tolerance(value: Any) -> float:
     """The tolerance of one number."""
-    return float(_positive(given, ((),), "one number"))
+    return float(_positive(value, ((),), "one number"))
 
 
-def vector_tolerance(given: Any) -> Array:
+def vector_tolerance(value: Any) -> Array:
     """The tolerance (3,) of a vector."""
-    return np.broadcast_to(_positive(given, ((), (3,)), "one number or three"), 3).copy()
+    return np.broadcast_to(_positive(value, ((), (3,)), "one number or three"), 3).copy()
 
 
-def inertia_tolerance(given: Any, products: float = 0.3) -> Array:
+def inertia_tolerance(value: Any, products: float = 0.3) -> Array:
     """The tolerance (3, 3) of an inertia; of products that are not given, relative to both moments."""
-    values = _positive(given, ((), (3,), (3, 3)), "one number, three, or three rows of three")
+    values = _positive(value, ((), (3,), (3, 3)), "one number, three, or three rows of three")
     if values.ndim == 2:
         return values
     moments = np.broadcast_to(values, 3)
@@ -105,13 +105,13 @@ def inertia_tolerance(given: Any, products: float = 0.3) -> Array:
     return out
 
 
-def checked_inertia(given: Toleranced, rounding: float = 0.03) -> tuple[Array, str]:
+def checked_inertia(entry: Toleranced, rounding: float = 0.03) -> tuple[Array, str]:
     """The inertia (3, 3) of the file's rows, and a note where it is impossible by no more than its tolerance.
 
     No rigid body has a principal moment above the sum of the other two. An excess within `rounding`, relative (papers
     give two digits), or within the sum of the tolerances of the moments gives a note; a larger one is an error.
     """
-    rows = given.value
+    rows = entry.value
     inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
     low, middle, high = np.linalg.eigvalsh(inertia)
     if 0.0 < low < LEAST:
@@ -120,8 +120,8 @@ def checked_inertia(given: Toleranced, rounding: float = 0.03) -> tuple[Array, s
     if excess <= 1e-3 * (low + middle):
         return inertia, ""
     granted = rounding * (low + middle)
-    if given.tolerance is not None:
-        granted = max(granted, float(np.trace(given.tolerance)))
+    if entry.tolerance is not None:
+        granted = max(granted, float(np.trace(entry.tolerance)))
     words = f"the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2"
     if low <= 0.0 or excess > granted:
         raise rule_error(f"no body has {words}: the largest exceeds the sum of the others by {excess:.2g}")
@@ -136,9 +136,9 @@ MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
 """Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
 
 
-def _checked(given: Toleranced) -> Toleranced:
-    checked_inertia(given)
-    return given
+def _checked(entry: Toleranced) -> Toleranced:
+    checked_inertia(entry)
+    return entry
 
 
 def _spin(value: float) -> float:
