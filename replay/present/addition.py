@@ -118,7 +118,7 @@ def of_axes(added: Addition) -> dict[str, Array]:
     fitted = entries(added, "rms_before", "rms_after", "reduction")
     if added.trial is None:
         return fitted
-    names = ("held_out_before=before", "held_out_after=after", "held_out_reduction=fall", "noise")
+    names = ("held_out_before=before", "held_out_after=after", "held_out_reduction=rms_reduction", "noise")
     return {**fitted, **entries(added.trial, *names)}
 
 
