@@ -1,8 +1,11 @@
 """The command line: `wrenchgap`, or `python -m wrenchgap`."""
 
+import atexit
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from wrenchgap import _safe_path, _signals
 
@@ -23,11 +26,33 @@ def main() -> None:
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 
         command_line()
+        code = 0
     except KeyboardInterrupt as error:  # while modules were imported
         sys.stderr.write("wrenchgap: interrupted\n")
-        sys.exit(getattr(error, "code", 130))
-    finally:
-        _signals.leave()
+        code = getattr(error, "code", 130)
+    except SystemExit as error:
+        code = error.code if isinstance(error.code, int) else int(error.code is not None)
+    _signals.leave()
+    end(code)
+
+
+def end(code: int) -> NoReturn:
+    """End the process once what is registered for its end has run and its output is written.
+
+    The interpreter is not taken down: threads that wait for other processes, or compiled code, may still run, and what
+    they meet while it goes crashes now and then.
+    """
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output, e.g. `head`, has seen enough
+        pass
+    except OSError as error:
+        sys.stderr.write(f"wrenchgap: the output could not be written: {error.strerror}\n")
+        code = code or 2
+    with suppress(OSError):
+        sys.stderr.flush()
+    os._exit(code)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,6 +105,37 @@ def test_a_command_inside_one_long_call_into_c_is_ended_from_outside(tmp_path):
     time.sleep(0.2)  # between two of its instructions Python would still hear of it
     command.process.send_signal(signal.SIGTERM)
     assert command.process.wait(timeout=10) == -signal.SIGKILL
+
+
+SHUTDOWN = """
+import builtins, ctypes, sys
+from wrenchgap import __main__
+
+class Crash:
+    def __del__(self):
+        ctypes.string_at(0)
+
+builtins.crash = Crash()
+sys.argv = ["wrenchgap", *sys.argv[1:]]
+__main__.main()
+"""
+
+
+@pytest.mark.parametrize(("asked", "code"), [("--help", 0), ("nothing-of-this-name", 2)])
+def test_a_command_ends_without_taking_its_interpreter_down(tmp_path, asked, code):
+    """What is still alive in it then, threads and compiled code, may crash."""
+    command = attacks.Command(tmp_path, sys.executable, "-c", SHUTDOWN, asked)
+    said = command.process.stdout.read()
+    assert command.process.wait(timeout=60) == code
+    assert code or "explain" in said  # written to its end
+
+
+def test_output_that_cannot_be_written_is_said(tmp_path):
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-c", SHUTDOWN, "--help"]
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_an_ignored_interrupt_stays_ignored(tmp_path):
