@@ -128,17 +128,18 @@ def explain(
     *,
     names: Sequence[str] = (),
     validate: Flights = (),
+    injections: int = 0,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Explanation:
-    """Which effects the model is missing, with what confidence, and what is indistinguishable.
+    """Which effects the model is missing, with what confidence, what is indistinguishable, what would have been shown.
 
-    Among `names`, by default the whole catalogue; `validate` flights are not fitted but tested on. `jobs` processes, by
-    default one for each core.
+    Among `names`, by default the whole catalogue; `validate` flights are not fitted but tested on. So many `injections`
+    of effects at the limits of what would have been shown check these, each as long as the search itself. `jobs`
+    processes, by default one for each core.
     """
-    return explaining.explain(
-        listed(flights), model_of(model), names=names, validation=listed(validate), jobs=jobs, progress=progress
-    )
+    asked: Any = {"names": names, "validation": listed(validate), "injections": injections}
+    return explaining.explain(listed(flights), model_of(model), **asked, jobs=jobs, progress=progress)
 
 
 def report(

@@ -4,9 +4,10 @@ Where they answer a disturbance, what linear responses to the commands explain i
 explains moved with the disturbance (`learn.posterior.spectrum`). But motors that speed up and slow down otherwise, or a
 curved thrust, are no linear response either: what they make would be called a disturbance, and no effect could
 explain it. So where all candidates at once come close, sets are searched on the whole wrench too. One that leaves no
-more there than the sensors' noise, or a few per cent of what was there, in every band, leaves no room for a
-disturbance: the commands answered none, and the wrench is evidence as it is (with nothing but the sensors' noise left,
-the direct regression in a closed loop is unbiased: Forssell and Ljung, Automatica 35, 1999, sec. 5).
+more there than the sensors' noise, or a few per cent of what was there or of what was commanded, in every band, leaves
+no room for a disturbance: the commands answered none, and the wrench is evidence as it is (the direct regression in a
+closed loop errs by the ratio of disturbance to command, and with nothing but the sensors' noise left it is unbiased:
+Forssell and Ljung, Automatica 35, 1999, sec. 5).
 """
 
 from __future__ import annotations
@@ -21,10 +22,13 @@ from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
-from wrenchgap.learn.posterior.spectrum import ABOVE_NOISE, Spectrum
+from wrenchgap.learn.posterior.spectrum import ABOVE_NOISE, Spectrum, mean_squares, transformed
 
 LITTLE = 0.05
 """Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
+INEXACT = 0.02
+"""Share of the rms of the commands in a band which may be left: no actuation is known better. Of slow torques the
+sensors' noise is far below that, so that without it a vehicle of which nothing is missing seemed disturbed."""
 CLOSE = 0.35
 """Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
 
@@ -42,6 +46,7 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
         return np.asarray(np.sum(space.count * squares, axis=0))
 
     enough = np.maximum(ABOVE_NOISE**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
+    enough = np.maximum(enough, INEXACT**2 * in_all(commanded(space, on)))
     return bool(np.all((in_all(space.saturated()[0]) < enough)[_answering(space, on)]))
 
 
@@ -49,8 +54,15 @@ def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -
     """Whether one of the likeliest sets on the wrench as it is leaves no disturbance, where commands say something."""
     space = spectrum_of(free, ())
     enough = np.maximum(ABOVE_NOISE**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
+    enough = np.maximum(enough, INEXACT**2 * commanded(space, on))
     little = [((c.scored.left < enough) | (space.count == 0.0))[:, _answering(space, on)] for c in found.wholes]
     return any(bool(np.all(cells)) for cells in little)
+
+
+def commanded(space: Spectrum, on: ModelResidual) -> Array:
+    """Mean squares (bands, A) of the commands, their means over blocks aside."""
+    sent = transformed(on.data.records, on.data.commanded[:, space.axes, None], without_mean=True)[0]
+    return mean_squares(sent[:, :, 0], space.band)
 
 
 def _answering(space: Spectrum, on: ModelResidual) -> NDArray[np.bool_]:

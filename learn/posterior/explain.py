@@ -45,8 +45,10 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.parallel import cores, one_thread
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
+from wrenchgap.learn.posterior.injection import Recovery, change_at, injected, injected_limits
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
@@ -61,6 +63,7 @@ from wrenchgap.learn.posterior.single_effects import (
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand, unexplained_bands
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -103,6 +106,7 @@ class Explanation(Result):
     and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
     some were given; `answering` are the axes on which commands answered a disturbance. `named_there` says that what
     is named pushes where `one_rotor` pushes: the mean of what comes and goes, whose name is open.
+    `limits` say what these flights could have shown beside what is named, `recoveries` what was found again of it.
     """
 
     verdict: Verdict
@@ -127,6 +131,8 @@ class Explanation(Result):
     answering: tuple[int, ...] = ()
     bands: tuple[OpenBand, ...] = ()
     named_there: bool = False
+    limits: tuple[DetectionLimit, ...] = ()
+    recoveries: tuple[Recovery, ...] = ()
 
     @property
     def reduction(self) -> Array:
@@ -184,14 +190,16 @@ def explain(
     *,
     names: Sequence[str] = (),
     validation: Sequence[OpenFlight] = (),
+    injections: int = 0,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Explanation:
     """Find the effects that `model` is missing on flights that were opened for it.
 
     Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
-    fitted, the result is tested on them. `jobs` processes, by default one for each core. Raises ModelError for unknown
-    names, FitError where the flights are too short, LogError where a flight is fitted and tested on.
+    fitted, the result is tested on them. So many `injections` check the limits of what would have been firm, each a
+    search of its own. `jobs` processes, by default one for each core. Raises ModelError for unknown names, FitError
+    where the flights are too short, LogError where a flight is fitted and tested on.
     """
     report = progress or (lambda fraction, words: None)
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
@@ -200,9 +208,26 @@ def explain(
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
     chosen = candidates(data.records, model, names)
     jobs = cores() if jobs is None else jobs
-    found = search_dataset(data, model, chosen, clock=late_clock(timing), jobs=jobs, progress=report)
+    clock, part = late_clock(timing), 1.0 / (1 + injections)
+
+    def search(data: Dataset, first: float) -> Explanation:
+        told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
+        return search_dataset(data, model, chosen, clock=clock, jobs=jobs, progress=told)
+
+    found = search(data, 0.0)
+    again = []
+    for k, (limit, share) in enumerate(injected_limits(found.limits, injections), 1):
+        changed = injected(data, model, limit.effect, change_at(limit, share, model.vehicle))
+        again.append(recovery(found, limit, share, search(changed, part * k)))
     tested = validate(validation, flights, model, found.model) if validation else None
-    return replace(found, flights=tuple(flights), timing=timing, validation=tested)
+    return replace(found, flights=tuple(flights), timing=timing, validation=tested, recoveries=tuple(again))
+
+
+def recovery(found: Explanation, limit: DetectionLimit, share: float, again: Explanation) -> Recovery:
+    """What the search `again` says of an effect that was injected, compared with what was `found` without it."""
+    own, size = family(limit.effect), share * limit.size
+    others = tuple(n for n in again.firm if n != own and n not in found.firm)
+    return Recovery(limit.effect, limit.parameter, limit.unit, size, share, own in again.firm, others)
 
 
 @one_thread
@@ -224,6 +249,7 @@ def search_dataset(
     found = with_clock(found, clock, model.vehicle)
     tell(0.8, "fitting what was named")
     best, named, found = needed_members(on, found, jobs)
+    limits, found = _limits(found, named, model.vehicle), replace(found, scorer=None)
     every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
     own = {e.name: e.theta for e in model.effects}
     found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
@@ -255,7 +281,17 @@ def search_dataset(
         answering=data.answering,
         bands=bands,
         named_there=bool(pushing and mean and set(pushing.rotors) & set(mean.rotors)),
+        limits=limits,
     )
+
+
+def _limits(found: Posterior, named: Sequence[Member], vehicle: Vehicle) -> tuple[DetectionLimit, ...]:
+    """What would have been firm beside the members that were named."""
+    if found.scorer is None:
+        return ()
+    members, columns = {m.name for m in named}, found.scorer.spectrum.columns
+    keys = tuple(k for k in found.best.scored_set.keys if set(columns[k].names) & members)
+    return detection_limits(found.scorer, keys, vehicle)
 
 
 def _searched(

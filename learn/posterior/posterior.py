@@ -8,7 +8,7 @@ these flights are one class (`learn.posterior.equivalence_classes`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from wrenchgap.learn.posterior.relinearisation import (
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.scored_sets import FIRM, OTHERWISE, ScoredSet, scored_set, shares, weights
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.subset_search import ordered, searched, with_fit_discounted
 from wrenchgap.plant.effects import family, find
@@ -62,10 +62,6 @@ HEAVY = 0.01
 """Weight from which on what a set leaves without a member is looked at once more."""
 WHOLES = 3
 """Heaviest sets that are kept with all that they do not need."""
-FIRM = 0.9
-"""Share of the weight from which on a name is firm."""
-OTHERWISE = 0.05
-"""Share of its class from which on a set keeps the names that it lacks from being firm."""
 SUREST = 0.98
 """Largest probability that is stated: no catalogue is complete."""
 
@@ -73,13 +69,14 @@ SUREST = 0.98
 @dataclass(frozen=True)
 class Posterior:
     """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true;
-    `wholes` are the heaviest sets with all that they do not need.
+    `wholes` are the heaviest sets with all that they do not need; `scorer` is what they were scored by.
     """  # noqa: D205
 
     sets: tuple[NamedSet, ...]
     classes: tuple[EquivalenceClass, ...]
     settle: tuple[Check, ...]
     wholes: tuple[ScoredSet, ...] = ()
+    scorer: Scorer | None = field(default=None, repr=False, compare=False)
 
     @property
     def best(self) -> NamedSet:
@@ -137,7 +134,7 @@ class Posterior:
             return (*clock, *checks_between(sets, vehicle))
 
         kept = tuple(replace(c, settle=checks(c.sets, c.settle)) for c in groups)
-        return Posterior(sets, kept, checks(sets, self.settle), self.wholes)
+        return replace(self, sets=sets, classes=kept, settle=checks(sets, self.settle))
 
     @property
     def firm(self) -> tuple[str, ...]:
@@ -196,7 +193,8 @@ def posterior(
         kept[k] = replace(kept[k], leaves=equivalents_without_idle(linear, kept[k]))
     sets = merged_by_names(kept, share)
     vehicle = on.model.vehicle
-    return Posterior(sets, equivalence_classes(sets, linear, vehicle), checks_between(sets, vehicle), wholes)
+    by = scorers.get(sets[0].scored_set.keys, linear)
+    return Posterior(sets, equivalence_classes(sets, linear, vehicle), checks_between(sets, vehicle), wholes, by)
 
 
 def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:

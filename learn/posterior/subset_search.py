@@ -8,7 +8,7 @@ to their number but the evidence.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -121,13 +121,16 @@ class SubsetSearch:
             rest = tuple(k for k in keys if k != gone)
             self.score(rest)
             alike = [] if gone is None else confused(gone, self.space.columns)
-            for n in dict.fromkeys([*self._promising(rest), *(a for a in alike if a not in keys)]):
+            for n in dict.fromkeys([*self.promising(rest), *(a for a in alike if a not in keys)]):
                 self.score((*(k for k in rest if k in self.others[n]), n))
 
-    def _promising(self, keys: Keys) -> list[str]:
-        """What would take most off what a set leaves, to second order and without bounds."""
+    def promising(self, keys: Keys, among: Collection[str] | None = None) -> list[str]:
+        """What would take most off what a set leaves, of all others or those `among` them, to second order and without
+        bounds.
+        """  # noqa: D205
         space = self.space
-        others = {n: np.append(own, space.offset[n]) for n, own in space.parameters.items() if n not in keys}
+        wanted = [n for n in (space.columns if among is None else among) if n not in keys]
+        others = {n: np.append(space.parameters[n], space.offset[n]) for n in wanted}
         if not others:
             return []
         unknown, fixed, _, _ = self._rows(keys)

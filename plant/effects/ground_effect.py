@@ -27,7 +27,7 @@ class GroundEffect(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The gain g, and the height z_0 of the ground in E."""
-        return (Parameter("gain", "1", 0.0, 100.0, 3.0), Parameter("ground", "m", -0.5, 0.3, 0.1))
+        return (Parameter("gain", "1", 0.0, 100.0, 3.0), Parameter("ground", "m", -0.5, 0.3, 0.1, alone=False))
 
     def unexcited(self, context: Context) -> str | None:
         """Above six rotor radii one rotor gains less than 0.2 % of thrust."""

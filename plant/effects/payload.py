@@ -24,7 +24,7 @@ class Payload(BodyEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Mass, and place from O along body x, y and z."""
         m, size = vehicle.body.mass, span(vehicle)
-        place = tuple(Parameter(a, "m", -2.0 * size, 2.0 * size, 0.3 * size) for a in "xyz")
+        place = tuple(Parameter(a, "m", -2.0 * size, 2.0 * size, 0.3 * size, alone=False) for a in "xyz")
         return (Parameter("mass", "kg", 0.0, 0.5 * m, 0.05 * m), *place)
 
     def apply(self, body: Body, theta: Array) -> Body:

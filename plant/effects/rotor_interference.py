@@ -34,7 +34,7 @@ class RotorInterference(ThrustEffect):
         tilting_arms(vehicle, self.name)
         return (
             Parameter("loss", "1", 0.0, 0.6, 0.2, start=0.1),
-            Parameter("width", "rotor radii", 0.3, 3.0, 0.8, start=1.2),
+            Parameter("width", "rotor radii", 0.3, 3.0, 0.8, start=1.2, alone=False),
         )
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:

@@ -38,7 +38,9 @@ class Tether(WrenchEffect):
         weight, size = weight_scale(vehicle), span(vehicle)
         most = {"x": 0.3, "y": 0.3, "z": 0.05}  # share of the weight; up, a safety line relieves a little of it
         force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, most[a] * weight, 0.02 * weight) for a in "xyz")
-        return force + tuple(Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size) for a in "xyz")
+        return force + tuple(
+            Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size, alone=False) for a in "xyz"
+        )
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added wrench about O."""

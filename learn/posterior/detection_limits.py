@@ -1,0 +1,207 @@
+"""What flights could have shown: for each parameter, the smallest change that the search would have made firm.
+
+The wrench of an effect at some size is added to what the flights measured, in the linear problem of the search: with
+q_0 what the model leaves and q_p what a unit of the parameter adds, q_0 becomes q_0 + theta q_p, and the products that
+sets are scored on become
+
+    P_00 + 2 theta P_0p + theta^2 P_pp,      P_0k + theta P_pk
+
+so that an injection costs one row. Then the sets which the search would have compared are scored by the search's own
+function (`SubsetSearch.score`): those found beside the effect, against the likeliest that do without it (as found, and
+with the one or two other effects that promise most). The log odds L of the two, of which F come from the fit, vary from
+block to block by about 2 F, as a log likelihood ratio does; the weight that the bootstrap over blocks then gives the
+effect is the mean of a logistic function over a normal one,
+
+    weight = 1 / (1 + exp(-L / sqrt(1 + pi/8 2 F)))
+
+Source: MacKay, Neural Computation 4, 1992, eq. 10. A size is firm where that weight times the trust in its evidence
+(`learn.posterior.scored_sets.Part`) is that of a firm name, and the evidence is worth a name.
+
+A lag is no straight line: through what it adds at the size t0 where it was linearised goes the parabola
+J t + c (2 t/t0 - (t/t0)^2), J its derivative there and c what the straight line lacks, and its secant is injected.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.linear_problem import quadratic
+from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS, FIRM, OTHERWISE, by_axis, rough_laws, size_by_axis
+from wrenchgap.learn.posterior.subset_search import SubsetSearch
+from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.vehicle import Vehicle
+
+ADVERSE = 1.28
+"""Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
+RELEVANT = 0.01
+"""Size of the prior, in typical sizes, of other parameters of which few are not zero (`kernels.relevant`)."""
+RATIO = 1.1
+"""Between two sizes that are tried: the resolution of a limit."""
+
+
+@dataclass(frozen=True)
+class DetectionLimit:
+    """The smallest change of a parameter that would have been firm, all else being as it was found.
+
+    `size` in `unit`, with the sign of the larger plausible change; NaN where no plausible size, up to `plausible`,
+    would have been firm. Then `instead` are effects which do as well in its place; none where it is too weak.
+    """
+
+    effect: str
+    parameter: str
+    unit: str
+    size: float
+    plausible: float
+    instead: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> bool:
+        """Whether a plausible size would have been firm."""
+        return math.isfinite(self.size)
+
+
+def detection_limits(scorer: Scorer, named: Keys, vehicle: Vehicle) -> tuple[DetectionLimit, ...]:
+    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms."""
+    search = SubsetSearch(scorer, scorer(named).variance)
+    columns = scorer.spectrum.columns
+    taken = {family(n) for k in named for n in columns[k].names}
+    alone = [k for k, c in columns.items() if len(c.names) == 1 and family(k) not in taken]
+    found = []
+    for key in alone:
+        beside = tuple(k for k in named if k in search.others[key])
+        for index, parameter in enumerate(find(key).parameters(vehicle)):
+            if not parameter.alone:
+                continue
+            injection = Injection(search, key, index, beside)
+            size, instead = injection.limit()
+            found.append(DetectionLimit(key, parameter.name, parameter.unit, size, injection.plausible, instead))
+    return tuple(found)
+
+
+class Injection:
+    """One parameter of a candidate, injected beside the sets that were found; sizes are changes of the parameter."""
+
+    def __init__(self, search: SubsetSearch, key: str, index: int, beside: Keys) -> None:
+        space = search.space
+        self.search, self.key, self.beside = search, key, beside
+        self.row, self.offset = int(space.parameters[key][index]), space.offset[key]
+        column = space.columns[key]
+        low, high = column.low[index], column.high[index]
+        self.least = MATERIAL * float(column.scale[index])
+        self.plausible = float(low if -low > high else high)
+        self.bend = float(column.theta[0]) if len(column.theta) == 1 else 0.0
+        same = family(key)
+        self.others = [k for k, c in space.columns.items() if same not in {family(n) for n in c.names}]
+
+    def limit(self) -> tuple[float, tuple[str, ...]]:
+        """The smallest firm size that is worth a name, or NaN; then what does as well in its place."""
+        least, most = self.least, abs(self.plausible)
+        count = 1 + math.ceil(math.log(max(most / least, 1.0)) / math.log(RATIO))
+        sizes = np.copysign(np.geomspace(min(least, most), most, count), self.plausible)
+        firm, instead = self.tried(sizes[-1])
+        if not firm:
+            return math.nan, instead
+        low, high = -1, count - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self.tried(sizes[middle])[0] else (middle, high)
+        return float(sizes[high]), ()
+
+    def tried(self, size: float) -> tuple[bool, tuple[str, ...]]:
+        """Whether this size would have been firm; if not, effects that do as well."""
+        trust, evidence = self.told(size)
+        _, share, spread = self.untaken(size)
+        large = share * abs(size) - ADVERSE * spread > self.least
+        search = self.injected(size)
+        own = tuple(sorted((*self.beside, self.key)))
+        value = search.score(own)
+        rivals = self.rivals(search)
+        weight = min((self.weight(search, own, r) for r in rivals), default=1.0)
+        firm = value > -math.inf and large and evidence > LEAST_EVIDENCE and weight * trust >= FIRM
+        columns = search.space.columns
+        likeliest = max(rivals, key=search.score)
+        names = tuple(n for k in likeliest if k not in self.beside for n in columns[k].names)
+        lost = search.score(likeliest) - value > math.log(OTHERWISE)
+        return firm, names if lost and not firm else ()
+
+    def weight(self, search: SubsetSearch, own: Keys, rival: Keys) -> float:
+        """Of the set with the effect against one without it."""
+        odds = search.score(own) - search.score(rival)
+        fit = odds - (search.priors[own] - search.priors[rival])
+        return 1.0 / (1.0 + math.exp(min(-odds / math.sqrt(1.0 + math.pi / 4.0 * max(fit, 0.0)), 700.0)))
+
+    def injected(self, size: float) -> SubsetSearch:
+        """The search on the flights with the effect at this size in them."""
+        search = copy.copy(self.search)
+        search.scores, search.priors = {(): 0.0}, {(): 0.0}
+        whole = search.whole = self.search.whole.copy()
+        self._straighten(whole, size)
+        whole[0] += size * whole[self.row]
+        whole[:, 0] += size * whole[:, self.row]
+        return search
+
+    def _straighten(self, whole: Array, size: float) -> None:
+        """Make the candidate the straight line through what it adds at this size."""
+        share = self._secant(size)
+        whole[self.row] += share * whole[self.offset]
+        whole[:, self.row] += share * whole[:, self.offset]
+        whole[self.offset] = 0.0
+        whole[:, self.offset] = 0.0
+
+    def _secant(self, size: float) -> float:
+        return (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
+
+    def rivals(self, search: SubsetSearch) -> list[Keys]:
+        """What was found as it is, and with the one or two others that promise most."""
+        first = [self.beside, *self.extended(search, self.beside)]
+        best = sorted(first, key=search.score)[-3:]
+        return [*first, *(k for keys in best for k in self.extended(search, keys))]
+
+    def extended(self, search: SubsetSearch, keys: Keys) -> list[Keys]:
+        """A set with each of those others that promise most."""
+        wanted = [k for k in search.promising(keys, self.others) if all(k in search.others[o] for o in keys)]
+        return [tuple(sorted((*keys, k))) for k in wanted]
+
+    def told(self, size: float) -> tuple[float, float]:
+        """Trust in the evidence for this size beside what was found, and that evidence (`scored_sets.parts_of`) where
+        noise takes `ADVERSE` standard deviations off it.
+        """  # noqa: D205
+        scorer, space = self.search.scorer, self.search.space
+        found = scorer(self.beside)
+        left, sensor = by_axis(scorer, found.left), by_axis(scorer, space.sensor)
+        returns = size**2 * by_axis(scorer, self.untaken(size)[0]) / left
+        above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
+        own = size**2 * by_axis(scorer, space.products[:, :, self.row, self.row])
+        law = rough_laws(space, {k: size_by_axis(scorer, found, k) for k in self.beside})
+        trusted = returns * own / np.maximum(own + law, 1e-30)
+        spread = np.sqrt(np.sum(returns / (1.0 + returns) ** 2 / scorer.count.sum(axis=0)))
+        evidence = 0.5 * float(np.log1p(returns).sum()) - ADVERSE * float(spread)
+        return float(trusted.sum() / max(float(np.sum(returns + above)), 1e-30)), evidence
+
+    def untaken(self, size: float) -> tuple[Array, float, float]:
+        """Of a unit of the parameter: mean squares (bands, A) that what was found and what is always there cannot take
+        up; the share that the fit gives back; and that share's standard deviation.
+        """  # noqa: D205
+        scorer, space = self.search.scorer, self.search.space
+        own = np.setdiff1d(space.parameters[self.key], [self.row])
+        unknown = np.concatenate([*(space.parameters[k] for k in self.beside), space.always]).astype(np.intp)
+        every = np.concatenate([unknown, own, [self.row, self.offset]])
+        added = np.array([1.0, self._secant(size)])
+        whole = scorer.weighed(scorer(self.beside).variance)[np.ix_(every, every)]
+        whole[:, -2] = whole[:, -2:] @ added
+        whole[-2] = added @ whole[-2:]
+        n, sizes = len(unknown), space.scale[every[:-1]] * np.where(space.sparse[every[:-1]], RELEVANT, 1.0)
+        sizes[-1] = abs(size) if space.sparse[self.row] else space.scale[self.row]  # `kernels.relevant`, of one alone
+        inner = whole[:-1, :-1] + np.diag(sizes**-2.0)
+        weights = np.concatenate([-np.linalg.solve(inner[:n, :n], whole[:n, -2]), np.zeros(len(own)), added])
+        squares = quadratic(space.products[:, :, every[:, None], every], weights)
+        inverse = np.linalg.inv(inner)
+        return squares, float(inverse[-1] @ whole[:-1, -2]), float(np.sqrt(inverse[-1, -1]))
