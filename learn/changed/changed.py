@@ -47,7 +47,8 @@ from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
-from wrenchgap.learn.posterior.posterior import FIRM, SUREST
+from wrenchgap.learn.posterior.posterior import SUREST
+from wrenchgap.learn.posterior.scored_sets import FIRM
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 

@@ -26,6 +26,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS, FIRM, OTHERWISE, by_axis, rough_laws, size_by_axis
+from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS, FIRM, ROUGH, by_axis, rough_laws, size_by_axis
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
@@ -43,8 +44,10 @@ ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
 RELEVANT = 0.01
 """Size of the prior, in typical sizes, of other parameters of which few are not zero (`kernels.relevant`)."""
-RATIO = 1.1
-"""Between two sizes that are tried: the resolution of a limit."""
+ROUNDS = 3
+"""Of the noise's spectrum and of what is left without an effect, in turn."""
+RATIO, STRIDE = 1.1, 5
+"""Between two sizes that are tried, the resolution of a limit; so many are passed over until the first that is firm."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class DetectionLimit:
     """The smallest change of a parameter that would have been firm, all else being as it was found.
 
     `size` in `unit`, with the sign of the larger plausible change; NaN where no plausible size, up to `plausible`,
-    would have been firm. Then `instead` are effects which do as well in its place; none where it is too weak.
+    would have been firm. Then `instead` are effects that could make the same; none where it is too weak.
     """
 
     effect: str
@@ -86,6 +89,16 @@ def detection_limits(scorer: Scorer, named: Keys, vehicle: Vehicle) -> tuple[Det
     return tuple(found)
 
 
+class Untaken(NamedTuple):
+    """Of a unit of a parameter: mean squares (bands, A) that nothing else takes up; of a change of it the `share` that
+    a fit gives back, and the standard deviation of what it gives (`spread`).
+    """  # noqa: D205
+
+    squares: Array
+    share: float
+    spread: float
+
+
 class Injection:
     """One parameter of a candidate, injected beside the sets that were found; sizes are changes of the parameter."""
 
@@ -102,35 +115,42 @@ class Injection:
         self.others = [k for k, c in space.columns.items() if same not in {family(n) for n in c.names}]
 
     def limit(self) -> tuple[float, tuple[str, ...]]:
-        """The smallest firm size that is worth a name, or NaN; then what does as well in its place."""
+        """The smallest firm size that is worth a name, or NaN; then what could make the same."""
         least, most = self.least, abs(self.plausible)
         count = 1 + math.ceil(math.log(max(most / least, 1.0)) / math.log(RATIO))
         sizes = np.copysign(np.geomspace(min(least, most), most, count), self.plausible)
-        firm, instead = self.tried(sizes[-1])
-        if not firm:
+        low = -1
+        for high in dict.fromkeys([*range(0, count, STRIDE), count - 1]):
+            instead, firm = self.tried(sizes[high])
+            if firm:
+                break
+            low = high
+        else:
             return math.nan, instead
-        low, high = -1, count - 1
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (low, middle) if self.tried(sizes[middle])[0] else (middle, high)
+            low, high = (low, middle) if self.tried(sizes[middle])[1] else (middle, high)
         return float(sizes[high]), ()
 
-    def tried(self, size: float) -> tuple[bool, tuple[str, ...]]:
-        """Whether this size would have been firm; if not, effects that do as well."""
-        trust, evidence = self.told(size)
-        _, share, spread = self.untaken(size)
-        large = share * abs(size) - ADVERSE * spread > self.least
+    def tried(self, size: float) -> tuple[tuple[str, ...], bool]:
+        """Effects that could make what this size makes, and whether it would have been firm."""
         search = self.injected(size)
         own = tuple(sorted((*self.beside, self.key)))
-        value = search.score(own)
-        rivals = self.rivals(search)
-        weight = min((self.weight(search, own, r) for r in rivals), default=1.0)
-        firm = value > -math.inf and large and evidence > LEAST_EVIDENCE and weight * trust >= FIRM
+        if not math.isfinite(search.score(own)):
+            return (), False
+        weights = {rival: self.weight(search, own, rival) for rival in self.rivals(search)}
+        likeliest = min(weights, key=lambda rival: weights[rival])
         columns = search.space.columns
-        likeliest = max(rivals, key=search.score)
-        names = tuple(n for k in likeliest if k not in self.beside for n in columns[k].names)
-        lost = search.score(likeliest) - value > math.log(OTHERWISE)
-        return firm, names if lost and not firm else ()
+        if weights[likeliest] < FIRM:
+            return tuple(n for k in likeliest if k not in self.beside for n in columns[k].names), False
+        unit = self.untaken(size)
+        trust, evidence = self.told(size, unit.squares)
+        large = unit.share * abs(size) - ADVERSE * unit.spread > self.least
+        if not (large and evidence > LEAST_EVIDENCE):
+            return (), False
+        rough = tuple(n for k in self.beside if columns[k].accuracy > ROUGH for n in columns[k].names)
+        firm = weights[likeliest] * trust >= FIRM
+        return () if firm else rough, firm
 
     def weight(self, search: SubsetSearch, own: Keys, rival: Keys) -> float:
         """Of the set with the effect against one without it."""
@@ -170,14 +190,14 @@ class Injection:
         wanted = [k for k in search.promising(keys, self.others) if all(k in search.others[o] for o in keys)]
         return [tuple(sorted((*keys, k))) for k in wanted]
 
-    def told(self, size: float) -> tuple[float, float]:
+    def told(self, size: float, squares: Array) -> tuple[float, float]:
         """Trust in the evidence for this size beside what was found, and that evidence (`scored_sets.parts_of`) where
-        noise takes `ADVERSE` standard deviations off it.
+        noise takes `ADVERSE` standard deviations off it. `squares` are those of `untaken`.
         """  # noqa: D205
         scorer, space = self.search.scorer, self.search.space
         found = scorer(self.beside)
         left, sensor = by_axis(scorer, found.left), by_axis(scorer, space.sensor)
-        returns = size**2 * by_axis(scorer, self.untaken(size)[0]) / left
+        returns = size**2 * by_axis(scorer, squares) / left
         above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         own = size**2 * by_axis(scorer, space.products[:, :, self.row, self.row])
         law = rough_laws(space, {k: size_by_axis(scorer, found, k) for k in self.beside})
@@ -186,22 +206,26 @@ class Injection:
         evidence = 0.5 * float(np.log1p(returns).sum()) - ADVERSE * float(spread)
         return float(trusted.sum() / max(float(np.sum(returns + above)), 1e-30)), evidence
 
-    def untaken(self, size: float) -> tuple[Array, float, float]:
-        """Of a unit of the parameter: mean squares (bands, A) that what was found and what is always there cannot take
-        up; the share that the fit gives back; and that share's standard deviation.
+    def untaken(self, size: float) -> Untaken:
+        """What a fit leaves to the parameter, all else that was found and is always there being free; at the noise that
+        is then left without the effect (`Scorer.pooled`), in `ROUNDS` turns.
         """  # noqa: D205
         scorer, space = self.search.scorer, self.search.space
         own = np.setdiff1d(space.parameters[self.key], [self.row])
         unknown = np.concatenate([*(space.parameters[k] for k in self.beside), space.always]).astype(np.intp)
         every = np.concatenate([unknown, own, [self.row, self.offset]])
         added = np.array([1.0, self._secant(size)])
-        whole = scorer.weighed(scorer(self.beside).variance)[np.ix_(every, every)]
-        whole[:, -2] = whole[:, -2:] @ added
-        whole[-2] = added @ whole[-2:]
         n, sizes = len(unknown), space.scale[every[:-1]] * np.where(space.sparse[every[:-1]], RELEVANT, 1.0)
         sizes[-1] = abs(size) if space.sparse[self.row] else space.scale[self.row]  # `kernels.relevant`, of one alone
-        inner = whole[:-1, :-1] + np.diag(sizes**-2.0)
-        weights = np.concatenate([-np.linalg.solve(inner[:n, :n], whole[:n, -2]), np.zeros(len(own)), added])
-        squares = quadratic(space.products[:, :, every[:, None], every], weights)
+        products = space.products[:, :, every[:, None], every]
+        found = scorer(self.beside)
+        squares = np.zeros(found.left.shape)
+        for _ in range(ROUNDS):
+            whole = scorer.weighed(scorer.pooled(found.left + size**2 * squares))[np.ix_(every, every)]
+            whole[:, -2] = whole[:, -2:] @ added
+            whole[-2] = added @ whole[-2:]
+            inner = whole[:-1, :-1] + np.diag(sizes**-2.0)
+            weights = np.concatenate([-np.linalg.solve(inner[:n, :n], whole[:n, -2]), np.zeros(len(own)), added])
+            squares = np.maximum(quadratic(products, weights), 0.0)
         inverse = np.linalg.inv(inner)
-        return squares, float(inverse[-1] @ whole[:-1, -2]), float(np.sqrt(inverse[-1, -1]))
+        return Untaken(squares, float(inverse[-1] @ whole[:-1, -2]), float(np.sqrt(inverse[-1, -1])))

@@ -68,8 +68,8 @@ class Parameter:
 
     `low` and `high` bound what is physically plausible; `scale` is a typical size (prior standard deviation), which
     also sets the step of numerical derivatives. `start` is where a search begins when the derivative at zero is
-    not informative (a lag, a width); zero for parameters that enter smoothly. One that is not `alone` does nothing while
-    the others of its effect are zero (where a force acts, how wide a wake is).
+    not informative (a lag, a width); zero for parameters that enter smoothly. One that is not `alone` does nothing
+    while the others of its effect are zero (where a force acts, how wide a wake is).
     """
 
     name: str

@@ -11,7 +11,7 @@ from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
-from wrenchgap.replay.present import comparison, timing
+from wrenchgap.replay.present import comparison, detection, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -62,6 +62,7 @@ def parts(found: Explanation) -> list[Part]:
     if found.members:
         out += [members(found), Line(MEMBERS_LEGEND, "dim"), Line()]
     out += [Line(words) for words in open_in_words(found)] + [Line()]
+    out += [*detection.lines(found), Line()]
     out.append(ranking(found))
     out += [Line(RANKING_LEGEND, "dim"), Line()]
     if found.fit.snapshot:
@@ -210,6 +211,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
         "dropped": [],
         "not_tried": not_tried_json(found.untried),
+        "sensitivity": detection.to_json(found),
         **entries(found, "rms_before", "rms_after", "noise"),
         "unmeasured": unmeasured(found.noise),
         "validation": None if found.validation is None else _validation_json(found.validation),

@@ -76,6 +76,20 @@ def quantity(value: float, unit_name: str, digits: int = 3) -> str:
     return f"{number(value, digits)} {unit(unit_name)}".rstrip()
 
 
+SCALED = {"1": (100.0, "%"), "rad": (180.0 / np.pi, "deg")}
+"""Factor and unit in which a size is said."""
+MILLI = frozenset({"m", "s", "N", "Nm", "kg"})
+"""Units that take the prefix of a thousandth below a tenth."""
+
+
+def size_in_words(value: float, unit_name: str) -> str:
+    """A size as it is said: two digits, in per cent, degrees, or thousandths of a unit where it is small."""
+    factor, words = SCALED.get(unit_name, (1.0, unit(unit_name)))
+    if unit_name in MILLI and abs(value) < 0.1:
+        factor, words = 1000.0, {"kg": "g"}.get(unit_name, f"m{unit_name}")
+    return f"{number(factor * value, 2)} {words}"
+
+
 def separation(value: float, most: float = 100.0) -> str:
     """A separation in standard errors; beyond `most` no digit says anything."""
     return f"{round(value, 1) + 0.0:.1f}" if value < most else f"> {most:.0f}"  # + 0.0: no minus before a zero

@@ -123,6 +123,32 @@ class Validation(Comparison):
     warnings: list[str]
 
 
+class Limit(TypedDict):
+    effect: str
+    parameter: str
+    unit: str
+    plausible: float
+    size: float | None
+    instead: list[str]
+
+
+class Injected(TypedDict):
+    effect: str
+    parameter: str
+    unit: str
+    size: float
+    share: float
+    firm: bool
+    as_stated: bool
+    others: list[str]
+
+
+class Sensitivity(TypedDict):
+    limits: list[Limit]
+    injected: list[Injected]
+    summary: list[str]
+
+
 class ExplainBody(TypedDict):
     verdict: Literal["effect", "group", "unknown", "nothing"]
     effects: list[str]
@@ -141,6 +167,7 @@ class ExplainBody(TypedDict):
     air: Air | None
     dropped: list[str]
     not_tried: list[Untried]
+    sensitivity: Sensitivity
     rms_before: Six
     rms_after: Six
     noise: Six

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.completion import complete_models
 from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
+
+MOST_INJECTIONS = 200
+"""Each takes as long as a search; there are some hundred limits."""
 
 
 def inspect(
@@ -130,6 +133,17 @@ def explain(
     effects_only: Annotated[
         str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
     ] = None,
+    injections: Annotated[
+        int,
+        typer.Option(
+            "--injections",
+            min=0,
+            max=MOST_INJECTIONS,
+            metavar="N",
+            help="Check N of the limits of what could have been shown by adding the effect to the logs and searching "
+            "again; each takes as long as the search.",
+        ),
+    ] = 1,
     *,
     reading: Reading,
     run: Run,
@@ -150,7 +164,8 @@ def explain(
     with run.progress("explaining") as report:
         get_ready(cores())  # workers start while logs are read
         flights, tests = run.open(reading.options, logs, base, validate)
-        found = api.explain(flights, base, names=names, validate=tests, progress=report)
+        asked: Any = {"names": names, "validate": tests, "injections": injections}
+        found = api.explain(flights, base, **asked, progress=report)
     run.result(found)
     read = (run.common_options(), run.common_options("cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], *read))

@@ -16,7 +16,7 @@ from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
+from wrenchgap.replay.present import design, detection, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
@@ -230,8 +230,38 @@ def of_next(report: Report, _: Repetition) -> Content:
     return {
         "flights": [_next_flight(flight, place) for place, flight in enumerate(report.next_flights, 1)],
         "unshown": _shown_by(report.unshown) if report.unshown else None,
+        **_sensitivity(report.explanation),
         "depends": ", ".join(g.label for g in chosen),
     }
+
+
+def _sensitivity(found: Explanation) -> Content:
+    """What these flights could have shown."""
+    if not found.limits:
+        return {"limits": None}
+    caption = "Each parameter by itself, beside what is named. A short bar says that only a large change would show."
+    alt = "The smallest change of each effect that would have been firm, as a share of what is plausible."
+    return {
+        "limits": Image.of(style.figure_of(detection.picture(found)), alt, caption, "svg"),
+        "said": detection.sentences(found),
+        "sizes": _limits(found),
+    }
+
+
+def _limits(found: Explanation) -> Table:
+    rows = [
+        [
+            one.effect,
+            label(one.parameter, found.model.vehicle),
+            unit(one.unit),
+            number(one.size, 2),
+            number(one.plausible, 2),
+            " or ".join(one.instead),
+        ]
+        for one in found.limits
+    ]
+    heads = ("effect", "parameter", "unit", "firm from", "plausible to", "instead")
+    return Table(heads, rows, left=3, texts=(5,), caption="The smallest change of each that would have been firm.")
 
 
 def _shown_by(names: Sequence[str]) -> Table:

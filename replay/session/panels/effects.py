@@ -125,7 +125,7 @@ class EffectsPanel(Panel):
 
     def _search_html(self, found: Explanation, model: str, state: ModelState) -> str:
         """Verdict and candidates, with links that add effects and lead to the flight that separates a group."""
-        from wrenchgap.replay.present import explanation  # here: the page stands before it is there
+        from wrenchgap.replay.present import detection, explanation  # here: the page stands before it is there
 
         inside = {i.name for i in state.installed}
         names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
@@ -136,7 +136,7 @@ class EffectsPanel(Panel):
             found=found,
             summary=explanation.summary(found),
             values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
-            open=explanation.open_in_words(found),
+            open=(*explanation.open_in_words(found), *detection.sentences(found)),
             alike={r.name for m in found.members for r in m.alike},
             vehicle=self.host.session.vehicle,
             searched_on=model,

@@ -1,0 +1,163 @@
+"""What flights could have shown, in three lines, as a table, a figure and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from wrenchgap.learn.data.candidates import Lack
+from wrenchgap.learn.data.input_errors import input_error_notes
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit
+from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.injection import Recovery
+from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.numbers import entries, label, number, quantity, size_in_words, unit, user_name
+from wrenchgap.replay.present.tables import Line, Table, table
+
+MOST_SHOWN, MOST_HIDDEN, MOST_FLOWN = 8, 6, 3
+"""Effects that the lines name; the table has all."""
+LEGEND = (
+    "firm from: the smallest change of this parameter alone that these flights would have made firm, beside what is "
+    "named   instead: what could make the same"
+)
+
+
+def sentences(found: Explanation) -> list[str]:
+    """What would have been shown, what could not be, and what would show more; then what injections say of that."""
+    by_effect = _by_effect(found.limits)
+    vehicle = found.model.vehicle
+    shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
+    hidden = {name: own for name, own in by_effect.items() if name not in shown}
+    said = []
+    if shown:
+        words = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
+        said.append(f"Would have been shown: {_listed(words, MOST_SHOWN)}.")
+    lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
+    if hidden or lacking:
+        words = [_hidden_in_words(name, own) for name, own in hidden.items()]
+        words += [f"{name} (not excited)" for name in lacking]
+        said.append(f"Could not have been shown: {_listed(words, MOST_HIDDEN)}.")
+    more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:MOST_FLOWN]
+    advice = [f"fly {'; '.join(more)}"] if more else []
+    if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
+        advice.insert(0, "log the commands at the rate of the loop")
+    said += [f"To show more: {'; '.join(advice)}."] if advice else []
+    return [*said, *_checked(found.recoveries, vehicle)]
+
+
+def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimit]]:
+    """Limits of each effect, that first of which the smallest part of what is plausible would have been shown."""
+    found: dict[str, list[DetectionLimit]] = {}
+    for one in limits:
+        found.setdefault(one.effect, []).append(one)
+    return dict(sorted(found.items(), key=lambda item: min(_part(one) for one in item[1])))
+
+
+def _part(one: DetectionLimit) -> float:
+    """The limit as a share of the largest plausible change."""
+    return abs(one.size / one.plausible) if one.shown else float("inf")
+
+
+def _listed(words: Sequence[str], most: int) -> str:
+    more = f", and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more
+
+
+def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicle) -> str:
+    """An effect with the size from which on any of its parameters would have been shown."""
+    shown = [one for one in limits if one.shown]
+    same_unit = len({one.unit for one in limits}) == 1
+    worst = max(shown, key=_part if not same_unit else lambda one: abs(one.size))
+    size = size_in_words(abs(worst.size), worst.unit)
+    if len(limits) == 1:
+        return f"{name} from {size}"
+    if len(shown) == len(limits) and same_unit:
+        return f"any {name} from {size}"
+    names = "/".join(user_name(one.parameter, vehicle) for one in shown if one.unit == worst.unit)
+    return f"{name} {names} from {size}"
+
+
+def _hidden_in_words(name: str, limits: Sequence[DetectionLimit]) -> str:
+    instead = dict.fromkeys(n for one in limits for n in one.instead)
+    return f"{name} ({' or '.join(instead)} could make the same)" if instead else f"{name} (too weak here)"
+
+
+def _checked(recoveries: Sequence[Recovery], vehicle: Vehicle) -> list[str]:
+    """What injections say of the limits."""
+    if not recoveries:
+        return []
+    good = sum(one.as_stated for one in recoveries)
+    listed = [
+        f"{one.effect} {user_name(one.parameter, vehicle)} {size_in_words(one.size, one.unit)} "
+        f"{'was firm' if one.firm else 'was not firm'}" + (f", but {' and '.join(one.others)} too" * bool(one.others))
+        for one in recoveries
+    ]
+    return [f"Checked by injection into these flights, {good} of {len(recoveries)} as stated: {'; '.join(listed)}."]
+
+
+def lines(found: Explanation) -> list[Line]:
+    """The sentences, with a heading."""
+    said = sentences(found)
+    return [Line("What these flights could have shown:", "bold"), *(Line(f"  {text}") for text in said)] if said else []
+
+
+def limits(found: Explanation) -> Table:
+    """Every parameter with its limit."""
+    out = table("what would have been firm", "effect", "parameter", "firm from", "plausible to", "instead", texts=(-1,))
+    for name, own in _by_effect(found.limits).items():
+        for one in own:
+            words = [quantity(v, one.unit) for v in (one.size, one.plausible)]
+            named = label(one.parameter, found.model.vehicle)
+            out.add_row(name, named, words[0] if one.shown else "-", words[1], " or ".join(one.instead))
+    return out
+
+
+def to_json(found: Explanation) -> dict[str, Any]:
+    """The key `sensitivity`."""
+    names = ("effect", "parameter", "unit", "plausible")
+    listed = [
+        {**entries(one, *names), "size": one.size if one.shown else None, "instead": list(one.instead)}
+        for one in found.limits
+    ]
+    injected = ("effect", "parameter", "unit", "size", "share", "firm", "as_stated")
+    return {
+        "limits": listed,
+        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in found.recoveries],
+        "summary": sentences(found),
+    }
+
+
+def picture(found: Explanation) -> style.Picture:
+    """One panel: of each effect the range, from its most to its least visible parameter, as a share of what is
+    plausible, logarithmic; effects that could not have been shown reach the end.
+    """  # noqa: D205
+    return style.Picture(
+        (),
+        (9.0, 1.2 + 0.24 * max(1, len(_by_effect(found.limits)))),
+        lambda panel: _draw(found, panel),
+        title=f"{found.model.name}: the smallest change that would have been firm",
+    )
+
+
+def _draw(found: Explanation, panel: Any) -> None:
+    by_effect = list(_by_effect(found.limits).items())[::-1]
+    if not by_effect:
+        style.nothing(panel, "no effect of the catalogue could be tried")
+        return
+    for row, (_, own) in enumerate(by_effect):
+        parts = [min(_part(one), 1.0) for one in own]
+        shown = any(one.shown for one in own)
+        panel.barh(row, 1.0 - min(parts), 0.6, left=min(parts), color="tab:blue" if shown else "0.8")
+        best = min(own, key=_part)
+        words = f"{number(abs(best.size), 2)} {unit(best.unit)}".rstrip() if shown else "not shown"
+        panel.annotate(
+            words, (min(parts), row), (-4, 0), ha="right", textcoords="offset points", va="center", fontsize=8
+        )
+    panel.set_xscale("log")
+    panel.set_xlim(1e-4, 1.0)
+    panel.set_yticks(range(len(by_effect)), [name for name, _ in by_effect], fontsize=style.SMALL)
+    panel.set_xlabel("change as a share of the largest that is plausible [-]; blue: would have been firm")
+    style.grid(panel)
+    panel.grid(visible=False, axis="y")
