@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
@@ -71,8 +72,12 @@ class DetectionLimit:
         return math.isfinite(self.size)
 
 
-def detection_limits(scorer: Scorer, named: Keys, vehicle: Vehicle) -> tuple[DetectionLimit, ...]:
-    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms."""
+def detection_limits(
+    scorer: Scorer, named: Keys, vehicle: Vehicle, silent: NDArray[np.bool_]
+) -> tuple[DetectionLimit, ...]:
+    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms; on `silent`
+    axes (6,) evidence makes no name firm.
+    """  # noqa: D205
     search = SubsetSearch(scorer, scorer(named).variance)
     columns = scorer.spectrum.columns
     taken = {family(n) for k in named for n in columns[k].names}
@@ -83,7 +88,7 @@ def detection_limits(scorer: Scorer, named: Keys, vehicle: Vehicle) -> tuple[Det
         for index, parameter in enumerate(find(key).parameters(vehicle)):
             if not parameter.alone:
                 continue
-            injection = Injection(search, key, index, beside)
+            injection = Injection(search, key, index, beside, ~silent[scorer.spectrum.axes])
             size, instead = injection.limit()
             found.append(DetectionLimit(key, parameter.name, parameter.unit, size, injection.plausible, instead))
     return tuple(found)
@@ -102,7 +107,9 @@ class Untaken(NamedTuple):
 class Injection:
     """One parameter of a candidate, injected beside the sets that were found; sizes are changes of the parameter."""
 
-    def __init__(self, search: SubsetSearch, key: str, index: int, beside: Keys) -> None:
+    def __init__(self, search: SubsetSearch, key: str, index: int, beside: Keys, counting: NDArray[np.bool_]) -> None:
+        """Of the parameter `index` of the candidate `key`; evidence is taken from axes that are `counting` (A,)."""
+        self.counting = counting
         space = search.space
         self.search, self.key, self.beside = search, key, beside
         self.row, self.offset = int(space.parameters[key][index]), space.offset[key]
@@ -203,7 +210,7 @@ class Injection:
         law = rough_laws(space, {k: size_by_axis(scorer, found, k) for k in self.beside})
         trusted = returns * own / np.maximum(own + law, 1e-30)
         spread = np.sqrt(np.sum(returns / (1.0 + returns) ** 2 / scorer.count.sum(axis=0)))
-        evidence = 0.5 * float(np.log1p(returns).sum()) - ADVERSE * float(spread)
+        evidence = 0.5 * float(np.log1p(returns)[self.counting].sum()) - ADVERSE * float(spread)
         return float(trusted.sum() / max(float(np.sum(returns + above)), 1e-30)), evidence
 
     def untaken(self, size: float) -> Untaken:

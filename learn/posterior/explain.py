@@ -216,7 +216,7 @@ def explain(
 
     found = search(data, 0.0)
     again = []
-    for k, (limit, share) in enumerate(injected_limits(found.limits, injections), 1):
+    for k, (limit, share) in enumerate(injected_limits(found.limits, injections, len(data.measured)), 1):
         changed = injected(data, model, limit.effect, change_at(limit, share, model.vehicle))
         again.append(recovery(found, limit, share, search(changed, part * k)))
     tested = validate(validation, flights, model, found.model) if validation else None
@@ -249,7 +249,6 @@ def search_dataset(
     found = with_clock(found, clock, model.vehicle)
     tell(0.8, "fitting what was named")
     best, named, found = needed_members(on, found, jobs)
-    limits, found = _limits(found, named, model.vehicle), replace(found, scorer=None)
     every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
     own = {e.name: e.theta for e in model.effects}
     found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
@@ -260,12 +259,13 @@ def search_dataset(
     mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
     depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
     verdict = _verdict(on, named, loud, swinging or pushing, depends, at_limit=best.fit.stuck)
+    limits = _limits(found, named, model.vehicle, loud & (verdict is Verdict.UNKNOWN))
     failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
     return Explanation(
         verdict,
         named,
         tried.candidates,
-        found,
+        replace(found, scorer=None),
         whole.fit,
         with_fit(model, whole.fit),
         rms(every.given),
@@ -285,13 +285,15 @@ def search_dataset(
     )
 
 
-def _limits(found: Posterior, named: Sequence[Member], vehicle: Vehicle) -> tuple[DetectionLimit, ...]:
-    """What would have been firm beside the members that were named."""
+def _limits(
+    found: Posterior, named: Sequence[Member], vehicle: Vehicle, silent: NDArray[np.bool_]
+) -> tuple[DetectionLimit, ...]:
+    """What would have been firm beside the members that were named, by evidence on axes that are not `silent` (6,)."""
     if found.scorer is None:
         return ()
     members, columns = {m.name for m in named}, found.scorer.spectrum.columns
     keys = tuple(k for k in found.best.scored_set.keys if set(columns[k].names) & members)
-    return detection_limits(found.scorer, keys, vehicle)
+    return detection_limits(found.scorer, keys, vehicle, silent)
 
 
 def _searched(

@@ -17,8 +17,6 @@ from wrenchgap.plant.wrench_model import ModelEffect
 
 SHARES = (1.0, 0.5)
 """Of its limit at which an effect is injected, in turn: there it should be firm; at half of it, no other should be."""
-SEED = 0
-"""Of the order in which limits are tried."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +39,9 @@ class Recovery:
         return not self.others and (self.firm or self.share < 1.0)
 
 
-def injected_limits(limits: Sequence[DetectionLimit], number: int) -> list[tuple[DetectionLimit, float]]:
+def injected_limits(limits: Sequence[DetectionLimit], number: int, seed: int) -> list[tuple[DetectionLimit, float]]:
     """Limits and shares of them to inject: every limit at all `SHARES`, in an order drawn by lot."""
-    order = np.random.default_rng(SEED).permutation([k for k, limit in enumerate(limits) if limit.shown])
+    order = np.random.default_rng(seed).permutation([k for k, limit in enumerate(limits) if limit.shown])
     return [(limits[k], share) for k in order for share in SHARES][:number]
 
 

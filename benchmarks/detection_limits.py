@@ -1,0 +1,109 @@
+"""Whether the limits of what a log could have shown are right: effects injected at them, and at half of them.
+
+    pip install -e '.[benchmark]'                                     # drone-models
+    python -m benchmarks.detection_limits                             # others to tune on, first seed 0
+    python -m benchmarks.detection_limits --seed 1000 --json docs/detection-limits.json --page docs/detection-limits.md
+
+Flights of two independent engines, a tilt-arm hexarotor in MuJoCo and a quadrotor whose motors are logged at 25 and
+400 Hz, with nothing or something hidden. Into each, six effects are injected: three of its limits, drawn by lot, whole
+and halved. The second command flies the published flights, which nobody tunes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import wrenchgap as wg
+from benchmarks import pages
+from benchmarks.autopilot_logs.__main__ import HIDDEN, cutoff
+from benchmarks.autopilot_logs.engine import QUAD, Case
+from benchmarks.autopilot_logs.engine import fly as fly_quad
+from benchmarks.hidden_effects import engine
+
+INJECTIONS = 6
+FLOWN = ("hover", "train", "figure8", "mission", "turn")
+"""Trajectories of the hexarotor."""
+
+
+def flights(seed: int) -> Iterator[tuple[str, Any, wg.Model]]:
+    """Names, opened flights, and the models that they are compared with."""
+    hexarotor = wg.load_model("tilt_hexarotor")
+    for k, (trajectory, hidden) in enumerate(itertools.product(FLOWN, ("none", "com_offset"))):
+        flight = engine.fly(hidden, None, trajectory, seed=seed + k, seconds=40.0)[0]
+        yield f"hexarotor.{trajectory}.{hidden}", wg.open_flights([flight], hexarotor), hexarotor
+    kinds = itertools.product(("hover", "mission", "excited"), ((25.0, 50.0), (400.0, 200.0)), ("nothing", "mass"))
+    cases = [
+        Case(
+            f"quadrotor.{flying}.{motor:g}.{hidden}", flying, motor, imu, seconds=45.0, seed=seed + 100 + k,
+            hidden=(hidden,), **HIDDEN[hidden][0],
+        )
+        for k, (flying, (motor, imu), hidden) in enumerate(kinds)
+    ]  # fmt: skip
+    for case, flight in zip(cases, fly_quad(cases), strict=True):
+        yield case.name, wg.open_flights([flight], QUAD.model, cutoff_hz=cutoff(case), accept=("rate",)), QUAD.model
+
+
+def row(name: str, opened: Any, model: wg.Model) -> dict[str, Any]:
+    """One flight: what it could have shown, and what was found again."""
+    start = process_time()
+    found = wg.explain(opened, model, jobs=1)
+    once = process_time() - start
+    found = wg.explain(opened, model, injections=INJECTIONS, jobs=1)
+    keys = ("effect", "parameter", "size", "share", "firm")
+    return {
+        "flight": name, "verdict": str(found.verdict), "firm": list(found.firm), "cpu_seconds": once,
+        "shown": sum(limit.shown for limit in found.limits), "limits": len(found.limits),
+        "injected": [{**{k: getattr(r, k) for k in keys}, "others": list(r.others)} for r in found.recoveries],
+    }  # fmt: skip
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """In Markdown: a line for each vehicle and way of flying."""
+    lines = []
+    for kind, group in itertools.groupby(rows, key=lambda r: ".".join(r["flight"].split(".")[:2])):
+        own = list(group)
+        injected = [i for r in own for i in r["injected"]]
+        whole, half = ([i for i in injected if i["share"] == share] for share in (1.0, 0.5))
+        lines.append((
+            kind, str(len(own)), f"{sum(r['shown'] for r in own)} of {sum(r['limits'] for r in own)}",
+            f"{sum(i['firm'] for i in whole)}/{len(whole)}", f"{sum(i['firm'] for i in half)}/{len(half)}",
+            f"{sum(bool(i['others']) for i in injected)}/{len(injected)}",
+        ))  # fmt: skip
+    every = [i for r in rows for i in r["injected"]]
+    whole = [i for i in every if i["share"] == 1.0]
+    said = (
+        f"In all: firm at its limit {sum(i['firm'] for i in whole)} of {len(whole)}; another firm name "
+        f"{sum(bool(i['others']) for i in every)} of {len(every)}."
+    )
+    heads = ("flying", "flights", "parameters with a limit", "firm at it", "firm at half of it", "another firm name")
+    return pages.markdown(heads, lines, said)
+
+
+def main() -> None:
+    """Fly, explain, inject; write."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--page", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="only every so many of the flights")
+    asked = parser.parse_args()
+    rows = []
+    for flight in itertools.islice(flights(asked.seed), 0, None, asked.every):
+        rows.append(row(*flight))
+        print(json.dumps(rows[-1]), flush=True)
+    text = table(rows)
+    print(text)
+    if asked.json:
+        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if asked.page:
+        pages.renew(asked.page, {"limits": text})
+
+
+if __name__ == "__main__":
+    main()
