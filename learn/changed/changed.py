@@ -45,6 +45,7 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.posterior import SUREST
@@ -85,7 +86,8 @@ class Changed(Result):
     set, `places` where on the vehicle its sparse effects may be, `alone` each change by itself. `scatter` (6,) [N, Nm]
     is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are
     the flights; `by_means` says that nothing was excited, so that only their means were compared. `louder` are
-    axes on which suspect flights leave far more than healthy ones.
+    axes on which suspect flights leave far more than healthy ones; where there are none, `limits` say which changes
+    these flights could have shown.
     """
 
     verdict: Verdict
@@ -107,6 +109,7 @@ class Changed(Result):
     louder: tuple[str, ...]
     untried: tuple[Untried, ...]
     model: Model
+    limits: tuple[DetectionLimit, ...] = ()
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
 
@@ -252,6 +255,8 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
+    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle)
+    limits = tuple(one for one in limits if one.effect not in NAMELESS)
     certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE and found.settled
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()
     values: list[dict[tuple[str, str], float]] = [{} for _ in pool.names]
@@ -280,6 +285,7 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
         tuple(AXES[a] for a in loud),
         (),
         pool.model,
+        limits,
     )
 
 

@@ -73,11 +73,13 @@ class DetectionLimit:
 
 
 def detection_limits(
-    scorer: Scorer, named: Keys, vehicle: Vehicle, silent: NDArray[np.bool_]
+    scorer: Scorer, named: Keys, vehicle: Vehicle, silent: NDArray[np.bool_] | None = None
 ) -> tuple[DetectionLimit, ...]:
     """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms; on `silent`
-    axes (6,) evidence makes no name firm.
+    axes (6,) evidence makes no name firm. Without these the search is one for changes, whose evidence is their log odds
+    (`learn.changed.search`).
     """  # noqa: D205
+    counting = None if silent is None else ~silent[scorer.spectrum.axes]
     search = SubsetSearch(scorer, scorer(named).variance)
     columns = scorer.spectrum.columns
     taken = {family(n) for k in named for n in columns[k].names}
@@ -88,7 +90,7 @@ def detection_limits(
         for index, parameter in enumerate(find(key).parameters(vehicle)):
             if not parameter.alone:
                 continue
-            injection = Injection(search, key, index, beside, ~silent[scorer.spectrum.axes])
+            injection = Injection(search, key, index, beside, counting)
             size, instead = injection.limit()
             found.append(DetectionLimit(key, parameter.name, parameter.unit, size, injection.plausible, instead))
     return tuple(found)
@@ -107,8 +109,12 @@ class Untaken(NamedTuple):
 class Injection:
     """One parameter of a candidate, injected beside the sets that were found; sizes are changes of the parameter."""
 
-    def __init__(self, search: SubsetSearch, key: str, index: int, beside: Keys, counting: NDArray[np.bool_]) -> None:
-        """Of the parameter `index` of the candidate `key`; evidence is taken from axes that are `counting` (A,)."""
+    def __init__(
+        self, search: SubsetSearch, key: str, index: int, beside: Keys, counting: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Of the parameter `index` of the candidate `key`; evidence is taken from axes that are `counting` (A,), if it
+        is asked for.
+        """  # noqa: D205
         self.counting = counting
         space = search.space
         self.search, self.key, self.beside = search, key, beside
@@ -151,9 +157,12 @@ class Injection:
         if weights[likeliest] < FIRM:
             return tuple(n for k in likeliest if k not in self.beside for n in columns[k].names), False
         unit = self.untaken(size)
+        if unit.share * abs(size) - ADVERSE * unit.spread <= self.least:
+            return (), False
+        if self.counting is None:
+            return (), True
         trust, evidence = self.told(size, unit.squares)
-        large = unit.share * abs(size) - ADVERSE * unit.spread > self.least
-        if not (large and evidence > LEAST_EVIDENCE):
+        if evidence <= LEAST_EVIDENCE:
             return (), False
         rough = tuple(n for k in self.beside if columns[k].accuracy > ROUGH for n in columns[k].names)
         firm = weights[likeliest] * trust >= FIRM

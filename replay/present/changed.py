@@ -13,7 +13,7 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
-from wrenchgap.replay.present import timing, what_to_inspect
+from wrenchgap.replay.present import detection, timing, what_to_inspect
 from wrenchgap.replay.present.figures import changed as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
@@ -41,7 +41,7 @@ def parts(found: Changed) -> list[Part]:
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [plain("changes", SIZE_HEADS, sizes(found), left=3), Line(SIZES_LEGEND, "dim"), Line()]
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
-    out += [*settle_lines(found.settle), Line()]
+    out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
     out += [plain("each change by itself", ALONE_HEADS, alone(found), left=3), Line(ALONE_LEGEND, "dim"), Line()]
     out.append(flights(found))
     if any(r.values for r in found.rows):
@@ -263,6 +263,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         "by_means": found.by_means,
         "louder": list(found.louder),
         "not_tried": not_tried_json(found.untried),
+        "sensitivity": detection.to_json(found),
         "unmeasured": unmeasured(found.scatter),
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.candidates import Lack
 from wrenchgap.learn.data.input_errors import input_error_notes
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit
@@ -24,10 +25,12 @@ LEGEND = (
 )
 
 
-def sentences(found: Explanation) -> list[str]:
+def sentences(found: Explanation | Changed) -> list[str]:
     """What would have been shown, what could not be, and what would show more; then what injections say of that."""
     by_effect = _by_effect(found.limits)
     vehicle = found.model.vehicle
+    if not by_effect:
+        return []
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}
     said = []
@@ -44,7 +47,7 @@ def sentences(found: Explanation) -> list[str]:
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
         advice.insert(0, "log the commands at the rate of the loop")
     said += [f"To show more: {'; '.join(advice)}."] if advice else []
-    return [*said, *_checked(found.recoveries, vehicle)]
+    return [*said, *(_checked(found.recoveries, vehicle) if isinstance(found, Explanation) else [])]
 
 
 def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimit]]:
@@ -97,13 +100,13 @@ def _checked(recoveries: Sequence[Recovery], vehicle: Vehicle) -> list[str]:
     return [f"Checked by injection into these flights, {good} of {len(recoveries)} as stated: {'; '.join(listed)}."]
 
 
-def lines(found: Explanation) -> list[Line]:
+def lines(found: Explanation | Changed) -> list[Line]:
     """The sentences, with a heading."""
     said = sentences(found)
     return [Line("What these flights could have shown:", "bold"), *(Line(f"  {text}") for text in said)] if said else []
 
 
-def limits(found: Explanation) -> Table:
+def limits(found: Explanation | Changed) -> Table:
     """Every parameter with its limit."""
     out = table("what would have been firm", "effect", "parameter", "firm from", "plausible to", "instead", texts=(-1,))
     for name, own in _by_effect(found.limits).items():
@@ -114,7 +117,7 @@ def limits(found: Explanation) -> Table:
     return out
 
 
-def to_json(found: Explanation) -> dict[str, Any]:
+def to_json(found: Explanation | Changed) -> dict[str, Any]:
     """The key `sensitivity`."""
     names = ("effect", "parameter", "unit", "plausible")
     listed = [
@@ -122,9 +125,10 @@ def to_json(found: Explanation) -> dict[str, Any]:
         for one in found.limits
     ]
     injected = ("effect", "parameter", "unit", "size", "share", "firm", "as_stated")
+    recoveries = found.recoveries if isinstance(found, Explanation) else ()
     return {
         "limits": listed,
-        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in found.recoveries],
+        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in recoveries],
         "summary": sentences(found),
     }
 

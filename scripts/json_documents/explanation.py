@@ -265,6 +265,7 @@ class Changed(Document):
     by_means: bool
     louder: list[str]
     not_tried: list[Untried]
+    sensitivity: Sensitivity
     unmeasured: list[str]
     timing: list[Timing]
     cutoff_hz: float
