@@ -212,13 +212,14 @@ class Injection:
         """  # noqa: D205
         scorer, space = self.search.scorer, self.search.space
         found = scorer(self.beside)
-        left, sensor = by_axis(scorer, found.left), by_axis(scorer, space.sensor)
+        sensor = by_axis(scorer, space.sensor)
+        left = np.maximum(by_axis(scorer, found.left), 1e-6 * sensor)
         returns = size**2 * by_axis(scorer, squares) / left
         above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         own = size**2 * by_axis(scorer, space.products[:, :, self.row, self.row])
         law = rough_laws(space, {k: size_by_axis(scorer, found, k) for k in self.beside})
         trusted = returns * own / np.maximum(own + law, 1e-30)
-        spread = np.sqrt(np.sum(returns / (1.0 + returns) ** 2 / scorer.count.sum(axis=0)))
+        spread = np.sqrt(np.sum(returns / (1.0 + returns) / (1.0 + returns) / scorer.count.sum(axis=0)))
         evidence = 0.5 * float(np.log1p(returns)[self.counting].sum()) - ADVERSE * float(spread)
         return float(trusted.sum() / max(float(np.sum(returns + above)), 1e-30)), evidence
 

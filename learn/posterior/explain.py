@@ -2,42 +2,30 @@
 
 `explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.data.candidates`), each by
 itself (`learn.posterior.single_effects`), weights of sets of them (`learn.posterior.posterior`), the likeliest set
-fitted and its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out
-blocks:
+fitted and its members (`learn.posterior.members`), what it leaves, and the verdict (`learn.posterior.verdict`). Two
+measures, both on held-out blocks:
 
     energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
               sees; orders candidates and members. score = 1 - energy left / energy of the model as given
     evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; what is named
               has some, beyond chance in a paired test over blocks (docs/decisions/0006-blocks.md)
-
-What a verdict needs (`_verdict`):
-
-    unknown   force or torque stay above `ABOVE_SENSORS` times the noise and above the share `UNEXPLAINED` of what they
-              were, the worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of
-              that depends on what was logged; or something is named, and a band of frequency of what is left is open
-              (`learn.posterior.unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
-              where one rotor does; or what explains most is at the limit of what is plausible
-    nothing   no effect was named
-    group     another effect would do as well in the place of the largest member
-    effect    else
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, by_block
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
 from wrenchgap.learn.data.candidates import Candidates, Lack, Untried, candidates
 from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
-from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
+from wrenchgap.learn.data.errors import reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation, one_rotor, oscillation
@@ -52,7 +40,6 @@ from wrenchgap.learn.posterior.injection import Recovery, change_at, injected, i
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
     ModelResidual,
@@ -61,6 +48,7 @@ from wrenchgap.learn.posterior.single_effects import (
     single_effects,
 )
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand, unexplained_bands
+from wrenchgap.learn.posterior.verdict import Verdict, concentrated, decide, open_axes, over_noise
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -69,27 +57,10 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 
-class Verdict(StrEnum):
-    """What the flights show to be missing; see the module."""
-
-    EFFECT = "effect"
-    GROUP = "group"
-    UNKNOWN = "unknown"
-    NOTHING = "nothing"
-
-
 SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
 then fitted to everything."""
 
-UNEXPLAINED = 0.25
-"""Structure is left where the rms of force or torque stays above `ABOVE_SENSORS` times the noise and above this share
-of what it was."""
-PREDICTABLE = 0.3
-"""Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
-those answer turbulence too (`learn.diagnose.relevance.Relevance.driven`)."""
-UNUSUAL = 0.1
-"""Share of the time, the worst, that a verdict disregards."""
 FEWEST = 5
 """Blocks of time below which nothing is said about what the rest depends on."""
 
@@ -254,11 +225,11 @@ def search_dataset(
     found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
     swinging = oscillation(on.data, best.left)
     bands = unexplained_bands(on, found, best.left) if named else ()
-    loud = _open(on, best.left) | np.isin(np.arange(6), [b.axis for b in bands])
+    loud = open_axes(on, best.left) | np.isin(np.arange(6), [b.axis for b in bands])
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
     mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
     depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
-    verdict = _verdict(on, named, loud, swinging or pushing, depends, at_limit=best.fit.stuck)
+    verdict = decide(on, named, loud, swinging or pushing, depends, at_limit=best.fit.stuck)
     limits = _limits(found, named, model.vehicle, loud & (verdict is Verdict.UNKNOWN))
     failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
     return Explanation(
@@ -276,8 +247,8 @@ def search_dataset(
         swinging,
         pushing,
         depends,
-        _concentrated(on.data, best.left),
-        _over_noise(on.data, best.left),
+        concentrated(on.data, best.left),
+        over_noise(on.data, best.left),
         answering=data.answering,
         bands=bands,
         named_there=bool(pushing and mean and set(pushing.rotors) & set(mean.rotors)),
@@ -322,57 +293,3 @@ def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> t
     """What was named on a part of long logs, fitted to all of them."""
     on = model_residual(data, model)
     return on, fitted(on, names, best.fit)
-
-
-def _concentrated(data: Dataset, residual: Array) -> float:
-    """Share of the energy that sits in the worst tenth of the time."""
-    usual = residual[_usual(data, residual)]
-    return 1.0 - energy(usual, data.weights) / max(energy(residual, data.weights), 1e-30)
-
-
-def _usual(data: Dataset, residual: Array) -> NDArray[np.bool_]:
-    """Samples (K,) outside the tenth of the blocks with the largest residual: one gust or touch is no verdict."""
-    loud = by_block(data.block, np.sum(weighted(residual, data.weights) ** 2, axis=1))
-    return np.asarray(loud[data.block] <= np.quantile(loud, 1.0 - UNUSUAL, method="lower"))
-
-
-def _over_noise(data: Dataset, residual: Array) -> float:
-    """The residual over the noise, the worse of force and torque."""
-    return float(np.nanmax(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
-
-
-def _open(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
-    """Axes (6,) on which structure is left: those of force, or of torque, where one of the two stays well above the
-    noise and above a quarter of what it was.
-    """  # noqa: D205
-    usual = _usual(on.data, left)
-    before, after = (rms(on.data.unanswered(r)[usual]) for r in (on.given, left))
-    noise = on.data.noise
-    loud = (after > ABOVE_SENSORS * noise) & (after > UNEXPLAINED * before)
-    worse = force_and_torque(after) > np.maximum(
-        ABOVE_SENSORS * force_and_torque(noise), UNEXPLAINED * force_and_torque(before)
-    )
-    return np.asarray(loud & np.repeat(worse, 3))
-
-
-def _verdict(
-    on: ModelResidual,
-    named: Sequence[Member],
-    loud: NDArray[np.bool_],
-    found: Oscillation | OneRotor | None,
-    depends: Relevance | None,
-    *,
-    at_limit: Collection[str] = (),
-) -> Verdict:
-    """Unknown where something was found in what is left, or structure is left; where commands answer the motion, and
-    with it turbulence, only structure that can be predicted is one. Unknown, too, where what explains most is
-    `at_limit` of what is plausible: that says that its law is another one.
-    """  # noqa: D205
-    turbulent = bool(on.data.answering) and (depends is None or depends.driven < PREDICTABLE)
-    if found is not None or (loud.any() and not turbulent):
-        return Verdict.UNKNOWN
-    if not named:
-        return Verdict.NOTHING
-    if named[0].name in at_limit:
-        return Verdict.UNKNOWN
-    return Verdict.GROUP if named[0].alike else Verdict.EFFECT

@@ -34,7 +34,7 @@ from wrenchgap.learn.posterior.spectrum import LEAK, leaking, sensor_spectrum, t
 
 UNEXPLAINED = 0.4
 """Share of the rms in a band that a set which explains the band does not leave; in one band of many a law that is
-nearly right leaves more of it than over all (`learn.posterior.explain.UNEXPLAINED`)."""
+nearly right leaves more of it than over all (`learn.posterior.verdict.UNEXPLAINED`)."""
 FAR = 4.0
 """How many times what the laws of a set may be off by is no longer their inexactness."""
 UNUSUAL = 0.1

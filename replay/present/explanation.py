@@ -8,9 +8,10 @@ from typing import Any
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Validation
-from wrenchgap.learn.posterior.explain import Explanation, Verdict
+from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
+from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.replay.present import comparison, detection, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style

@@ -11,7 +11,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.learn.diagnose.budget import Source
-from wrenchgap.learn.posterior.explain import Verdict
+from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads
 from wrenchgap.replay.present import design, explanation
