@@ -28,9 +28,9 @@ LEGEND = (
 def sentences(found: Explanation | Changed) -> list[str]:
     """What would have been shown, what could not be, and what would show more; then what injections say of that."""
     by_effect = _by_effect(found.limits)
-    vehicle = found.model.vehicle
     if not by_effect:
         return []
+    vehicle = found.model.vehicle
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}
     said = []
@@ -77,7 +77,7 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
     if len(limits) == 1:
         return f"{name} from {size}"
     if len(shown) == len(limits) and same_unit:
-        return f"any {name} from {size}"
+        return f"{name} from {size} (any of {len(limits)})" if find(name).sparse else f"{name} from {size}"
     names = "/".join(user_name(one.parameter, vehicle) for one in shown if one.unit == worst.unit)
     return f"{name} {names} from {size}"
 
@@ -162,6 +162,6 @@ def _draw(found: Explanation, panel: Any) -> None:
     panel.set_xscale("log")
     panel.set_xlim(1e-4, 1.0)
     panel.set_yticks(range(len(by_effect)), [name for name, _ in by_effect], fontsize=style.SMALL)
-    panel.set_xlabel("change as a share of the largest that is plausible [-]; blue: would have been firm")
+    panel.set_xlabel("smallest firm change as a share of the largest plausible one [-]")
     style.grid(panel)
     panel.grid(visible=False, axis="y")

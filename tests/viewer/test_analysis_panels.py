@@ -336,6 +336,7 @@ UNKNOWN = SimpleNamespace(
     members=(),
     ranking=(),
     untried=(),
+    limits=(),
     separable=GROUPS,
     fit=SimpleNamespace(parameters=(), theta=(), std=()),
 )
