@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 import shutil
+import stat
+import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
-from wrenchgap.flight.atomic import check_writable
+from wrenchgap.flight.atomic import check_writable, flush
 from wrenchgap.flight.errors import UsageError
+
+HERE, EXCHANGE = -100, 2
+"""AT_FDCWD and RENAME_EXCHANGE of Linux (renameat2(2))."""
 
 
 def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: bool = False) -> None:
     """Check, before any work, that a folder may be written.
 
-    Raises UsageError where it exists and `force` is not given, is a file, holds files that are not ours, or where its
-    parent does not exist.
+    Raises UsageError where it exists and `force` is not given, is a file, the working folder or one that cannot be
+    written to, holds files that are not ours, or where its parent does not exist.
     """
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise UsageError(f"--output {folder}: is no folder; choose another name")
@@ -26,6 +34,12 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
         return
     if not force:
         raise UsageError(f"--output {folder}: exists already; choose another name or overwrite it with --force")
+    if folder.samefile("."):
+        raise UsageError(
+            f"--output {folder}: is the working folder, and --force replaces the whole folder; run the command from "
+            f"{folder.resolve().parent} with --output {folder.resolve().name}"
+        )
+    check_writable(folder, f"--output {folder}")
     ours = {*names, "selftest"}
     others = sorted(p.name for p in folder.iterdir() if p.name not in ours or p.is_symlink() or not p.is_file())
     if others:
@@ -36,25 +50,54 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
 
 
 def write_folder(folder: Path, files: Mapping[str, str], *, force: bool = False) -> Path:
-    """Write files under a temporary name beside the folder, and move them into place at once."""
+    """Write files into a hidden folder beside the folder, and give them its name at once.
+
+    Whoever ends the process leaves the old folder or the new one, and at most the hidden one (`.wrenchgap.XXXXXXXX`).
+    A folder that is replaced keeps its permissions.
+    """
     checked(folder, files, force=force)
-    temporary = Path(tempfile.mkdtemp(dir=folder.resolve().parent, prefix=f".{folder.name}."))
+    target = folder.resolve()
     try:
-        for name, text in files.items():
-            (temporary / name).write_text(text, encoding="utf-8")
-        temporary.chmod(0o755)
-        old = temporary.with_name(f"{temporary.name}.old")
-        if folder.exists():
-            folder.replace(old)
+        hidden = Path(tempfile.mkdtemp(dir=target.parent, prefix=".wrenchgap."))
         try:
-            temporary.replace(folder)
-        except OSError:
-            if old.exists():
-                old.replace(folder)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+            new = hidden / "new"
+            new.mkdir()
+            for name, text in files.items():
+                (new / name).write_text(text, encoding="utf-8")
+                flush(new / name)
+            if target.exists():
+                new.chmod(stat.S_IMODE(target.stat().st_mode))
+                _replace(target, new)
+            else:
+                new.rename(target)
+        finally:
+            if target.exists() or not (hidden / "old").exists():
+                shutil.rmtree(hidden, ignore_errors=True)
     except OSError as error:
         raise UsageError(f"--output {folder}: cannot be written: {error.strerror}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return folder
+
+
+def _replace(target: Path, new: Path) -> None:
+    """Put a folder in the place of another one: in one step where the system can, else the old one comes back."""
+    if _exchanged(new, target):
+        return
+    old = new.with_name("old")
+    try:
+        target.rename(old)
+        new.rename(target)
+    except BaseException:  # an interrupt, too
+        with suppress(FileNotFoundError):
+            if not target.exists():
+                old.rename(target)
+        raise
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange the names of two folders in one step; False where the system or the file system cannot."""
+    if sys.platform != "linux":
+        return False
+    with suppress(AttributeError):  # a C library without it
+        rename = ctypes.CDLL(None).renameat2
+        return bool(rename(HERE, os.fsencode(one), HERE, os.fsencode(other), EXCHANGE) == 0)
+    return False
