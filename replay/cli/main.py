@@ -14,6 +14,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -68,13 +69,25 @@ class Commands(TyperGroup):
             code = report(error)
         sys.exit(code if isinstance(code, int) else 0)
 
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Read the command line."""
+        with telling("interrupted"):
+            return super().make_context(*args, **kwargs)
+
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; an interrupt is told before it becomes an exit code."""
-        try:
+        """Run the command."""
+        with telling("interrupted; nothing was left half-written"):
             return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            say("interrupted; nothing was left half-written")
-            raise typer.Exit(_code(error)) from None
+
+
+@contextmanager
+def telling(words: str) -> Iterator[None]:
+    """Say of an interrupt that there was one, and keep the code of its signal: typer makes it 130 without a word."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        say(words)
+        raise typer.Exit(_code(error)) from None
 
 
 def say(message: str) -> None:

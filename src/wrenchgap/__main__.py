@@ -20,9 +20,9 @@ def open_streams() -> None:
 def main() -> None:
     """Run one command, and leave with its exit code."""
     open_streams()
-    _signals.catch()
-    _safe_path.leave_working_folder()
     try:
+        _signals.catch()
+        _safe_path.leave_working_folder()
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 
         command_line()

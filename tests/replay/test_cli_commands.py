@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from wrenchgap import flight
+from wrenchgap import _signals, flight
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.roles import ROLE_PARTS
 from wrenchgap.flight.write import provenance as log_provenance
@@ -296,6 +297,14 @@ def test_an_interrupt_is_one_line_and_130(run, monkeypatch):
     monkeypatch.setattr(model_file, "load", Mock(side_effect=KeyboardInterrupt))
     done = run("remove", "servo_lag", "-m", MODEL, "-o", "x.toml")
     assert (done.exit_code, len(done.stderr.splitlines())) == (130, 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_the_command_line_is_read_is_one_line_too(number, run, monkeypatch):
+    """Typer, which imports pydantic there, made it 130 without a word."""
+    monkeypatch.setattr(cli.TyperGroup, "parse_args", Mock(side_effect=_signals.Interrupted(number)))
+    done = run("remove", "servo_lag", "-m", MODEL, "-o", "x.toml")
+    assert (done.exit_code, done.stderr) == (128 + number, "wrenchgap: interrupted\n")
 
 
 def test_version_is_that_of_the_project(run):
