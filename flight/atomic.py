@@ -11,6 +11,7 @@ that a program makes up, in a folder that others may write to: it follows none, 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 import tempfile
@@ -24,6 +25,8 @@ Identity = tuple[int, int, int, int]
 """Which file it is, and in which state: another one under its name, or a change from elsewhere, differs."""
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK)
 """What a file system says that has no hard links."""
+LONGEST = 100
+"""Bytes of a name up to which the hidden one has all of it: with what is added, the least that file systems take."""
 
 
 @contextmanager
@@ -38,20 +41,21 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     target = path.resolve()
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
-    partial = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    stem, suffix = _short(target)
+    partial = target.with_name(f".{stem}.{os.getpid()}.part{suffix}")
     try:
         kept = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
         _create(partial, mode if kept is None else kept | 0o200)
         yield partial
-        with partial.open("rb+") as stream:  # after a loss of power a name must not stand over an empty file
-            os.fsync(stream.fileno())
+        flush(partial)
         if kept is not None:
             partial.chmod(kept)
         partial.replace(target)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # of a folder that is gone; what was wrong there is said already
+            partial.unlink()
 
 
 def _create(path: Path, mode: int) -> None:
@@ -60,8 +64,15 @@ def _create(path: Path, mode: int) -> None:
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
 
 
-def _flushed(path: Path) -> None:
-    """On the disk before it has its name: after a loss of power a name must not stand over an empty file."""
+def _short(path: Path) -> tuple[str, str]:
+    """Stem and suffix of a name, which a hidden name is made of; of a long name so that the file system takes it."""
+    if len(os.fsencode(path.name)) <= LONGEST:
+        return path.stem, path.suffix
+    return hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16], path.suffix if len(path.suffix) <= 16 else ""
+
+
+def flush(path: Path) -> None:
+    """Put a file on the disk before it has its name: after a loss of power that must not stand over an empty file."""
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())
 
@@ -121,7 +132,7 @@ def _opened(root: Path, folders: list[str]) -> Iterator[int]:
 def _written(place: int, path: Path, content: bytes, check: Callable[[Identity], None]) -> Identity:
     """Write the file of this name in the folder `place`; the rest of the path is for messages."""
     before = check_replaceable(path, check, place)
-    partial = f".{path.name}.{os.getpid()}.part"
+    partial = f".{''.join(_short(path))}.{os.getpid()}.part"
     with suppress(FileNotFoundError):  # of a process of the same number that was killed
         os.unlink(partial, dir_fd=place)
     mode = 0o666 if before is None else stat.S_IMODE(before.st_mode) & 0o777 | 0o200

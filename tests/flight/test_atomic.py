@@ -123,6 +123,14 @@ def test_another_name_of_the_same_file_keeps_its_content(path):
     assert other.read_bytes() == OLD
 
 
+@pytest.mark.parametrize("name", ["a" * 250 + ".toml", "é" * 125 + ".json", "a." + "b" * 253])
+def test_a_name_is_as_long_as_the_file_system_takes_it(name, tmp_path):
+    """The hidden one beside it was longer, and what was said named that one."""
+    write(tmp_path / name)
+    write_below(tmp_path, name, OLD)
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [(name, OLD)]
+
+
 def test_below_a_folder_no_link_is_followed_wherever_it_is(tmp_path):
     own, shared = tmp_path / "own", tmp_path / "shared"
     own.mkdir()
