@@ -173,6 +173,8 @@ def reached(url: str) -> Iterator[None]:
         raise UsageError(f"{url}: no such file or folder") from None
     except Exception as error:
         kind, said = type(error).__name__, " ".join(str(error).split())
+        if isinstance(error, PermissionError) and "://" not in url:
+            raise UsageError(f"{url}: no access; choose another folder or change its permissions") from None
         if "credential" in f"{kind} {said}".lower() or isinstance(error, PermissionError):
             raise UsageError(
                 f"{url}: no access ({kind}: {said}); check the credentials (environment or profile) of the machines "
