@@ -186,7 +186,7 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
         with path.open("rb") as file:
             content = file.read(LONGEST_TEXT + 1)
         if len(content) <= LONGEST_TEXT:
-            return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+            return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
         reason = f"it is longer than {LONGEST_TEXT // 2**20} MB"
     except (OSError, UnicodeDecodeError) as found:
         reason = getattr(found, "strerror", None) or "it is not text"
@@ -240,7 +240,8 @@ def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlki
     except RecursionError:
         raise error("is not TOML: tables or lists within one another without end") from None
     except Exception as found:  # a damaged document makes tomlkit raise many kinds
-        raise error(f"is not TOML: {quoted(' '.join(str(found).split()))}") from None
+        json = "it looks like JSON; " if text.lstrip().startswith("{") else ""
+        raise error(f"is not TOML: {json}{quoted(' '.join(str(found).split()))}") from None
 
 
 def check_schema(document: Mapping[str, Any], schema: int, error: type[WrenchgapError] = ModelError) -> None:

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
+from wrenchgap.plant.effects.effect import Parameter
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.model_file.command import CommandTable
@@ -25,17 +26,23 @@ from wrenchgap.plant.reader import (
     Text,
     check_schema,
     expected,
+    quoted,
     read,
     rule_error,
     toml,
     values_of,
 )
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
 SCHEMA = 1
 PAGE = "docs/model-file.md"
+BEYOND = 10.0
+"""Times what is plausible (`Parameter.low`, `high`) that an effect's value may be: fits stay within the range, which
+goes with the vehicle's numbers; beyond this a unit or a digit is wrong, and a delay would take all memory."""
+ROUNDED = 1e-6
+"""Share of that range by which a value that was written with nine digits may be outside of it."""
 
 SENTENCE = re.compile(r"(?:better|worse|no clear change): error energy ([+-]?\d+) %, t (-?[\d.]+)")
 """What files of earlier versions have as `verdict` in place of `change` and `t`."""
@@ -52,7 +59,7 @@ class ParameterTable(Table):
     """One parameter; a bare number is its value."""
 
     value: Number
-    std: Number | None = None
+    std: NotNegative | None = None
     unit: Text = ""
 
 
@@ -134,25 +141,28 @@ class ProvenanceTable(Table):
     logs: tuple[FileTable, ...] = ()
 
 
-Parameter = Annotated[ParameterTable, BeforeValidator(lambda v: v if isinstance(v, dict) else {"value": v})]
+Given = Annotated[ParameterTable, BeforeValidator(lambda v: v if isinstance(v, dict) else {"value": v})]
 
 
 class EffectTable(Table):
     """One effect with its values."""
 
     name: Text
-    parameters: dict[str, Parameter]
+    parameters: dict[str, Given]
     source: FileTable = FileTable()
     provenance: ProvenanceTable = ProvenanceTable()
 
-    def model_effect(self, vehicle: Vehicle) -> tuple[ModelEffect, str]:
-        """The effect on this vehicle, and a note on it."""
+    def model_effect(self, vehicle: Vehicle, where: str) -> tuple[ModelEffect, str]:
+        """The effect on this vehicle, and a note on it. `where` is the key of the table, for errors."""
         own, note = self._user_source()
         effect = make_effect(vehicle, self.name, {key: p.value for key, p in self.parameters.items()})
-        names = [p.name for p in effect.effect.parameters(vehicle)]
+        known = effect.effect.parameters(replace(vehicle, tolerances=Tolerances()))
+        names = [p.name for p in known]
         missing = [n for n in names if n not in self.parameters]
         if missing:
             raise ModelError(f"effect {self.name}: parameter {missing[0]!r} is missing; expected {', '.join(names)}")
+        for parameter in known:
+            _check(self.parameters[parameter.name], parameter, f"{where}.parameters.{parameter.name}", self.name)
         stds = [self.parameters[n].std for n in names]
         std = None if None in stds else np.array(stds, dtype=float)
         p = self.provenance
@@ -172,6 +182,16 @@ class EffectTable(Table):
         return source, (
             f"effect {name}: {loaded.file} is not as it was when the effect was fitted; fit it anew with wrenchgap add."
         )
+
+
+def _check(given: ParameterTable, known: Parameter, where: str, effect: str) -> None:
+    """Raise ModelError for another unit than the parameter has, and for a value that no vehicle has."""
+    if given.unit not in ("", known.unit):
+        raise ModelError(f"{where}.unit: got {quoted(repr(given.unit))}, expected {known.unit!r} ({effect})")
+    low, high = BEYOND * min(known.low, 0.0), BEYOND * max(known.high, 0.0)
+    if not low - ROUNDED * (high - low) <= given.value <= high + ROUNDED * (high - low):
+        limits = f"{low:.3g} to {high:.3g} {known.unit}"
+        raise ModelError(f"{where}.value: got {given.value:g}, expected {limits} ({effect} on this vehicle)")
 
 
 SizeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], expected("three numbers that are not negative")]
@@ -207,7 +227,7 @@ def loads(text: str) -> Model:
     vehicle = table.vehicle.vehicle()
     gains = values_of(ControllerGains, table.controller, where="controller", page=PAGE)
     noise = values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
-    effects = [effect.model_effect(vehicle) for effect in table.effects]
+    effects = [effect.model_effect(vehicle, f"effects[{k}]") for k, effect in enumerate(table.effects)]
     scatter = table.between_flights
     model = Model(
         vehicle,

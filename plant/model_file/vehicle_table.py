@@ -149,7 +149,7 @@ def _spin(value: float) -> float:
 
 Inertia = Annotated[
     Vector | tuple[Vector, Vector, Vector],
-    expected("[xx, yy, zz] or three rows of three [kg m^2]"),
+    expected("three finite numbers [xx, yy, zz], or three rows of three, of a size up to 1e12 [kg m^2]"),
     toleranced(inertia_tolerance),
     AfterValidator(_checked),
 ]

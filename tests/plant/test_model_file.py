@@ -9,6 +9,7 @@ import pytest
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import Provenance
@@ -213,3 +214,57 @@ def test_numbers_that_no_vehicle_has_are_refused(tmp_path, change, words):
     (tmp_path / "odd.toml").write_text(text.replace(*change))
     with pytest.raises(ModelError, match=words):
         model_file.load(tmp_path / "odd.toml")
+
+
+def with_effect(name, parameters):
+    return f'{TEXT}\n[[effects]]\nname = "{name}"\n[effects.parameters]\n{parameters}\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "words"),
+    [
+        ("mass", 'added = { value = 10.0, unit = "g" }', r"added\.unit: got 'g', expected 'kg' \(mass\)"),
+        (
+            "mass",
+            "added = { value = 0.1, std = -1.0 }",
+            r"added\.std: got -1\.0, expected a number that is not negative",
+        ),
+        ("motor_lag", "tau = -0.1", r"tau\.value: got -0\.1, expected 0 to 3 s \(motor_lag on this vehicle\)"),
+        ("command_delay", "delay = { value = 1e5 }", r"delay\.value: got 100000, expected 0 to 2 s \(command_delay"),
+    ],
+)
+def test_a_parameter_has_its_unit_and_a_size_that_a_vehicle_has(name, parameters, words):
+    """Millimetres were read as metres, and a delay of a day took the memory of the machine."""
+    with pytest.raises(ModelError, match=r"^effects\[0\]\.parameters\." + words):
+        model_file.loads(with_effect(name, parameters))
+
+
+def test_every_value_within_its_range_is_read_as_a_tolerance_is():
+    """Also where the file knows a number more closely since."""
+    vehicle = model_file.loads(TEXT).vehicle
+    told = TEXT.replace("mass = 2.0 ", "mass = { value = 2.0, tolerance = 1e-3 } ")
+    for name, effect in catalogue().items():
+        try:
+            known = effect.parameters(vehicle)
+        except ModelError:  # needs another vehicle
+            continue
+        for values in ([p.low for p in known], [p.high for p in known], [0.0] * len(known)):
+            model = model_file.loads(told).with_effects((make_effect(vehicle, name, values),))
+            assert model_file.loads(model_file.dumps(model)).effect(name).theta == pytest.approx(values)
+
+
+def test_a_mark_of_byte_order_is_no_key(tmp_path):
+    """Notepad writes one."""
+    (tmp_path / "bom.toml").write_text(TEXT, encoding="utf-8-sig")
+    assert model_file.load(tmp_path / "bom.toml").text == TEXT
+
+
+def test_json_is_said_to_be_json():
+    with pytest.raises(ModelError, match="is not TOML: it looks like JSON"):
+        model_file.loads('{"schema": 1}')
+
+
+@pytest.mark.parametrize("moments", ["[1e308, 1e308, 1e308]", "[nan, 1.0, 1.0]"])
+def test_moments_that_are_no_numbers_are_said_to_be_none(moments):
+    with pytest.raises(ModelError, match=r"expected three finite numbers .* of a size up to 1e12"):
+        model_file.loads(TEXT.replace("[0.02, 0.02, 0.04]", moments))
