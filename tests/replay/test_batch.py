@@ -203,7 +203,7 @@ def test_a_store_that_lets_nobody_in_is_one_line(monkeypatch):
 
     with pytest.raises(UsageError, match="check the credentials"), sources.reached("s3://bucket"):
         raise NoCredentialsError("Unable to locate credentials")
-    with pytest.raises(UsageError, match="^out: no access; choose another folder"), sources.reached("out"):
+    with pytest.raises(UsageError, match=r"^out: no access; choose another folder"), sources.reached("out"):
         raise PermissionError(13, "Permission denied")
 
 

@@ -92,7 +92,7 @@ def test_permissions_are_those_of_the_old_folder_or_of_the_umask(folder):
 def test_the_working_folder_is_not_replaced(folder, monkeypatch):
     monkeypatch.chdir(folder)
     for name in (Path(), folder):
-        with pytest.raises(UsageError, match="is the working folder.* run the command from .* --output made"):
+        with pytest.raises(UsageError, match=r"is the working folder.* run the command from .* --output made"):
             write_folder(name, NEW, force=True)
     assert content(folder) == OLD
 
