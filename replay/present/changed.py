@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -235,7 +236,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "parameters": [_parameter(p) for p in found.parameters],
         "odd": [o.flight for o in found.odd],
-        "not_compared": found.not_compared,
+        "not_compared": [asdict(one) | {"reason": one.reason} for one in found.not_compared],
         "summary": summary(found),
         "inspect": what_to_inspect.sentences(found),
         "effects": [{"effect": n, "confidence": found.confidence(n), "family": family(n)} for n in found.names],

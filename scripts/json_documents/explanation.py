@@ -217,6 +217,10 @@ class OddFlight(TypedDict):
 
 class NotCompared(TypedDict):
     quantity: str
+    unit: str
+    healthy: list[Number]
+    suspect: list[Number]
+    outside: float
     reason: str
 
 
