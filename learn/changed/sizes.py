@@ -122,8 +122,7 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     size = relevant(free, free @ theta, low, high, usual, sparse, usual)
     wide = np.where(sparse, size, WIDE * usual)
     reads = block_diag(*(reading(found, n) for n in names))
-    covariances = (reads @ np.linalg.inv(part + np.diag(wide**-2.0)) @ reads.T for part in (fixed, free))
-    std, loose = (np.sqrt(np.diag(c)) for c in covariances)
+    std, loose = (np.sqrt(np.diag(reads @ covariance(part, wide) @ reads.T)) for part in (fixed, free))
     own = np.concatenate(([0], [space.offset[n] for n in names])).astype(int)
     left = np.concatenate(([1.0], -np.ones(len(names))))
     both = np.concatenate((unknown, always))
@@ -136,6 +135,16 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     )
     alone = np.where(sparse, relevant(fixed, fixed @ theta, low, high, usual, sparse, usual), WIDE * usual)
     return reads @ values[: len(unknown)], std, loose, np.max(reads * alone, axis=1)
+
+
+def covariance(A: Array, scale: Array) -> Array:
+    """Of parameters (P, P) with the curvature A of the data (P, P) and priors of these sizes (P,).
+
+    No data make a parameter less certain than its prior: a curvature that rounding leaves negative says nothing.
+    """
+    size, turn = np.linalg.eigh(0.5 * (A + A.T) * np.outer(scale, scale))
+    turned = scale[:, None] * turn
+    return np.asarray((turned / (1.0 + np.maximum(size, 0.0))) @ turned.T)
 
 
 def reading(found: Weighed, name: str) -> Array:

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import hann
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
@@ -173,3 +174,13 @@ def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
     """  # noqa: D205
     low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
     return np.stack((low_pass, low_pass * hertz**2), axis=1)
+
+
+def coefficient_shapes(hertz: Array, band: NDArray[np.intp], cutoff_hz: float) -> Array:
+    """`noise_shapes` (K, 2) of the cosine coefficients of blocks of time, each in a band of frequencies (K,).
+
+    What is differentiated has no power at zero frequency, but no mean over a block is of that alone. In a band with
+    nothing but means, those of short blocks, they count as the coefficients next to them.
+    """
+    means = np.bincount(band, weights=hertz) == 0.0
+    return noise_shapes(np.where(means[band], np.min(hertz, where=hertz > 0.0, initial=np.inf), hertz), cutoff_hz)

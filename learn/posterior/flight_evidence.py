@@ -30,7 +30,7 @@ from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.sensor_noise import noise_shapes
+from wrenchgap.learn.data.sensor_noise import coefficient_shapes
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.bias_and_trim import trim_of
@@ -182,7 +182,7 @@ def evidence_of(
     sums = [a @ space.coefficients[constant, at][:, kept] for a, at in zip(levels, where, strict=True)]
     roots = [_roots(space.coefficients[band == k][:, :, kept]) for k in range(BANDS)]
     given = transformed(data.records, base[:, axes])[0]
-    shapes = noise_shapes(space.hertz, data.records[0].cutoff_hz)
+    shapes = coefficient_shapes(space.hertz, band, data.records[0].cutoff_hz)
     return Evidence(
         flight=data.records[0].flight,
         seconds=float(sum(len(r) * r.dt_kept for r in data.records)),

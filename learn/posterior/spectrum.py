@@ -23,7 +23,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanned
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.sensor_noise import noise_shapes
+from wrenchgap.learn.data.sensor_noise import coefficient_shapes
 from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
@@ -268,8 +268,8 @@ def leaking(power: Array, axes: NDArray[np.intp]) -> Array:
 
 
 def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:
-    """Variance (bands, 6) of a coefficient from sensors alone (`noise_shapes`)."""
-    shapes = np.repeat(noise_shapes(hertz, data.records[0].cutoff_hz), 3, axis=1)
+    """Variance (bands, 6) of a coefficient from sensors alone (`coefficient_shapes`)."""
+    shapes = np.repeat(coefficient_shapes(hertz, band, data.records[0].cutoff_hz), 3, axis=1)
     shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)
     each = [np.bincount(band, weights=shapes[:, axis]) / np.bincount(band) for axis in range(6)]
     return np.maximum(np.stack(each, axis=1), 1e-30)

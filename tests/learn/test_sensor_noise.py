@@ -8,8 +8,16 @@ from scipy.signal import lfilter, welch
 
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight, ImuSeries, Samples, WrenchSeries
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.data.sensor_noise import SPECTRUM, left_by_resampling, periodogram, white_noise
+from wrenchgap.learn.data.sensor_noise import (
+    SPECTRUM,
+    coefficient_shapes,
+    left_by_resampling,
+    noise_shapes,
+    periodogram,
+    white_noise,
+)
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 GYRO, ACCEL = 3e-3, 0.04  # one-sided densities
@@ -166,3 +174,16 @@ def test_segments_transformed_together_are_those_of_welch(count):
     expected_frequency, expected = welch(columns, 197.0, nperseg=min(count, int(SPECTRUM.segment * 197.0)))
     np.testing.assert_allclose(frequency, expected_frequency, rtol=1e-14)
     np.testing.assert_allclose(power[1:], expected.T[1:], rtol=1e-11)  # the mean is taken out: nothing at zero
+
+
+def test_no_band_is_without_noise():
+    """Of blocks of 1.5 s the lowest band has the mean alone, in which a differentiated noise would have no power."""
+    hertz = np.tile(np.arange(150) / 3.0, 2)
+    _, band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
+    shapes = coefficient_shapes(hertz, band, 12.0)
+    assert shapes.min() > 0.0
+    np.testing.assert_array_equal(shapes[hertz == 0.0], shapes[hertz == hertz[1]])
+    np.testing.assert_array_equal(shapes[hertz > 0.0], noise_shapes(hertz[hertz > 0.0], 12.0))
+    longer = 0.5 * hertz  # of 3 s: the next coefficient is in that band too
+    _, band = np.unique(np.digitize(longer, EDGES), return_inverse=True)
+    np.testing.assert_array_equal(coefficient_shapes(longer, band, 12.0), noise_shapes(longer, 12.0))

@@ -13,7 +13,7 @@ from wrenchgap.learn.changed import changed as searching
 from wrenchgap.learn.changed import search
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
-from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.changed.sizes import Size, covariance
 from wrenchgap.replay.present import changed as presented
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS
@@ -181,6 +181,30 @@ def test_the_command_writes_what_the_function_finds(logs, result_of, tmp_path):
     assert result["verdict"] == "changed"
     assert result["firm"] == ["com_offset"]
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(("healthy", "between"), [("train", "2:4"), ("test", "7:9")])
+def test_two_seconds_tell_where_the_centre_of_mass_went(healthy, between, logs, result_of):
+    """Means over blocks that short were taken to be exact: a drag was named, or nothing, some scatter was nan."""
+    result = result_of(
+        *("changed", logs.ideal, "--healthy", logs.folder / f"{healthy}.mcap", "--between", between),
+        *("-m", "tilt_hexarotor", "--effects-only", "com_offset,rotational_drag,accelerometer_bias,thrust_scale"),
+    )
+    assert result["firm"] == ["com_offset"]
+    values = [p for one in result["alone"] for p in one["parameters"]]
+    change = {p["name"]: p["suspect"] - p["healthy"] for p in values if p["effect"] == "com_offset"}
+    assert [change[a] for a in "xyz"] == pytest.approx([0.004, -0.007, 0.005], abs=0.0015)
+    assert all(p["scatter"] is not None and p["significance"] is not None for p in values)
+
+
+def test_no_data_make_a_parameter_less_certain_than_its_prior():
+    scale = np.array([0.1, 2.0])
+    sure = np.array([[300.0, 20.0], [20.0, 5.0]])
+    np.testing.assert_allclose(covariance(sure, scale), np.linalg.inv(sure + np.diag(scale**-2.0)))
+    lost = covariance(np.array([[-1e9, 3.0], [4.0, 0.0]]), scale)
+    assert np.all(np.diag(lost) <= scale**2 * (1.0 + 1e-12))
+    assert np.all(np.linalg.eigvalsh(lost) > 0.0)
 
 
 @pytest.mark.parametrize(
