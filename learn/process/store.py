@@ -23,7 +23,7 @@ from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
-from wrenchgap.plant.reader import Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
+from wrenchgap.plant.reader import Integer, Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 4
@@ -63,10 +63,11 @@ def load(path: Path | str) -> GaussianProcess:
         raise FitError(f"{path}: not a stored GP, or a damaged one ({line(error)}); learn it again") from None
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
+            stored = read(StoredProcess, metadata, error=FitError)
             return GaussianProcess(
-                outputs=tuple(metadata["outputs"]),
-                settings=_settings(metadata["settings"]),
-                provenance=_provenance(metadata["provenance"], metadata["format_version"], len(metadata["outputs"])),
+                outputs=stored.outputs,
+                settings=_settings(stored.settings),
+                provenance=_provenance(stored.provenance, stored.format_version, len(stored.outputs)),
                 **arrays,
             )
     except (FitError, ModelError, UsageError) as error:
@@ -118,6 +119,9 @@ Real = Annotated[float, Field(strict=True)]
 """Any number, also none: what is only said, and never computed with."""
 
 
+Parts = Annotated[dict[str, Any], expected("a table")]
+
+
 class StoredVerdict(Table):
     """Of one output."""
 
@@ -160,6 +164,16 @@ class StoredProvenance(Table):
     loop_lag: NotNegative = 0.0
     loop_delay: NotNegative = 0.0
     gains: Text = ""
+
+
+class StoredProcess(Table):
+    """What is in gp.json."""
+
+    format: Text
+    format_version: Integer
+    outputs: Names
+    settings: Parts
+    provenance: Parts
 
 
 def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenance:

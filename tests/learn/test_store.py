@@ -165,6 +165,8 @@ def test_file_of_format_1_still_predicts_the_same(gp, path):
         ("gp", with_metadata(format="something"), "not a stored GP"),
         ("gp", with_metadata(settings={"colour": 1}), "missing or unknown parts"),
         ("gp", with_metadata(outputs=["torque_x", "torque_y", "thrust"]), "unknown output 'thrust'"),
+        ("gp", with_metadata(outputs=5), "outputs: got 5, expected a list of names; the file is damaged"),
+        ("gp", with_metadata(settings=None), "settings: got None, expected a table; the file is damaged"),
         ("gp", without("gp.json"), "a zip without gp.json"),
         ("gp", without("inputs.npy"), "missing or unknown parts"),
         ("gp", with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
