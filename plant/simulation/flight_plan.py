@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -47,10 +46,15 @@ class Plan:
     hidden: tuple[str, ...] = ()
 
 
-def prepare(plan: Plan, max_duration: float = 3600.0) -> tuple[Model, Model, Trajectory]:
-    """True and believed vehicle, and trajectory of at most `max_duration` [s]; raises UsageError or ModelError."""
-    if not (math.isfinite(plan.excitation) and plan.excitation >= 0):
-        raise UsageError(f"--excitation {plan.excitation:g}: expected a number that is not negative; 1 is usual")
+def prepare(
+    plan: Plan, max_duration: float = 3600.0, max_excitation: float = 1000.0
+) -> tuple[Model, Model, Trajectory]:
+    """True and believed vehicle, and trajectory of at most `max_duration` [s]; raises UsageError or ModelError.
+
+    The largest excitation is in usual ones: 100 m to and fro.
+    """
+    if not 0.0 <= plan.excitation <= max_excitation:
+        raise UsageError(f"--excitation {plan.excitation:g}: expected 0 to {max_excitation:g}; 1 is usual")
     if plan.seed < 0:
         raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
     if plan.duration is not None and plan.duration > max_duration:

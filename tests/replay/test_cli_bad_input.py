@@ -121,6 +121,8 @@ CASES = {
     "design mass tether HEXA -o x.toml --from gone.mcap": "gone.mcap",
     "simulate HEXA -t @tilt.toml --duration 2 -o x.mcap": "--duration: tilt.toml sets its own duration",
     "simulate HEXA -t @tilt.toml --excitation 1 -o x.mcap": "leave --excitation out",
+    "simulate HEXA -t hover --excitation 1e308 -o x.mcap": "--excitation 1e+308: expected 0 to 1000; 1 is usual",
+    "simulate HEXA -t hover --excitation nan -o x.mcap": "--excitation nan: expected 0 to 1000",
     "simulate -m crazyflie -t @tilt.toml -o x.mcap": "can only push along its z axis",
     "simulate HEXA -t gone.toml -o x.mcap": "gone.toml: cannot be read as a trajectory file",
     "inspect LOG HEXA --shift commanded=0.01": "command_delay",
