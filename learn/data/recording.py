@@ -268,5 +268,5 @@ def _window(name: str, stretches: tuple[Samples, ...], start: float, duration: f
     chosen = stretches[index]
     first = int(np.searchsorted(chosen.time, start - 1e-9))
     available = len(chosen) - first
-    count = available if duration is None else min(available, max(round(duration / chosen.dt), 2))
+    count = available if duration is None else max(round(min(duration / chosen.dt, available)), min(2, available))
     return index, first, count

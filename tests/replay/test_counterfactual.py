@@ -66,6 +66,11 @@ def apart(reflight, log):
     return distance, np.degrees(np.linalg.norm(turn, axis=-1).max())
 
 
+def test_more_seconds_than_there_are_is_to_the_end(hidden):
+    """However many: 1e308 s were an overflow."""
+    assert record(hidden, duration=1e308).count == record(hidden, duration=60.0).count == record(hidden).count
+
+
 def test_changing_nothing_reproduces_the_recorded_flight(hidden):
     result = counterfactual(record(hidden), MODEL)
     null = result.null_run
