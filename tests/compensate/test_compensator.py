@@ -207,7 +207,8 @@ def test_bad_settings_get_one_line(name, value):
     assert "\n" not in str(caught.value)
 
 
-def test_a_threshold_below_all_numbers_is_none():
-    """It opened the gate altogether."""
-    with pytest.raises(UsageError, match="sigma_threshold is -inf"):
-        Settings(sigma_threshold=-np.inf)
+@pytest.mark.parametrize("threshold", [-np.inf, -1.0, np.nan])
+def test_a_threshold_below_all_deviations_is_none(threshold):
+    """It opened the gate altogether, or shut it without a word."""
+    with pytest.raises(UsageError, match=f"sigma_threshold is {threshold}, expected zero or a positive number"):
+        Settings(sigma_threshold=threshold)
