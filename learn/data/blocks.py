@@ -59,6 +59,13 @@ def significant(t: float, *, large: bool = False) -> bool:
     return t > (LARGE if large else SIGNIFICANT)
 
 
+def needed(t: float, evidence: float) -> bool:
+    """Whether a gain is beyond chance and large enough to matter, from its paired t and its evidence."""
+    if evidence > OVERWHELMING:
+        return t > UNSTEADY
+    return evidence > LEAST_EVIDENCE and significant(t, large=evidence > LARGE_EVIDENCE)
+
+
 def by_block(block: NDArray[np.intp], values: Array) -> Array:
     """Means (B,) of values (K,) over blocks numbered from zero."""
     return np.asarray(np.bincount(block, weights=values) / np.bincount(block))

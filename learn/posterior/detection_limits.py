@@ -25,24 +25,36 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, needed, paired_t, significant
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS, FIRM, ROUGH, by_axis, rough_laws, size_by_axis
+from wrenchgap.learn.posterior.scored_sets import (
+    ABOVE_SENSORS,
+    FIRM,
+    OTHERWISE,
+    ROUGH,
+    bootstrapped,
+    by_axis,
+    rough_laws,
+    size_by_axis,
+)
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
+WEIGHED = 4
+"""Likeliest sets without the effect that are weighed against the one with it."""
 RELEVANT = 0.01
 """Size of the prior, in typical sizes, of other parameters of which few are not zero (`kernels.relevant`)."""
 ROUNDS = 3
@@ -164,9 +176,34 @@ class Injection:
         trust, evidence = self.told(size, unit.squares)
         if evidence <= LEAST_EVIDENCE:
             return (), False
-        rough = tuple(n for k in self.beside if columns[k].accuracy > ROUGH for n in columns[k].names)
-        firm = weights[likeliest] * trust >= FIRM
-        return () if firm else rough, firm
+        if weights[likeliest] * trust < FIRM:
+            return tuple(n for k in self.beside if columns[k].accuracy > ROUGH for n in columns[k].names), False
+        return self.weighed(size, [own, *sorted(weights, key=search.score)[-WEIGHED:]], trust, evidence)
+
+    def weighed(self, size: float, sets: Sequence[Keys], trust: float, evidence: float) -> tuple[tuple[str, ...], bool]:
+        """The same by scores with the noise unknown and the bootstrap over blocks of time: no other set has a weight
+        that counts, and of the first set, which has the effect, every member is needed in more than a few blocks.
+        """  # noqa: D205
+        scorer = self.injected_scorer(size)
+        scored = [replace(s, weights=self.with_injection(s.weights, size)) for s in map(scorer, sets)]
+        by_block = np.array([scorer.by_block(one) for one in scored])
+        share = bootstrapped(by_block, np.array([one.prior for one in scored]))
+        columns = scorer.spectrum.columns
+        if share[0] * trust < FIRM or share[1:].max() >= OTHERWISE:
+            likeliest = sets[1 + int(np.argmax(share[1:]))]
+            return tuple(n for k in likeliest if k not in self.beside for n in columns[k].names), False
+        if not needed(self.significance(scorer, sets[0], self.key, size), evidence):
+            return (), False
+        lost = [k for k in self.beside if not significant(self.significance(scorer, sets[0], k, size), large=True)]
+        return tuple(n for k in lost for n in columns[k].names), not lost
+
+    def significance(self, scorer: Scorer, keys: Keys, gone: str, size: float) -> float:
+        """Paired t over blocks of a set against the same without one member (`learn.data.blocks.contrast`)."""
+        space = self.search.space
+        both = [scorer(some).weights for some in (keys, tuple(k for k in keys if k != gone))]
+        better, worse = (space.combined(self.with_injection(w, size)) ** 2 for w in both)
+        loss = (worse - better) / np.sqrt(better.mean(axis=0) * worse.mean(axis=0))
+        return float(paired_t(np.add.reduceat(loss.sum(axis=1), space.starts)))
 
     def weight(self, search: SubsetSearch, own: Keys, rival: Keys) -> float:
         """Of the set with the effect against one without it."""
@@ -178,26 +215,45 @@ class Injection:
         """The search on the flights with the effect at this size in them."""
         search = copy.copy(self.search)
         search.scores, search.priors = {(): 0.0}, {(): 0.0}
-        whole = search.whole = self.search.whole.copy()
-        self._straighten(whole, size)
-        whole[0] += size * whole[self.row]
-        whole[:, 0] += size * whole[:, self.row]
+        search.whole = self.search.whole.copy()
+        self._inject(search.whole, size)
         return search
 
-    def _straighten(self, whole: Array, size: float) -> None:
-        """Make the candidate the straight line through what it adds at this size."""
+    def injected_scorer(self, size: float) -> Scorer:
+        """The scorer of the flights with the effect at this size in them."""
+        space = copy.copy(self.search.space)
+        products = space.products.copy()
+        self._inject(products, size)
+        space.__dict__["products"] = products
+        scorer = copy.copy(self.search.scorer)
+        scorer.spectrum, scorer.known = space, {}
+        return scorer
+
+    def with_injection(self, weights: Array, size: float) -> Array:
+        """Weights (Q,) of the quantities of the flights with the effect in them, as weights of those without it."""
+        out = weights.copy()
+        out[self.row] += size
+        out[self.offset] = self._secant(size) * out[self.row]
+        return out
+
+    def _inject(self, products: Array, size: float) -> None:
+        """Into products (..., Q, Q): the candidate becomes the straight line through what it adds at this size, and
+        that is added to what the model leaves.
+        """  # noqa: D205
         share = self._secant(size)
-        whole[self.row] += share * whole[self.offset]
-        whole[:, self.row] += share * whole[:, self.offset]
-        whole[self.offset] = 0.0
-        whole[:, self.offset] = 0.0
+        for rows in (products, products.swapaxes(-1, -2)):
+            rows[..., self.row, :] += share * rows[..., self.offset, :]
+            rows[..., self.offset, :] = 0.0
+        for rows in (products, products.swapaxes(-1, -2)):
+            rows[..., 0, :] += size * rows[..., self.row, :]
 
     def _secant(self, size: float) -> float:
         return (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
 
     def rivals(self, search: SubsetSearch) -> list[Keys]:
-        """What was found as it is, and with the one or two others that promise most."""
-        first = [self.beside, *self.extended(search, self.beside)]
+        """What was found as it is or without one of its members, and with the one or two others that promise most."""
+        starts = [self.beside, *(tuple(k for k in self.beside if k != gone) for gone in self.beside)]
+        first = [*starts, *(keys for start in starts for keys in self.extended(search, start))]
         best = sorted(first, key=search.score)[-3:]
         return [*first, *(k for keys in best for k in self.extended(search, keys))]
 

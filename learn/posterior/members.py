@@ -10,13 +10,9 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import (
     INDISTINCT,
-    LARGE_EVIDENCE,
-    LEAST_EVIDENCE,
-    OVERWHELMING,
-    UNSTEADY,
     contrast,
     evidence,
-    significant,
+    needed,
 )
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
@@ -78,9 +74,7 @@ class Member:
     @property
     def needed(self) -> bool:
         """Whether held-out time is predicted worse without it, beyond chance and by enough to matter."""
-        if self.evidence > OVERWHELMING:
-            return self.significance > UNSTEADY
-        return self.evidence > LEAST_EVIDENCE and significant(self.significance, large=self.evidence > LARGE_EVIDENCE)
+        return needed(self.significance, self.evidence)
 
     @property
     def alike(self) -> tuple[Rival, ...]:
