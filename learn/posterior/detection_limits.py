@@ -202,7 +202,8 @@ class Injection:
         space = self.search.space
         both = [scorer(some).weights for some in (keys, tuple(k for k in keys if k != gone))]
         better, worse = (space.combined(self.with_injection(w, size)) ** 2 for w in both)
-        loss = (worse - better) / np.sqrt(better.mean(axis=0) * worse.mean(axis=0))
+        over = np.sqrt(better.mean(axis=0) * worse.mean(axis=0))
+        loss = (worse - better) / np.maximum(over, np.finfo(float).tiny)
         return float(paired_t(np.add.reduceat(loss.sum(axis=1), space.starts)))
 
     def weight(self, search: SubsetSearch, own: Keys, rival: Keys) -> float:
