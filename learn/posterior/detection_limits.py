@@ -53,6 +53,8 @@ from wrenchgap.plant.vehicle import Vehicle
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
+EXACT = 1e-6
+"""Share of the sensors' mean square below which nothing is told by what is left on an axis."""
 WEIGHED = 4
 """Likeliest sets without the effect that are weighed against the one with it."""
 RELEVANT = 0.01
@@ -203,7 +205,7 @@ class Injection:
         both = [scorer(some).weights for some in (keys, tuple(k for k in keys if k != gone))]
         better, worse = (space.combined(self.with_injection(w, size)) ** 2 for w in both)
         over = np.sqrt(better.mean(axis=0) * worse.mean(axis=0))
-        loss = (worse - better) / np.maximum(over, np.finfo(float).tiny)
+        loss = (worse - better) / np.maximum(over, EXACT * by_axis(scorer, space.sensor))
         return float(paired_t(np.add.reduceat(loss.sum(axis=1), space.starts)))
 
     def weight(self, search: SubsetSearch, own: Keys, rival: Keys) -> float:
@@ -270,7 +272,7 @@ class Injection:
         scorer, space = self.search.scorer, self.search.space
         found = scorer(self.beside)
         sensor = by_axis(scorer, space.sensor)
-        left = np.maximum(by_axis(scorer, found.left), 1e-6 * sensor)
+        left = np.maximum(by_axis(scorer, found.left), EXACT * sensor)
         returns = size**2 * by_axis(scorer, squares) / left
         above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         own = size**2 * by_axis(scorer, space.products[:, :, self.row, self.row])
