@@ -117,7 +117,7 @@ def test_what_promises_most_is_what_raises_the_score_most(search):
     for keys in ((), ("mass",), ("inertia", "mass")):
         beside = [n for n in search.space.columns if n not in keys]
         by_score = sorted(beside, key=lambda n: -search.score((*keys, n)))
-        assert search._promising(keys)[0] == by_score[0]
+        assert search.promising(keys)[0] == by_score[0]
 
 
 @pytest.mark.parametrize("shape", [(400,), (3000, 3), (60, 6)])
