@@ -14,20 +14,18 @@ from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 HEADING = "## Damaged files"
 TEXT = """{heading}
 
-`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each made
-of a small valid one by damage drawn from a seed: bytes cut, flipped, doubled, swapped and absurd, and damage that knows
-the format (records out of order, wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened
-as `wrenchgap inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor
-time and {megabytes} MB of memory above an idle one.
+`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each a small
+valid one with seeded damage: bytes cut, flipped, doubled, swapped, and damage that knows the format (records out of order,
+wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened as by `wrenchgap inspect`, every tenth
+log with a model, in a child process with {seconds:g} s of processor time and {megabytes} MB above an idle one. By form:
+[table](../benchmarks/notes/faults.md).
 
 - *whole*: the same numbers as of the intact file;
-- *recovered*: other or fewer numbers, and a note, a count of dropped samples or a check says so;
-- *altered*: as many samples, other numbers, nothing said: one number became another that is as plausible;
-- *shorter*: fewer samples, nothing said: the format does not tell how many there were, and it ends between two of them;
-- *refused*: one line;
-- *faults*: a traceback, several lines, a hang, memory, the death of the process, or a file changed by opening it.
-
-By form: [table](../benchmarks/notes/faults.md).
+- *recovered*: other or fewer numbers, and a note, count or check says so;
+- *altered*: other numbers, as plausible, and nothing is said;
+- *shorter*: the file ends between two samples, and its format has no count of them;
+- *refused*: in one line;
+- *faults*: a traceback, several lines, a hang, memory, death of the process, a file changed by opening it.
 
 """
 

@@ -12,15 +12,12 @@ HEAD = """# Reliability
 ## Meaning: wrong units, frames, signs, orders, clocks, stuck channels
 
 `python -m benchmarks.meaning{option} --json docs/reliability.json --page docs/reliability.md` (seed {seed}): logs of
-MuJoCo with one fault each, opened for their model as every command opens a log. Nothing that flies imports `plant`.
-The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults, and on the recorded
-logs. Each fault on each vehicle, and every healthy log: [table](../benchmarks/notes/meaning.md).
+MuJoCo with one fault each, opened for their model; thresholds of the [checks](checks.md) were set on other seeds and on
+recorded logs. By fault and vehicle: [table](../benchmarks/notes/meaning.md).
 
-- *named*: a check that means this fault refuses the log (exit code 2) or, where samples are left out, warns at the top
-  of every result;
-- *silent*: nothing is said. This bounds what may be silently wrong from above;
-- *mended*: with the option that the check proposes (and a second one, where the first brings another fault to light)
-  the log passes.
+- *named*: a check of this fault refuses the log, or warns where samples are left out;
+- *silent*: nothing is said: an upper bound of what may be silently wrong;
+- *mended*: the log passes with the proposed option (and a second one, if the first reveals another fault).
 
 """
 DETAIL = """# Notes: logs with one fault

@@ -12,9 +12,8 @@ benchmarks.faults.fuzz --minutes {processor:.0f} --json docs/fuzz.json --page do
 minutes of processor time, {minutes:.0f} by the clock, one process at a time; {findings}
 ([what](../benchmarks/notes/reliability.md#what-damaged-files-showed)).
 
-- *branches*: places of the instrumented code (readers, plant, stored GPs, rosbags, pyulog, tomlkit) that were passed,
-  with the corpus that is kept at the beginning and at the end;
-- *new inputs*: those that passed a new branch, or one a new number of times. The small ones are kept.
+*Branches*: places passed in the instrumented code (readers, plant, stored GPs, rosbags, pyulog, tomlkit) with the kept
+corpus. *New inputs*: those that passed a new branch, or one a new number of times; the small ones are kept.
 
 """
 HEADS = ("target", "processor minutes", "executions", "branches at the beginning", "branches at the end", "new inputs")
