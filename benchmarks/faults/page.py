@@ -14,11 +14,11 @@ from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 HEADING = "## Damaged files"
 TEXT = """{heading}
 
-`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each a small
-valid one with seeded damage: bytes cut, flipped, doubled, swapped, and damage that knows the format (records out of order,
-wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened as by `wrenchgap inspect`, every tenth
-log with a model, in a child process with {seconds:g} s of processor time and {megabytes} MB above an idle one. By form:
-[table](../benchmarks/notes/faults.md).
+`python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each a
+small valid one with seeded damage: bytes cut, flipped, doubled, swapped, and damage that knows the format (records
+out of order, wrong checksums, chunks that claim terabytes, recursive definitions). Each is opened as by `wrenchgap
+inspect`, every tenth log with a model, in a child process with {seconds:g} s of processor time and {megabytes} MB
+above an idle one. By form: [table](../benchmarks/notes/faults.md).
 
 - *whole*: the same numbers as of the intact file;
 - *recovered*: other or fewer numbers, and a note, count or check says so;
