@@ -1,7 +1,8 @@
 """Pages of the site that no file in `docs` holds: mkdocs calls this module (`mkdocs.yml`) for `make site`.
 
-Made while the site is built: the commands, from the typer application; the public names, from each `__init__.pyi`; and
-a page for every file of the repository that a page links to: a copy of the site needs neither network nor checkout.
+Made while the site is built: the commands, from the typer application; the public names, from each `__init__.pyi`; the
+keys of JSON results, from their schemas; and a page for every file of the repository that a page links to: a copy of
+the site needs neither network nor checkout.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import click
 import typer
@@ -25,6 +26,7 @@ from mkdocs.structure.pages import Page
 
 from scripts.check_docs import CODE_SPAN, FENCE, LINK, ROOT
 from scripts.json_documents import schemas
+from scripts.json_documents.parts import Document
 
 DOCS = ROOT / "docs"
 SOURCE = ROOT / "src" / "wrenchgap"
@@ -87,7 +89,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 @cache
 def made() -> dict[str, str]:
     """Every generated page by its place in the site."""
-    pages = {"reference/commands.md": commands(), "reference/schemas.md": schema_page()}
+    pages = {"reference/commands.md": commands()}
+    pages |= {f"reference/schemas/{command}.md": keys(command) for command in schemas()}
     entries: dict[str, str] = {}
     for stub in sorted(SOURCE.glob("__init__.pyi")) + sorted(SOURCE.glob("*/__init__.pyi")):
         package = ".".join(("wrenchgap", *stub.parent.relative_to(SOURCE).parts))
@@ -110,13 +113,65 @@ def public_names(stub: Path, package: str, entries: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def schema_page() -> str:
-    """A page that links to the JSON schema of each command."""
-    head = "# JSON schemas\n\nOf what `--json FILE` writes ([what the keys mean](../json.md)); draft 2020-12."
-    rows = [f"| [{command}](schemas/{command}.json) | `{schema['$id']}` |" for command, schema in schemas().items()]
-    return "\n".join(
-        [head, "A reader should accept keys that a schema does not list.\n", "| file | `schema` |", "|---|---|", *rows]
-    )
+PART_OF = {"Comparison": "compare", "WhereBody": "where", "ExplainBody": "explain", "Timing": "inspect"}
+"""Parts of several documents, and the command whose page has their keys."""
+
+
+def keys(command: str) -> str:
+    """A page with every key of a command's document, its type and, where the name does not say it, its meaning."""
+    schema = schemas()[command]
+    shared = [key for key in get_type_hints(Document) if key in schema["properties"]]
+    own = [key for key in schema["properties"] if key not in shared]
+    head = f"# {command}\n\n`{schema['$id']}`, [JSON schema]({command}.json). See [JSON results](../../json.md).\n"
+    lines = [
+        head,
+        *_key_table(own, schema, command),
+        "\n## Common to all commands\n",
+        *_key_table(shared, schema, command),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _key_table(named: list[str], schema: dict[str, Any], command: str) -> Iterator[str]:
+    yield from ("| key | type | meaning |", "|---|---|---|")
+    for key in named:
+        yield from _key_rows(key, schema["properties"][key], schema.get("$defs", {}), command)
+
+
+def _key_rows(key: str, value: dict[str, Any], parts: dict[str, Any], command: str) -> Iterator[str]:
+    """The row of a key, and those of the keys below it."""
+    kind, below, path = _kind(value, parts, command)
+    words = re.sub(r"\bdocs/([\w-]+)\.md", r"[\1](../../\1.md)", value.get("description", ""))
+    yield f"| `{key}` | {kind} | {' '.join(words.split())} |".replace("  |", " |")
+    for name, inner in below.items():
+        yield from _key_rows(f"{key}{path}.{name}", inner, parts, command)
+
+
+def _kind(value: dict[str, Any], parts: dict[str, Any], command: str) -> tuple[str, dict[str, Any], str]:
+    """The type of a value in words; the keys below it; and what leads there from the key."""
+    if "$ref" in value:
+        name = value["$ref"].rpartition("/")[2]
+        page = PART_OF.get(name, command)
+        if page != command:
+            return f"as [{page}]({page}.md)", {}, ""
+        return (
+            ("object", parts[name]["properties"], "")
+            if "properties" in parts[name]
+            else _kind(parts[name], parts, command)
+        )
+    if "anyOf" in value:
+        found = [_kind(one, parts, command) for one in value["anyOf"]]
+        _, below, path = next((one for one in found if one[1]), found[0])
+        return " or ".join(kind for kind, _, _ in found), below, path
+    if "const" in value or "enum" in value:
+        return ", ".join(f"`{one}`" for one in value.get("enum", [value.get("const")])), {}, ""
+    if value.get("type") == "array":
+        kind, below, path = _kind(value["items"], parts, command)
+        return f"list of {value['minItems']}: {kind}" if "minItems" in value else f"list: {kind}", below, f"[]{path}"
+    if isinstance(value.get("additionalProperties"), dict):
+        kind, below, path = _kind(value["additionalProperties"], parts, command)
+        return f"by name: {kind}", below, f".*{path}"
+    return value.get("type", "any"), {}, ""
 
 
 def commands() -> str:

@@ -34,3 +34,10 @@ def test_a_key_that_is_not_listed_is_refused_by_the_strict_schema_alone():
     without = {key: value for key, value in REMOVED.items() if key != "model"}
     with pytest.raises(jsonschema.ValidationError, match="model"):
         jsonschema.validate(without, schema("remove"))
+
+
+def test_words_below_a_key_describe_it_wherever_it_is_inherited():
+    found = schema("explain")
+    assert found["properties"]["notes"]["description"].startswith("Sentences that a user should read")
+    assert found["properties"]["left"]["description"] == "The residual."
+    assert found["$defs"]["Validation"]["properties"]["by_flight"]["description"] == "What `--by-flight` prints."

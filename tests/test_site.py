@@ -8,6 +8,7 @@ import pytest
 from mkdocs.structure.pages import Page
 
 from scripts import site_pages
+from scripts.json_documents import schemas
 from wrenchgap.replay.cli.main import COMMANDS, GROUPS
 
 
@@ -16,6 +17,21 @@ def test_every_command_has_an_entry():
     names = [c.__name__ for c in COMMANDS] + [f"{g} {c.__name__}" for g, (_, below) in GROUPS.items() for c in below]
     assert [name for name in names if f"## wrenchgap {name}\n" not in page] == []
     assert "`--validate`" in page
+
+
+@pytest.mark.parametrize("command", schemas())
+def test_every_key_of_a_result_has_a_row(command):
+    page = site_pages.made()[f"reference/schemas/{command}.md"]
+    assert [key for key in schemas()[command]["properties"] if f"\n| `{key}` | " not in page] == []
+    assert page.count("| any |") <= 1  # the settings of learn and replay
+
+
+def test_keys_are_shown_with_their_path_type_and_meaning():
+    rows = site_pages.keys("explain").splitlines()
+    assert "| `members[].rivals[].alike` | boolean | It is of the same group. |" in rows
+    assert "| `rms_after` | list of 6: number or null | On held-out time. |" in rows
+    assert "| `left.swing.frame` | `E`, `B` or null | In which the mode is fixed; null: neither. |" in rows
+    assert "| `timing` | list: as [inspect](inspect.md) | |" in rows
 
 
 @pytest.mark.parametrize("package", ["", ".flight", ".plant", ".learn", ".compensate", ".viewer"])

@@ -16,6 +16,7 @@ class FlightErrors(TypedDict):
     rms: Six
     max_abs: Six
     mean: Six
+    """Measured minus predicted, with its sign."""
 
 
 class Stretch(TypedDict):
@@ -24,7 +25,9 @@ class Stretch(TypedDict):
     stop: float
     rms: Six
     axis: str
+    """Of the largest error."""
     tilt_deg: Number
+    """Median, as are `force`, `rate` and `speed`."""
     force: Number
     rate: Number
     speed: Number
@@ -32,14 +35,19 @@ class Stretch(TypedDict):
 
 class ModelErrors(TypedDict):
     name: str
+    """`nominal` (the vehicle without effects), the model if it has effects, each `--against`, `<model>+GP`."""
     mean_abs: Six
+    """Of the absolute error over all flights, as are `std_abs`, `rms` and `max_abs`."""
     std_abs: Six
     rms: Six
     max_abs: Six
     mean: Six
+    """Measured minus predicted, with its sign."""
     fall_of_rms: Six
+    """RMS reduction against the nominal model, 1 - after / before."""
     per_flight: list[FlightErrors]
     worst: list[Stretch]
+    """Stretches of about 1 s, worst first."""
 
 
 class FlightMean(TypedDict):
@@ -54,10 +62,14 @@ class Comparison(TypedDict):
     flights: list[str]
     models: list[ModelErrors]
     by_flight: list[FlightMean]
+    """What `--by-flight` prints."""
     noise: Six
+    """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
     unmeasured: list[str]
+    """Axes that were not measured (docs/logs.md); in lists of six they are null."""
     samples: int
     cutoff_hz: float
+    """Of the filter."""
     notes: list[str]
 
 
@@ -67,12 +79,17 @@ class Compare(Document, Comparison):
 
 class Budget(TypedDict):
     mean_square: dict[str, Six]
+    """`nominal` and its parts `noise`, `physics` (reduction by the effects), `process`, `unexplained`, which
+    add up to it.
+    """
     whole_shares: dict[str, Number]
+    """Of all axes together."""
     process_source: Literal["fitted", "given", "none"]
 
 
 class Bins(TypedDict):
     low: list[Number]
+    """This and the other lists are over bins."""
     high: list[Number]
     samples: list[int]
     time_share: list[Number]
@@ -90,11 +107,14 @@ class Dependence(TypedDict):
     label: str
     unit: str
     of_mean: Number
+    """Share of the mean error, beyond chance."""
     of_size: Number
+    """Share of the error's size, beyond chance."""
     axes_mean: Six
     p: Number
     significant: bool
     axes: list[str]
+    """Those significant alone."""
     bins: Bins
 
 
@@ -107,7 +127,9 @@ class Grid(TypedDict):
     y_edges: list[Number]
     samples: list[list[int]]
     force: list[list[Number]]
+    """Rms over the two quantities."""
     torque: list[list[Number]]
+    """Rms over the two quantities."""
     mean: list[list[Six]]
 
 
@@ -123,7 +145,9 @@ class LackingInput(TypedDict):
 
 class FailureMap(TypedDict):
     quantities: list[Dependence]
+    """What the error depends on, ranked."""
     grid: Grid | None
+    """Two quantities together."""
     lacking: list[LackingQuantity]
 
 
@@ -150,13 +174,16 @@ class Peak(TypedDict):
 
 class Correlation(Peak):
     lags: list[Number]
+    """Positive: the residual follows the input."""
     value: list[Number]
 
 
 class Whiteness(TypedDict):
     autocorrelation: list[Autocorrelation]
     strongest: list[Correlation]
+    """The strongest cross-correlation of each axis, with its curve."""
     peaks: list[Peak]
+    """All pairs, without curves."""
 
 
 class InputGroup(TypedDict):
@@ -164,11 +191,14 @@ class InputGroup(TypedDict):
     label: str
     columns: list[str]
     alone: Number
+    """Share that it explains alone."""
     lost: Number
+    """Share that is lost when it is left out."""
     alone_axes: Six
     lost_axes: Six
     significance: Number
     step: int
+    """At which it was chosen; 0 if it was not."""
     chosen: bool
 
 

@@ -14,6 +14,7 @@ class Settle(TypedDict):
     kind: Literal["bench", "flight"]
     what: str
     separates: list[list[list[str]]]
+    """Groups of sets that it tells apart."""
 
 
 class WeightedSet(TypedDict):
@@ -29,26 +30,35 @@ class Established(TypedDict):
 class Class(TypedDict):
     weight: float
     sets: list[WeightedSet]
+    """Most probable first; without effects: nothing is missing; `late_clock`: late stamps of the IMU."""
     established: list[Established]
+    """Effects in all of its sets."""
     settle: list[Settle]
+    """What would tell its sets apart."""
 
 
 class Rival(TypedDict):
     effect: str
     separation: Number
+    """Standard errors by which the set with this effect fits worse."""
     cosine: Number
     alike: bool
+    """It is of the same group."""
     weight: Number
 
 
 class Member(TypedDict):
     effect: str
     probability: Number
+    """Confidence."""
     share: Number
+    """Of the error energy that returns without it."""
     significance: Number
+    """Paired t."""
     evidence: Number
     group: list[str]
     rivals: list[Rival]
+    """What other sets have in its place."""
 
 
 class Band(TypedDict):
@@ -62,6 +72,7 @@ class Oscillation(TypedDict):
     frequency_hz: float
     damping: float
     frame: Literal["E", "B"] | None
+    """In which the mode is fixed; null: neither."""
     share: float
     significance: Number
     words: str
@@ -75,21 +86,29 @@ class OneRotor(TypedDict):
 class Residual(TypedDict):
     over_noise: Number
     in_worst_tenth: Number
+    """Of the time: share of the energy."""
     bands: list[Band]
+    """Frequencies above 2.5 times the sensors' noise."""
     swing: Oscillation | None
+    """A lightly damped mode."""
     one_rotor: OneRotor | None
     depends_on: Relevance | None
+    """As `relevance` of `where`."""
 
 
 class Candidate(TypedDict):
     effect: str
     heldout_fall: Six
+    """RMS reduction on held-out time."""
     score: Number
+    """Share of the error energy that it removes."""
     parameters: list[Value]
     evidence: Number
     significance: Number
     companions: list[str]
+    """Effects tried with it (`wind`)."""
     implausible: list[str]
+    """Parameters at limits of their plausible range."""
 
 
 class Step(TypedDict):
@@ -108,13 +127,16 @@ class Range(TypedDict):
     quantity: str
     unit: str
     maximum: Number
+    """Of the fitted flights."""
     percentile: Number
+    """The 95th, of this flight."""
     outside: bool
 
 
 class FlightRanges(TypedDict):
     flight: str
     ranges: list[Range]
+    """Of one unseen flight, against those that were fitted."""
 
 
 class Validation(Comparison):
@@ -129,7 +151,9 @@ class Limit(TypedDict):
     unit: str
     plausible: float
     size: float | None
+    """The smallest that alone would have been firm; null where none up to `plausible`."""
     instead: list[str]
+    """Alternatives to it."""
 
 
 class Injected(TypedDict):
@@ -138,41 +162,63 @@ class Injected(TypedDict):
     unit: str
     size: float
     share: float
+    """Of the limit."""
     firm: bool
     as_stated: bool
     others: list[str]
+    """Names that were firm with it and are not without."""
 
 
 class Sensitivity(TypedDict):
     limits: list[Limit]
+    """What these flights could have shown."""
     injected: list[Injected]
+    """Tests of the limits."""
     summary: list[str]
 
 
 class ExplainBody(TypedDict):
     verdict: Literal["effect", "group", "unknown", "nothing"]
     effects: list[str]
+    """Of the named set, largest share first (docs/explain.md); several that stand for one are joined by ` + `."""
     groups: list[list[str]]
+    """As `effects`, with the names that are indistinguishable."""
     members: list[Member]
+    """Of the most probable set."""
     left: Residual
+    """The residual."""
     ranking: list[Candidate]
+    """Every candidate alone."""
     axes: list[str]
     summary: str
     fitted: list[Fitted]
+    """The chosen effects, fitted together."""
     steps: list[Step]
+    """Of earlier versions' selection: one step."""
     classes: list[Class]
+    """Sets that these logs cannot tell apart, the most probable first."""
     settle: list[Settle]
+    """What would tell the sets apart, cheapest first."""
     firm: list[str]
+    """Names in nine tenths of the weight without a group (of a form its family)."""
     open: list[str]
+    """Axes on which structure is left."""
     air: Air | None
+    """Velocity of the air."""
     dropped: list[str]
+    """Of earlier versions' selection: empty."""
     not_tried: list[Untried]
     sensitivity: Sensitivity
     rms_before: Six
+    """On held-out time."""
     rms_after: Six
+    """On held-out time."""
     noise: Six
+    """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
     unmeasured: list[str]
+    """Axes that were not measured (docs/logs.md); in lists of six they are null."""
     validation: Validation | None
+    """As `compare`, for the models `given` and `explained`."""
     flights: list[str]
     timing: list[Timing]
     cutoff_hz: float | None
@@ -188,11 +234,15 @@ class ChangedParameter(TypedDict):
     name: str
     healthy: Number
     scatter: Number
+    """Between healthy flights."""
     suspect: Number
     std: Number
+    """Of the change, from within flights."""
     unit: str
     significance: Number
+    """Change over the hypotenuse of `scatter` and `std`."""
     where: str | None
+    """The user's name of the rotor or arm."""
 
 
 class Place(TypedDict):
@@ -205,7 +255,9 @@ class Place(TypedDict):
 class Alone(TypedDict):
     effect: str
     log_odds: Number
+    """Against no change."""
     large: bool
+    """Large enough for a name."""
     parameters: list[ChangedParameter]
 
 
@@ -248,28 +300,41 @@ class Changed(Document):
     verdict: Literal["changed", "nothing", "unknown"]
     firm: list[str]
     classes: list[Class]
+    """As in `explain`, of changes."""
     parameters: list[ChangedParameter]
     odd: list[str]
+    """Flights given as healthy that are not."""
     odd_because: list[OddFlight]
+    """The change that says most of it."""
     not_compared: list[NotCompared]
     summary: str
     inspect: list[str]
     effects: list[Confidence]
     places: list[Place]
+    """Rotor or arm, likeliest first."""
     nothing: float
+    """Weight of no change."""
     alone: list[Alone]
+    """Each change alone."""
     settle: list[Settle]
     healthy: list[str]
     suspect: list[str]
     scatter: Six
+    """What healthy flights differ by."""
     scatter_from: str
+    """`flights` or, with one healthy flight, `typical values`."""
     by_flight: list[ChangedFlight]
     axes: list[str]
     answering: list[str]
+    """Feedback-dominated axes."""
     by_means: bool
+    """Means over flights alone are compared."""
     louder: list[str]
+    """Axes on which suspect flights leave far more."""
     not_tried: list[Untried]
     sensitivity: Sensitivity
+    """The smallest change of each parameter that would have been firm."""
     unmeasured: list[str]
+    """Axes that were not measured (docs/logs.md); in lists of six they are null."""
     timing: list[Timing]
     cutoff_hz: float

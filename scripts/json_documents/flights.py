@@ -18,6 +18,7 @@ class Topic(TypedDict):
     gaps: int
     longest_gap: Number
     header_offset: Number
+    """Of header stamps from log times [s]."""
     header_rate: Number
     header_jitter: Number
     dropped: dict[str, int]
@@ -45,14 +46,18 @@ class Log(TypedDict):
     level: Level
     topics: list[Topic]
     mapping: dict[str, str]
+    """Which topic plays each role, in the syntax of `--topic`."""
     checks: list[Check]
     model_checks: list[Check]
+    """With `--model`."""
     notes: list[str]
     shift_s: dict[str, float]
     left_out: list[LeftOut]
     phases: list[Phase]
+    """With `--model`."""
     unmeasured: list[str]
     timing: Timing | None
+    """Offsets between topics (docs/timing.md)."""
 
 
 class Inspect(Document):
@@ -73,11 +78,13 @@ class Converted(TypedDict):
 
 class Convert(Document):
     logs: list[Converted]
+    """What was read and written."""
 
 
 class Simulate(Document):
     log: str
     made_by: str
+    """This and the following are those of the log's own metadata; what was hidden is in neither."""
     model: str
     model_sha256: str
     trajectory: str
@@ -96,7 +103,9 @@ class Direction(TypedDict):
     truth: str
     imitator: str
     counts: bool
+    """False where the imitator has many more parameters."""
     told: bool
+    """Separable."""
     cosine: Number
     share_left: Number
     evidence: Number
@@ -110,6 +119,7 @@ class Direction(TypedDict):
 class Separation(TypedDict):
     seconds: float
     separation: Number
+    """Of the hardest pair."""
     separable: bool
     directions: list[Direction]
 
@@ -137,17 +147,22 @@ class Flown(TypedDict):
 
 class Design(Document):
     trajectory: str | None
+    """Null where no flight separates the effects."""
     effects: list[Fitted]
     separable: bool
     summary: str
     advice: list[str]
+    """What else does."""
     axes: list[str]
     baseline: str
     before: Separation
+    """On the given logs, or on a hover."""
     expected: Separation
+    """On the designed flight."""
     manoeuvres: list[Manoeuvre]
     duration_s: float
     limits: Limits
     flown: list[Flown]
+    """Simulated with each effect hidden."""
     tried: int
     least_separation: float

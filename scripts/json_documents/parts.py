@@ -18,9 +18,11 @@ Level = Literal["ok", "warn", "bad"]
 
 class Input(TypedDict):
     role: str
+    """`log`, `validation`, `healthy`, `suspect`, `model`, `against`, `believed`, `gp` or `batch`."""
     file: str
     sha256: str
     shift_s: NotRequired[dict[str, float]]
+    """With `--shift`: seconds by which the stamps of each role were moved."""
     vehicle: NotRequired[str | None]
 
 
@@ -30,31 +32,41 @@ class Check(TypedDict):
     level: Level
     words: str
     mend: str | None
+    """The option that corrects it."""
     accepted: bool
 
 
 class LeftOut(TypedDict):
     flight: NotRequired[str]
     start: Number
+    """Null where it is open."""
     stop: Number
+    """Null where it is open."""
     why: str
+    """Begins with the phase (docs/checks.md), if it is one."""
 
 
 class Head(TypedDict):
     schema: str
+    """Name and version, as `wrenchgap.compare/1`."""
     version: str
+    """Of wrenchgap."""
     inputs: list[Input]
     notes: NotRequired[list[str]]
+    """Sentences that a user should read: what was assumed, repaired or left out."""
     checks: NotRequired[list[Check]]
+    """What was asked of each log (docs/checks.md)."""
 
 
 class Document(Head):
     left_out: NotRequired[list[LeftOut]]
+    """Times that are not used."""
 
 
 class Value(TypedDict):
     name: str
     value: Number
+    """Of an effect that the model has, in sets and classes, the change."""
     std: NotRequired[Number]
     unit: str
 
@@ -68,11 +80,15 @@ class HeldOut(TypedDict):
     rms_before: Six
     rms_after: Six
     noise: Six
+    """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
     fall: Six
+    """RMS reduction, 1 - after / before."""
     verdict: str
     outcome: Literal["better", "worse", "unclear"]
     change: Number
+    """Of the error energy, relative."""
     t: Number
+    """Paired t of the change."""
 
 
 class Loop(TypedDict):
@@ -83,9 +99,12 @@ class Loop(TypedDict):
 
 class Observer(TypedDict):
     hz: Number
+    """Bandwidth; null where none keeps the margin."""
     lag_s: Number
     sensitivity_peak: Number
+    """M_s of the whole loop."""
     left: Number
+    """Share of the residual that it leaves on the training log; above 0.75 there is no observer."""
     loop: Loop
     summary: str
 
@@ -93,7 +112,9 @@ class Observer(TypedDict):
 class Absorbed(TypedDict):
     effect: str
     cosine: Number
+    """Of the GP's correction with the effect's."""
     share: Number
+    """Of the GP's correction that the effect reproduces."""
     significance: Number
     named: bool
     parameters: list[Value]
@@ -108,6 +129,10 @@ class Absorption(TypedDict):
 class Untried(TypedDict):
     effect: str
     lack: str
+    """`arms`, `tilt`, `coaxial`, `geometry` (of the model), `rotors`, `pose`, `imu`, `voltage` (of the log),
+    `excitation` (of the flight), `air` (nothing on which moving air would act), `known` (to a tolerance) or
+    `fit` (no possible values).
+    """
     reason: str
 
 
@@ -120,7 +145,9 @@ class Part(TypedDict):
 class Offset(TypedDict):
     first: str
     second: str
+    """The topic of which `seconds` is the delay."""
     seconds: Number
+    """Positive where `second` is late; null where `problem` says why."""
     std: Number
     drift: Number
     drift_std: Number
@@ -137,16 +164,20 @@ class Offset(TypedDict):
 
 class SensorOffset(Offset):
     effect_error: Number
+    """Relative error of an effect that the odometry drives."""
 
 
 class Response(Offset):
     axis: str
     shape: Literal["delay", "lag", "either"] | None
+    """What the phases decide."""
     lag: Number
     leaves: Number
+    """Rms residual of a model without the lag."""
     residual: Number
     noise: Number
     matters: bool
+    """`leaves` is worth a warning (docs/timing.md)."""
 
 
 class Timing(TypedDict):

@@ -15,8 +15,11 @@ class Stair(TypedDict):
     name: str
     rms: Six
     in_all: Number
+    """All axes on one scale."""
     beside: bool
+    """Not a step: for comparison."""
     learnt_here: bool
+    """A GP learnt on these very logs."""
 
 
 class StairNoise(TypedDict):
@@ -39,6 +42,7 @@ class BeforeAfter(TypedDict):
 class NextFlight(TypedDict):
     effects: list[str]
     trajectory: str | None
+    """The file's text; null where `why_not` says why."""
     why_not: NotRequired[str]
     segments: NotRequired[list[str]]
     separable: NotRequired[bool]
@@ -57,8 +61,10 @@ class Report(Document):
     absorbs: Absorption | None
     where: BeforeAfter
     next_flights: list[NextFlight]
+    """For each group."""
     fitted_model: str
     commands: list[str]
+    """This, `options` and `packages` repeat the report."""
     options: dict[str, str]
     packages: dict[str, str]
     timing: list[Timing]
@@ -99,8 +105,11 @@ class RankedSet(TypedDict):
     weight: float
     log_odds: Number
     gain: Number
+    """In log likelihood on held-out flights."""
     better: Number
+    """Share of held-out flights that are predicted better."""
     rms: Six
+    """On held-out flights."""
     values: list[RankedValue]
 
 
@@ -123,12 +132,15 @@ class Ranking(TypedDict):
     vehicle: str | None
     reason: str
     sets: list[RankedSet]
+    """Of effects; docs/batch.md."""
     flights: NotRequired[list[str]]
     seconds: NotRequired[float]
     held_out: NotRequired[bool]
     effects: NotRequired[list[Probability]]
     groups: NotRequired[list[Group]]
+    """Sets that predict the same, the plainest first."""
     alone: NotRequired[list[CandidateOdds]]
+    """Each candidate alone."""
     rms: NotRequired[Six]
     left_out: NotRequired[list[str]]
 
@@ -138,11 +150,17 @@ class Batch(Document):
     output: str
     passes: int
     settled: bool
+    """No member of a set that counts was found a tenth of its typical size from where it was linearised."""
     logs: int
     failed: int
     done_now: int
+    """Logs of this run."""
     done_before: int
+    """Logs of earlier runs."""
     same: list[Same]
+    """Logs with the content of another."""
     failures: list[Failure]
     rows: list[Row]
+    """One for each log (docs/batch.md)."""
     rankings: list[Ranking]
+    """One for each vehicle."""
