@@ -91,12 +91,18 @@ class Bins(TypedDict):
     low: list[Number]
     """This and the other lists are over bins."""
     high: list[Number]
+    """With `low` in the quantity's unit; null for samples at which the quantity has no meaning, a bin that
+    comes last.
+    """
     samples: list[int]
     time_share: list[Number]
+    """Share of the time."""
     whole_rms: list[Number]
+    """All axes on the common scale [N], as are `whole_noise` and `whole_share`."""
     whole_noise: list[Number]
     whole_share: list[Number]
     mean: list[Six]
+    """By axis, as are `rms`, `noise` and `share`."""
     rms: list[Six]
     noise: list[Six]
     share: list[Six]
@@ -111,7 +117,9 @@ class Dependence(TypedDict):
     of_size: Number
     """Share of the error's size, beyond chance."""
     axes_mean: Six
+    """`of_mean` by axis."""
     p: Number
+    """Corrected for all quantities and axes."""
     significant: bool
     axes: list[str]
     """Those significant alone."""
@@ -156,18 +164,26 @@ class Autocorrelation(TypedDict):
     lags: list[Number]
     value: list[Number]
     expected: list[Number]
+    """Of filtered sensor noise."""
     band: list[Number]
+    """Half width of the chance band about it."""
     worst: Number
+    """Lag [s] furthest outside."""
     p: Number
+    """Chance of that in noise, for all lags together."""
     white: bool
+    """Filtered sensor noise would look like it."""
 
 
 class Peak(TypedDict):
     axis: str
     input: str
     band: Number
+    """Half width that unrelated series exceed once in a hundred logs, anywhere."""
     lag: Number
+    """At which the correlation is largest [s]."""
     peak: Number
+    """The correlation there."""
     p: Number
     outside: bool
 
@@ -197,6 +213,7 @@ class InputGroup(TypedDict):
     alone_axes: Six
     lost_axes: Six
     significance: Number
+    """Paired t of `lost`."""
     step: int
     """At which it was chosen; 0 if it was not."""
     chosen: bool
@@ -205,6 +222,7 @@ class InputGroup(TypedDict):
 class Relevance(TypedDict):
     groups: list[InputGroup]
     explained: Number
+    """By the chosen groups together."""
     explained_axes: Six
     lacking: list[LackingInput]
 

@@ -21,6 +21,7 @@ class Saturation(TypedDict):
     tilt_rate: int
     tilt_range: int
     held: int
+    """Steps with an angle held."""
 
 
 class Replay(Document):
@@ -41,6 +42,7 @@ class Replay(Document):
     """Share of the steps whose optimum solves the problem."""
     iterations_mean: Number
     sigma: Quantiles
+    """Over the steps."""
     sigma_threshold: Number
     beta: Quantiles
     held_back: Number
@@ -71,6 +73,7 @@ class Replay(Document):
     solve_p99_ms: Number
     solve_max_ms: Number
     trouble: dict[str, int]
+    """Messages, and the number of their steps."""
     warnings: list[str]
 
 

@@ -42,9 +42,11 @@ class Rival(TypedDict):
     separation: Number
     """Standard errors by which the set with this effect fits worse."""
     cosine: Number
+    """Of the changes that the two make to the prediction."""
     alike: bool
     """It is of the same group."""
     weight: Number
+    """Of that set, among all."""
 
 
 class Member(TypedDict):
@@ -56,7 +58,9 @@ class Member(TypedDict):
     significance: Number
     """Paired t."""
     evidence: Number
+    """Of the set with it against the set without it, on held-out time."""
     group: list[str]
+    """The effect and those that are indistinguishable from it."""
     rivals: list[Rival]
     """What other sets have in its place."""
 
@@ -71,16 +75,21 @@ class Band(TypedDict):
 class Oscillation(TypedDict):
     frequency_hz: float
     damping: float
+    """Damping ratio."""
     frame: Literal["E", "B"] | None
     """In which the mode is fixed; null: neither."""
     share: float
+    """Of the energy above the noise that it predicts on held-out blocks."""
     significance: Number
+    """Paired t."""
     words: str
 
 
 class OneRotor(TypedDict):
     rotors: list[str]
+    """Several where they push alike."""
     share: float
+    """Of the residual that pushes in their direction."""
 
 
 class Residual(TypedDict):
@@ -92,6 +101,7 @@ class Residual(TypedDict):
     swing: Oscillation | None
     """A lightly damped mode."""
     one_rotor: OneRotor | None
+    """The rotor in whose direction the residual pushes."""
     depends_on: Relevance | None
     """As `relevance` of `where`."""
 
@@ -104,7 +114,9 @@ class Candidate(TypedDict):
     """Share of the error energy that it removes."""
     parameters: list[Value]
     evidence: Number
+    """Log ratio of the held-out errors, summed over the axes."""
     significance: Number
+    """Paired t."""
     companions: list[str]
     """Effects tried with it (`wind`)."""
     implausible: list[str]
@@ -131,6 +143,7 @@ class Range(TypedDict):
     percentile: Number
     """The 95th, of this flight."""
     outside: bool
+    """The flight goes beyond what was fitted."""
 
 
 class FlightRanges(TypedDict):
@@ -165,6 +178,7 @@ class Injected(TypedDict):
     """Of the limit."""
     firm: bool
     as_stated: bool
+    """Firm at the whole limit (below it, it need not be), and no other name was."""
     others: list[str]
     """Names that were firm with it and are not without."""
 
@@ -271,8 +285,11 @@ class NotCompared(TypedDict):
     quantity: str
     unit: str
     healthy: list[Number]
+    """5th to 95th percentile."""
     suspect: list[Number]
+    """5th to 95th percentile."""
     outside: float
+    """Share of the suspect flights' time outside the healthy range."""
     reason: str
 
 
@@ -307,8 +324,10 @@ class Changed(Document):
     odd_because: list[OddFlight]
     """The change that says most of it."""
     not_compared: list[NotCompared]
+    """Quantities in which the flights do not overlap."""
     summary: str
     inspect: list[str]
+    """What to look at on the vehicle."""
     effects: list[Confidence]
     places: list[Place]
     """Rotor or arm, likeliest first."""

@@ -20,10 +20,14 @@ class Topic(TypedDict):
     header_offset: Number
     """Of header stamps from log times [s]."""
     header_rate: Number
+    """Of header stamps against log times."""
     header_jitter: Number
     dropped: dict[str, int]
+    """Samples by reason."""
     plays: list[str]
+    """Roles that it plays."""
     could_play: list[str]
+    """Roles that it could play by its type."""
     problem: str | None
 
 
@@ -101,19 +105,25 @@ class Simulate(Document):
 
 class Direction(TypedDict):
     truth: str
+    """The effect that is there."""
     imitator: str
+    """The effect that the model has instead."""
     counts: bool
     """False where the imitator has many more parameters."""
     told: bool
     """Separable."""
     cosine: Number
     share_left: Number
+    """Of the truth's contribution."""
     evidence: Number
     separation: Number
     added_rms: Six
+    """What the truth adds."""
     left_rms: Six
+    """What the imitator leaves of it."""
     noise: Six
     separation_simulated: NotRequired[Number]
+    """That of two fits on the simulated flight."""
 
 
 class Separation(TypedDict):
@@ -141,6 +151,7 @@ class Flown(TypedDict):
     tilt_max_deg: Number
     speed_max_m_s: Number
     rotor_max: Number
+    """Share of the largest rotor speed; 0 without rotors."""
     position_error_max_m: Number
     attitude_error_max_deg: Number
 

@@ -20,6 +20,7 @@ class Input(TypedDict):
     role: str
     """`log`, `validation`, `healthy`, `suspect`, `model`, `against`, `believed`, `gp` or `batch`."""
     file: str
+    """As it was named."""
     sha256: str
     shift_s: NotRequired[dict[str, float]]
     """With `--shift`: seconds by which the stamps of each role were moved."""
@@ -78,7 +79,9 @@ class Fitted(TypedDict):
 
 class HeldOut(TypedDict):
     rms_before: Six
+    """On held-out time."""
     rms_after: Six
+    """On held-out time."""
     noise: Six
     """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
     fall: Six
@@ -116,7 +119,9 @@ class Absorbed(TypedDict):
     share: Number
     """Of the GP's correction that the effect reproduces."""
     significance: Number
+    """Paired t of the error that the effect removes."""
     named: bool
+    """Share, cosine and significance are clear."""
     parameters: list[Value]
 
 
@@ -150,15 +155,24 @@ class Offset(TypedDict):
     """Positive where `second` is late; null where `problem` says why."""
     std: Number
     drift: Number
+    """Slope of the offset over the flight [s/s]; null where blocks are too few."""
     drift_std: Number
     coherence: Number
+    """Mean over the frequencies in use."""
     lowest_hz: Number
+    """Of the frequencies in use."""
     highest_hz: Number
+    """Of the frequencies in use."""
     interval_95: Number
+    """Half width [s]."""
     halves: list[Part]
+    """The offset in each half of the flight."""
     axes: list[Part]
+    """The offset by axis."""
     bands: list[Part]
+    """The offset by band of frequency."""
     blocks: int
+    """Blocks of time that were taken."""
     problem: str | None
 
 

@@ -104,6 +104,7 @@ class RankedSet(TypedDict):
     effects: list[str]
     weight: float
     log_odds: Number
+    """Against no effect."""
     gain: Number
     """In log likelihood on held-out flights."""
     better: Number
