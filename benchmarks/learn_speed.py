@@ -20,7 +20,7 @@ from benchmarks.explain_speed import HIDDEN, long_flight
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify import learning
-from wrenchgap.learn.process import by_gpy, likelihood, train
+from wrenchgap.learn.process import likelihood, train
 from wrenchgap.plant import model_file
 
 MODEL = "tilt_hexarotor"
@@ -67,9 +67,9 @@ def measured(opened, model):
     train.SEARCHES["closed-form"] = inner
     kept = [s for s in searches if s[4] is None and len(s[0]) == max(len(t[0]) for t in searches if t[4] is None)][-9:]
     with threadpool_limits(1), np.errstate(all="ignore"):
-        by_gpy.maximise(*kept[0][:4])
+        likelihood.maximise_by_gpy(*kept[0][:4])
         begin = process_time()
-        theirs = [by_gpy.maximise(*search[:4])[0] for search in kept]
+        theirs = [likelihood.maximise_by_gpy(*search[:4])[0] for search in kept]
         reference = process_time() - begin
     apart = max(abs(value - search[5]) for value, search in zip(theirs, kept, strict=True))
     sizes = {"points": len(kept[0][0]), "searches": len(kept), "searches_of_all": len(searches)}

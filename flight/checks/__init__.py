@@ -1,12 +1,10 @@
 """Is this log what it seems? Units, frames and stamps, asked of the data themselves, wherever a log is opened.
 
-    presence    roles, sizes that betray a unit, channels without a reading
+    channels    roles, sizes that betray a unit, channels without a reading, flat tops, gaps, jitter, clocks
     attitude    IMU against attitude: units, axes, gravity, frames
     gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
-    clipping    flat tops of the IMU
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
-    stamps      gaps, jitter, clocks
     masking     samples that cannot be true
     motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
@@ -20,20 +18,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks import attitude, clipping, gyroscope_scale, odometry, presence, stamps, wrench
+from wrenchgap.flight.checks import attitude, channels, gyroscope_scale, odometry, wrench
 from wrenchgap.flight.checks.masking import masked
 from wrenchgap.flight.checks.motion import MotionMeans, motion_means
 from wrenchgap.flight.clocks import Timing
 from wrenchgap.flight.flight import Flight
 
 ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
-    presence.roles,
-    presence.constant,
-    presence.units,
-    presence.unmeasured,
-    clipping.clipped,
-    stamps.stamps,
-    stamps.dropped,
+    channels.roles,
+    channels.constant,
+    channels.units,
+    channels.unmeasured,
+    channels.clipped,
+    channels.stamps,
+    channels.dropped,
 )
 AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,
@@ -65,6 +63,6 @@ def with_checks(flight: Flight, timing: Timing | None = None, vehicles: Sequence
     if flight.checks is not None:
         return flight
     clean, unlikely, left = masked(flight)
-    clocks = () if timing is None else stamps.clocks(timing, flight.mapping)
-    found = (*presence.vehicles(vehicles), *clocks, *unlikely, *checks(clean))
+    clocks = () if timing is None else channels.clocks(timing, flight.mapping)
+    found = (*channels.vehicles(vehicles), *clocks, *unlikely, *checks(clean))
     return replace(clean, checks=found, left_out=(*flight.left_out, *left))

@@ -18,7 +18,7 @@ from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.checks import against_model, rates
-from wrenchgap.learn.data.checks.records import record_checks, without_impossible_commands
+from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import Record, commands_of, prepare

@@ -1,7 +1,6 @@
 """A process that is believed no further than held-out time and stability allow.
 
-    1. components of the command whose effect the flights do not show: not looked at
-       (`learn.process.command_excitation`)
+    1. components of the command whose effect the flights do not show: not looked at (`unshown`)
     2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.lag`)
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
     4. a stability margin below `GUARD.least_margin` along the commands: 3. again, blind to the outputs' own components
@@ -15,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
@@ -22,7 +23,6 @@ from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.lag import lags, shared_lag
 from wrenchgap.learn.identify.observer import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
-from wrenchgap.learn.process.command_excitation import unshown
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.support import LEAST_SHARE, HeldOut, Support, support
 from wrenchgap.learn.process.train import Progress, believed, fit_held_out
@@ -198,3 +198,56 @@ def _verdict(
         return Verdict(axis, Decision.DO_NOT, Reason.LAG, 0.0, fall)
     reason = Reason.EXCITATION if axis in found.gp.settings.blind else Reason.INPUTS
     return Verdict(axis, Decision.NEEDS, reason, 0.0, fall)
+
+
+def unshown(
+    command: Array,
+    expected: Array,
+    measured: Array,
+    noise: Array,
+    *,
+    cancelled: float = 0.1,
+    above_noise: float = 3.0,
+    share: float = 0.2,
+) -> NDArray[np.bool_]:
+    """Which components (L,) of the command the flight does not show the effect of.
+
+    In slow flight the measured torque is near zero whatever is commanded, since the command is there to cancel the
+    disturbance. Then z = -W_cmd fits every sample, a process learns the slope -1, and I + dmu/dW, which is to be
+    inverted, is singular (docs/paper.md, 6). Held-out time cannot see it: there the same holds. What can see it is how
+    much of the command reaches the measurement. With the covariances P of what the physics expects of the commands and
+    M of what was measured, less the sensors' noise,
+
+        M v = lambda P v                          (generalised eigenvalues, v^T P v = 1)
+
+    lambda is the share of the expected variance that was measured along v: near 1 where the command turned the vehicle,
+    0 where it only cancelled something. Where lambda is small, and where the command hardly exceeds the noise, the
+    process does not look at the command (`FitSettings.blind`): the dependence is that of the physics, a newton metre
+    commanded is one more.
+
+    Parameters
+    ----------
+    command, expected, measured
+        Consecutive samples (M, L) of the same components [N, Nm]: the command, the wrench that the physics expects of
+        it, and the measured one.
+    noise
+        Standard deviation (L,) of the measured one's white noise [N, Nm].
+    cancelled
+        lambda below which the command only cancelled something: a third of the amplitude.
+    above_noise
+        Standard deviations of the noise that a command must exceed.
+    share
+        Share of a component's variance along a direction from which on the component is part of it.
+    """
+    scale = np.sqrt(command.var(axis=0) + noise**2) + 1e-12
+    command, expected, measured = ((part - part.mean(axis=0)) / scale for part in (command, expected, measured))
+    floor = (noise / scale) ** 2
+    P = np.atleast_2d(np.cov(expected.T)) + np.diag(1e-2 * floor + 1e-12)
+    M = np.atleast_2d(np.cov(measured.T)) - np.diag(floor)
+    shares, directions = eigh(M, P)
+    quiet = above_noise**2 * np.einsum("lk,l,lk->k", directions, floor, directions) > 1.0
+    along = expected @ directions
+    spread = np.maximum(command.std(axis=0), 1e-12)
+    part = (command.T @ along / len(command) / (spread[:, None] * np.maximum(along.std(axis=0), 1e-12))) ** 2
+    hidden = (part > share) & ((shares < cancelled) | quiet)
+    return np.asarray(hidden.any(axis=1) | (command.std(axis=0) ** 2 < above_noise**2 * floor))

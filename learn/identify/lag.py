@@ -7,7 +7,7 @@ flight confirm and another flight does not. So the commands are lagged first,
     tau y' = u - y,         z_tau = W_meas - y(physics of W_cmd),       a function of y(W_cmd)
 
 which is exact for a function behind a lag. Actuators are shared: an output to whose own command the process is blind
-(`learn.process.command_excitation`) has the lag of the axes that show theirs, and where none does, one that is looked
+(`learn.identify.guard`) has the lag of the axes that show theirs, and where none does, one that is looked
 for on all such outputs together. On these W_meas alone shows it, since -y(W_cmd) is as good a function of y behind any
 lag: too little for one output by itself. tau is, output by output, what predicts held-out blocks best with a
 quadratic in y(W_cmd); zero where that is no better than without, beyond chance (`learn.data.blocks`). The process then

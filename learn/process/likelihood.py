@@ -12,20 +12,28 @@ dK / dl_d = K (x_id - x_jd)^2 / l_d^3, so that with the symmetric W = (a a^T - C
 
 needs no array of N x N x D. The search is GPy's, L-BFGS over the logits of the bounded hyperparameters, and finds what
 GPy finds (tests/learn/test_likelihood.py) without its overhead; for a sparse process GPy takes the gradient by the
-inducing inputs as well, which stay where they are.
+inducing inputs as well, which stay where they are. `maximise_by_gpy` is the reference.
+
+A search asks for a thousand likelihoods of some hundred samples. Numpy makes a dozen arrays of N x N for each, in which
+every pair of samples is twice; in the compiled passes (`exponents`, `lower`, `slopes`) each pair is once, and pairs lie
+row by row: (1, 0), (2, 0), (2, 1), (3, 0), ... (docs/decisions/0026-compiled-kernels.md).
 """
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numba import njit
 from scipy.linalg import solve_triangular
 from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.process.likelihood_kernels import exponents, lower, slopes
 from wrenchgap.learn.process.sparse import Kernel
 
 JITTER = 1e-8
@@ -177,8 +185,8 @@ def _inverted(K: Array, noise: float = 0.0) -> tuple[float, Array]:
     """Logarithm of the determinant and inverse of K + noise I."""
     factor = _factor(K, noise)
     logarithm = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
-    lower, _ = dpotri(factor, lower=1, overwrite_c=1)  # above the diagonal zeros, as in the factor
-    inverse = np.add(lower, lower.T, order="C")
+    half, _ = dpotri(factor, lower=1, overwrite_c=1)  # above the diagonal zeros, as in the factor
+    inverse = np.add(half, half.T, order="C")
     inverse[np.diag_indices(len(inverse))] *= 0.5
     return logarithm, inverse
 
@@ -194,3 +202,108 @@ def _factor(K: Array, noise: float) -> Array:
             return np.asarray(factor)
         more = float(np.mean(np.diagonal(K)) + noise) * 1e-6 * 10.0**attempt
     raise np.linalg.LinAlgError(NOT_DEFINITE)
+
+
+FAST = {"reassoc", "contract"}
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def exponents(q: Array, pairs: Array) -> None:
+    """-1/2 |q_i - q_j|^2 into `pairs` (N (N - 1) / 2,), of samples over lengthscales q (D, N)."""
+    dims, count = q.shape
+    first = 0
+    for i in range(1, count):
+        row = pairs[first : first + i]
+        row[:] = 0.0
+        for d in range(dims):
+            here, others = q[d, i], q[d]
+            for j in range(len(row)):
+                apart = here - others[j]
+                row[j] += apart * apart
+        for j in range(len(row)):
+            row[j] *= -0.5
+        first += i
+
+
+@njit(cache=True, nogil=True)
+def lower(pairs: Array, variance: float, noise: float, C: Array) -> None:
+    """The lower triangle of C (N, N), the covariance: `variance` times `pairs`, and on the diagonal both variances."""
+    first = 0
+    for i in range(len(C)):
+        into, row = C[i], pairs[first : first + i]
+        for j in range(len(row)):
+            into[j] = variance * row[j]
+        into[i] = variance + noise
+        first += i
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def slopes(q: Array, pairs: Array, inverse: Array, a: Array) -> Array:
+    """Sums (D + 2,) over W_ij = 1/2 (a_i a_j - C^-1_ij) k_ij, k = `pairs` off the diagonal and one on it.
+
+    First of W itself, then of W (q_id - q_jd)^2, last the trace of 1/2 (a a^T - C^-1); of the `inverse` (N, N) the
+    lower triangle counts. `pairs` are overwritten.
+    """
+    dims, count = q.shape
+    sums = np.zeros(dims + 2)
+    first = 0
+    for i in range(count):
+        row, known, own = pairs[first : first + i], inverse[i], a[i]
+        total = 0.0
+        for j in range(len(row)):
+            row[j] *= own * a[j] - known[j]
+            total += row[j]
+        half = 0.5 * (own * own - known[i])
+        sums[0] += total + half
+        sums[dims + 1] += half
+        for d in range(dims):
+            here, others = q[d, i], q[d]
+            part = 0.0
+            for j in range(len(row)):
+                apart = here - others[j]
+                part += row[j] * (apart * apart)
+            sums[d + 1] += part
+        first += i
+    return sums
+
+
+def maximise_by_gpy(
+    x: Array, z: Array, start: Kernel, bounds: dict[str, Any], inducing: Array | None = None
+) -> tuple[float, Kernel]:
+    """As `maximise`, of samples x (N, D), z (N,), by GPy, as in the paper: its models and its L-BFGS."""
+    with _gpy() as gpy:
+        kernel = gpy.kern.RBF(x.shape[1], variance=start.signal_variance, lengthscale=start.lengthscales, ARD=True)
+        if inducing is None:
+            model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=start.noise_variance)
+        else:
+            model = gpy.models.SparseGPRegression(x, z[:, None], kernel, Z=inducing)
+            model.likelihood.variance[:] = start.noise_variance
+            model.inducing_inputs.fix(warning=False)
+        noise = model.likelihood.variance
+        for parameter, name in ((kernel.lengthscale, "lengthscale"), (kernel.variance, "signal"), (noise, "noise")):
+            parameter.constrain_bounded(*bounds[name], warning=False)
+        try:
+            model.optimize("lbfgsb", max_iters=ITERATIONS if inducing is None else SPARSE_ITERATIONS)
+            likelihood = float(np.squeeze(model.log_likelihood()))
+        except (np.linalg.LinAlgError, FloatingPointError):
+            likelihood = -np.inf
+        lengthscales = np.array(kernel.lengthscale, dtype=float)
+        return likelihood, Kernel(lengthscales, float(kernel.variance[0]), float(noise[0]))
+
+
+@contextmanager
+def _gpy() -> Iterator[Any]:
+    """GPy, imported late (it takes seconds) and without its chatter."""
+    loggers = [logging.getLogger(name) for name in ("GP", "GPy", "paramz", "root")]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for logger in loggers:
+            logger.setLevel(logging.ERROR)
+        try:
+            import GPy
+
+            yield GPy
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

@@ -18,7 +18,7 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.parallel import few_threads
-from wrenchgap.learn.process import by_gpy, calibration, likelihood, sparse
+from wrenchgap.learn.process import calibration, likelihood, sparse
 from wrenchgap.learn.process.calibration import Mask
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance, Search
 from wrenchgap.learn.process.sparse import Kernel
@@ -38,7 +38,7 @@ BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0
 BLIND = 1e6
 """Lengthscale of an input that the process does not look at."""
 
-SEARCHES = {"closed-form": likelihood.maximise, "gpy": by_gpy.maximise}
+SEARCHES = {"closed-form": likelihood.maximise, "gpy": likelihood.maximise_by_gpy}
 """What maximises a likelihood, by `FitSettings.search`."""
 
 QUIET, LOUD = 1e-3, 0.05

@@ -34,11 +34,10 @@ from wrenchgap.replay.compensation.compensators import (
     judged,
 )
 from wrenchgap.replay.export.c_lines import Own, Printer
-from wrenchgap.replay.export.context import Table, context, correction_max, numbers_of, words_of
+from wrenchgap.replay.export.context import Table, Vectors, context, correction_max, numbers_of, recorded, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
 from wrenchgap.replay.export.records import HASHED, export_id
-from wrenchgap.replay.export.selftest_steps import Vectors, recorded
 
 Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}

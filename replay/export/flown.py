@@ -23,11 +23,12 @@ from wrenchgap.replay.export.records import (
     HEAD,
     OUTPUT,
     PRECISION,
+    checked_export,
     read_records,
     record_type,
     sizes_of,
+    stepped,
 )
-from wrenchgap.replay.export.stepping import checked_export, stepped
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")

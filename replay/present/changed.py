@@ -15,7 +15,7 @@ from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, timing, what_to_inspect
-from wrenchgap.replay.present.figures import changed as panels
+from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, number, quantity, row, share, unit, unmeasured

@@ -199,7 +199,7 @@ NO_OUTPUT = {
     "replay/batch/plan.py": "what a worker reads, in a folder that goes again",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",
     "replay/present/report/elements.py": "a picture in memory",
-    "replay/export/stepping.py": "code that is compiled in a folder of its own",
+    "replay/export/records.py": "code that is compiled in a folder of its own",
 }
 
 

@@ -8,8 +8,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, WrenchSeries
 from wrenchgap.learn.data.checks import rates
-from wrenchgap.learn.data.checks.records import without_impossible_commands
-from wrenchgap.learn.data.checks.vehicle import vehicle_checks
+from wrenchgap.learn.data.checks.vehicle import vehicle_checks, without_impossible_commands
 
 SHIPPED = ("crazyflie", "tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "variable_tilt_hexacopter")
 

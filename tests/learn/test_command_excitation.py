@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.process.command_excitation import unshown
+from wrenchgap.learn.identify.guard import unshown
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
 from wrenchgap.plant.mismatch import conditioning

@@ -6,8 +6,8 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight import memory, stamps
 from wrenchgap.learn.data import measurement
+from wrenchgap.learn.data import phases as saturation
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.data.phases import saturation
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.diagnose.timing import timing_of
 from wrenchgap.plant import actuation

@@ -17,8 +17,8 @@ from wrenchgap.learn.changed.sizes import Size, covariance
 from wrenchgap.replay.present import changed as presented
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.figures import changed as drawn
-from wrenchgap.replay.present.report.flights import changed_page as page
+from wrenchgap.replay.present.figures import report as drawn
+from wrenchgap.replay.present.report.page import changed_page as page
 
 MODEL = wg.load_model("tilt_hexarotor")
 TRIED = ("com_offset", "mass", "rotor_thrust")

@@ -12,8 +12,8 @@ import wrenchgap as wg
 from wrenchgap.learn.identify.steps_and_drift import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.report.flights import trend_page as page
-from wrenchgap.replay.present.report.flights import vehicle_marks
+from wrenchgap.replay.present.report.page import trend_page as page
+from wrenchgap.replay.present.report.page import vehicle_marks
 from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"

@@ -1,19 +1,28 @@
-"""On the ground or held, and the way up from it and down to it.
+"""On the ground or held, the way up from it and down to it, and how it is hit.
 
 Contact is certain where something else than the rotors carries `CONTACT.carried` of the weight while the vehicle
 neither falls nor moves fast; it reaches on to both sides as long as the vehicle stands still and a part of its weight
 is carried: rotors that spin up or down on the ground. Free fall is no contact: there nothing carries. Height of the
 ground's effect: Cheeseman and Bennett, ARC R&M 3021 (1955), 1/(1 - (R/4z)^2): 0.4 % of thrust at z = 4 R.
+
+An impact is a spike of the felt force that no rotor makes. It is a crash where the motion contradicts the commands from
+then on until the end, or where the vehicle comes to lie; else the vehicle struck something and flew on. Without an
+impact, a motion that contradicts the commands by half of the weight and more until the log ends, or until the ground,
+is one too. What a wrong model does, or a lost rotor with which the flight goes on, is there throughout, or ends: no
+crash.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import Flags, Signals, carried, sizes
+from wrenchgap.learn.data.phases.signals import Flags, Signals, by_rows, carried, contradiction, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -118,3 +127,143 @@ def _way(part: Signals, on: Flags, first: int, clear: float, *, up: bool) -> Pha
     start, stop = sorted((float(part.time[first]), float(part.time[last])))
     why = f"within {clear:.2g} m of the ground" if part.height is not None else "next to the ground, height unknown"
     return Phase("take-off" if up else "landing", start, stop, why)
+
+
+@dataclass(frozen=True)
+class CrashThresholds:
+    """What an impact is, and when control is lost."""
+
+    spike: float = 2.5
+    """Felt minus commanded force of an impact, at least [weights]."""
+    outstanding: float = 20.0
+    """The same, in quartiles of the flight."""
+    one_event: float = 0.5
+    """Spikes closer than this [s] are one impact."""
+    lost: float = 0.5
+    """Contradiction of motion and commands from which on control is lost [weights]."""
+    lost_times: float = 4.0
+    """The same, in medians of the time before it."""
+    losing: float = 0.4
+    """Share of that, from which on back in time the loss began."""
+    briefest: float = 0.5
+    """Shortest loss of control [s]."""
+    sways: float = 0.4
+    """Time [s] for which it may dip below."""
+    before: float = 0.1
+    """Time before an impact [s] that shows nothing of the vehicle."""
+    after: float = 0.4
+    """Time after it [s], likewise."""
+    bounces: float = 3.0
+    """Impacts and contacts with the ground that follow one another within this time [s] up to a crash belong to it."""
+    dropped: float = 1.5
+    """Time [s] from an impact to the ground in which the two are one event."""
+    lying: float = 0.5
+    """Vertical share of the felt force below which a vehicle at rest does not stand on its feet."""
+
+
+CRASH = CrashThresholds()
+
+
+def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]:
+    """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of `spikes` in the air."""
+    sudden, doubt = spikes(part, scale), contradiction(part, scale)
+    struck = (sudden > max(CRASH.spike, CRASH.outstanding * usual)) & ~on
+    out = []
+    for a, b in runs(~on):
+        lies = _lies(part, on, b)
+        begin = _loss(part, doubt, a, b, lies=lies)
+        events = list(_events(part, struck, a, b))
+        ending = [at for at, _ in events if _ends(part, doubt, on, (a, at, b), lies=lies)]
+        if ending:
+            begin = min(begin, ending[0]) if begin is not None else ending[0]
+        if begin is not None:
+            stop = float(part.time[_end_of_rest(on, b) - 1])
+            words = "an impact, and " if ending else ""
+            words += "the vehicle comes to lie" if lies else "motion contradicts the commands until the end"
+            out.append(Phase("crash", float(part.time[begin]), stop, words))
+        for first, last in events:
+            hard_landing = b < len(on) and (b - last) * part.dt < CRASH.dropped
+            if not hard_landing and (begin is None or first < begin):
+                start, stop = part.time[first] - CRASH.before, part.time[last] + CRASH.after
+                peak = float(sudden[first : last + 1].max())
+                out.append(
+                    Phase("impact", float(start), float(stop), f"a force of {peak:.1f} weights that no rotor makes")
+                )
+    return _joined(out, part, on)
+
+
+def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
+    """The same, with the impacts, bounces and stays on the ground right before a crash as a part of it."""
+    crash = next((p for p in found if p.name == "crash"), None)
+    if crash is None:
+        return found
+    start, stop = crash.start, max(p.stop for p in found if p.name == "crash")
+    landed = [(float(part.time[a]), float(part.time[b - 1])) for a, b in runs(on) if a > 0]
+    before = sorted([*((p.start, p.stop) for p in found if p.name == "impact"), *landed], reverse=True)
+    for begin, end in before:
+        if begin < start and end > start - CRASH.bounces:
+            start = begin
+    rest = [p for p in found if p.name == "impact" and p.stop < start]
+    return [*rest, Phase("crash", start, stop, crash.why)]
+
+
+def spikes(part: Signals, scale: float) -> Array:
+    """Size (N,) of what is felt and neither commanded nor lasting, in weights."""
+
+    def least(felt: Array, slow: Array, pushed: Array) -> Array:
+        sudden = lengths(felt - slow)
+        return np.asarray(np.minimum(sudden, lengths(felt - scale * pushed)))
+
+    return by_rows(least, part.felt, part.slow_felt, part.pushed)
+
+
+def _events(part: Signals, struck: Flags, a: int, b: int) -> Iterator[tuple[int, int]]:
+    """First and last sample of every impact within a stay in the air."""
+    for first, stop in runs(closed(struck[a:b], part.samples(CRASH.one_event))):
+        yield a + first, a + stop - 1
+
+
+def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:
+    """Whether an impact ends a stay in the air: first sample, that of the impact, one past the last."""
+    a, at, b = stay
+    left = (b - at) * part.dt
+    if b < len(on) and left < CRASH.dropped:
+        return lies
+    after = min(at + part.samples(CRASH.after), b - 1)
+    return left < CRASH.after + CRASH.briefest or _contradicts(part, doubt, a, at, after, b)
+
+
+def _contradicts(part: Signals, doubt: Array, a: int, begin: int, after: int, b: int) -> bool:
+    """Whether motion follows commands up to sample `begin` and contradicts them from `after` to `b`."""
+    if begin - a < part.samples(CRASH.briefest):
+        return False
+    return float(np.median(doubt[after:b])) > max(CRASH.lost, CRASH.lost_times * float(np.median(doubt[a:begin])))
+
+
+def _loss(part: Signals, doubt: Array, a: int, b: int, *, lies: bool) -> int | None:
+    """Where the motion begins to contradict the commands until sample `b`, or the last second before a vehicle lies."""
+    lost = closed(doubt[a:b] > CRASH.lost, part.samples(CRASH.sways))
+    last = [run for run in runs(lost) if a + run[1] >= b - part.samples(CRASH.sways)]
+    if last and (last[0][1] - last[0][0]) * part.dt >= CRASH.briefest:
+        begin = a + last[0][0]
+        while begin > a and doubt[begin - 1] > CRASH.losing * CRASH.lost:
+            begin -= 1
+        if _contradicts(part, doubt, a, begin, begin, b):
+            return begin
+    return max(a, b - part.samples(1.0)) if lies else None
+
+
+def _lies(part: Signals, on: Flags, b: int) -> bool:
+    """Whether the vehicle that comes to the ground at sample `b` lies there on its side or back."""
+    stop = _end_of_rest(on, b)
+    if b >= len(on) or not part.vertical:
+        return False
+    felt = part.slow_felt[b:stop]
+    return bool(np.median(felt[:, 2] / np.maximum(lengths(felt), 1e-9)) < CRASH.lying)
+
+
+def _end_of_rest(on: Flags, b: int) -> int:
+    """One past the last sample of the contact that begins at sample `b`."""
+    while b < len(on) and on[b]:
+        b += 1
+    return b

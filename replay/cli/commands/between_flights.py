@@ -46,10 +46,10 @@ def changed(
     """
     from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import api_flights
-    from wrenchgap.replay.present.report import flights as pages
+    from wrenchgap.replay.present.report.page import changed_page, check, write_page
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
-    pages.check(page)
+    check(page)
     base, names = run.model(model), parse_effects(effects_only)
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
@@ -59,7 +59,7 @@ def changed(
     run.notes(base.notes)
     run.draw(found, figure)
     if page is not None:
-        pages.save(pages.changed_page(found, run.command_line()), page)
+        write_page(changed_page(found, run.command_line()), page)
     run.write("changed", found.to_json(), figure=figure, page=page)
 
 
@@ -98,11 +98,11 @@ def trend(
     from wrenchgap.replay import api_flights
     from wrenchgap.replay.present import trend as words
     from wrenchgap.replay.present.documents import write_parquet
-    from wrenchgap.replay.present.report import flights as pages
+    from wrenchgap.replay.present.report.page import check, trend_page, write_page
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
     words.check_table(table)
-    pages.check(page)
+    check(page)
     names = parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
@@ -121,5 +121,5 @@ def trend(
     if table is not None:
         write_parquet(found.to_frame(), table)
     if page is not None:
-        pages.save(pages.trend_page(found, run.command_line()), page)
+        write_page(trend_page(found, run.command_line()), page)
     run.write("trend", found.to_json(), figure=figure, table=table, page=page)

@@ -1,4 +1,6 @@
-"""The report as one HTML page: nothing is fetched, every image is inside, readable on paper.
+"""Web pages: the report of a search, and what `changed` and `trend` found in several flights.
+
+Nothing is fetched, every image is inside, and they are readable on paper.
 
 Templates (templates/) escape whatever they are given, so that nothing of a log becomes markup
 (docs/decisions/0015-report-templates.md).
@@ -6,15 +8,30 @@ Templates (templates/) escape whatever they are given, so that nothing of a log 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any, Protocol
 
+import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
 from wrenchgap.flight.atomic import atomic
-from wrenchgap.replay.present import explanation, staircase
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.identify.steps_and_drift import Verdict as Course
+from wrenchgap.learn.identify.trend import ParameterTrend, Trend
+from wrenchgap.plant.vehicle import PART
+from wrenchgap.replay.present import changed, explanation, staircase, trend, what_to_inspect
 from wrenchgap.replay.present.documents import claim
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, warnings
+from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, quantity, row, unit
+from wrenchgap.replay.present.posterior import classes_in_words
+from wrenchgap.replay.present.report.elements import Image, Table
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
 from wrenchgap.replay.report import Report
@@ -24,9 +41,7 @@ def save(report: Report, path: Path, *, force: bool = False, repetition: Repetit
     """Write the page. Raises UsageError where the file exists and `force` is not given."""
     claim({"report": path}, force=force, inputs=[str(f.flight.path) for f in (*report.flights, *report.unseen)])
     model = str(report.model.path or report.model.name)
-    text = page(report, repetition or Repetition.of(report, Request(model)))
-    with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_page(page(report, repetition or Repetition.of(report, Request(model))), path)
 
 
 def page(report: Report, repetition: Repetition) -> str:
@@ -55,3 +70,171 @@ def page(report: Report, repetition: Repetition) -> str:
 def environment() -> Environment:
     """The templates; texts are escaped, and nothing may be missing."""
     return html_templates(PackageLoader("wrenchgap.replay.present.report"))
+
+
+def check(path: Path | None) -> None:
+    """Raise UsageError where the name is not that of a web page."""
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"--page {path}: the page is a web page; expected a name that ends in .html")
+
+
+def write_page(text: str, path: Path) -> None:
+    """Write a page, all of it or nothing."""
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+class LogFlight(Protocol):
+    """Anything made of one log."""
+
+    @property
+    def flight(self) -> Flight:
+        """The log."""
+
+
+def flights_page(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
+    """The page of a command, with today's date, the logs, and at the top what the checks of the logs warn of."""
+    said = [f"check: {text}" for text in warnings(findings(list(flights)))]
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return (
+        environment()
+        .get_template("flights.html.jinja")
+        .render(**{"tool": tool, "date": date, "files": files(flights), "warnings": said, "inspect": [], **parts})
+    )
+
+
+def files(flights: Sequence[LogFlight]) -> Table:
+    """The logs and their hashes."""
+    rows = [[str(k + 1), f.flight.path.name, f.flight.content_hash] for k, f in enumerate(flights)]
+    return Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs.")
+
+
+BOXES = {Verdict.CHANGED: "effect", Verdict.NOTHING: "nothing", Verdict.UNKNOWN: "unknown"}
+"""How the box of the verdict looks: as that of `explain`."""
+
+
+def changed_page(found: Changed, command: str = "") -> str:
+    """The whole page."""
+    figure = style.figure_of(changed.picture(found))
+    caption = (
+        "Left: what the given model leaves on average of each flight, in what healthy flights differ by. Middle: each "
+        "change by itself. Right: where it is."
+    )
+    return flights_page(
+        "changed",
+        found.flights,
+        title=f"{found.model.name}: what changed on {', '.join(found.suspect)}",
+        vehicle=found.model.vehicle.name,
+        verdict=BOXES[found.verdict],
+        summary=[changed.summary(found), *changed.outliers(found), *classes_in_words(found.classes)],
+        caveat=" ".join(s[0].upper() + s[1:] for s in (changed.baseline(found), *changed.feedback(found))),
+        chart=Image.of(figure, "Flights, changes, and the vehicle from above.", caption, "svg"),
+        view=None,
+        tables=list(_changed_tables(found)),
+        inspect=what_to_inspect.sentences(found),
+        notes=[*changed.not_compared(found), *changed.notes(found)],
+        command=command,
+    )
+
+
+def _changed_tables(found: Changed) -> Iterator[Table]:
+    if found.parameters and found.verdict is not Verdict.NOTHING:
+        words = f"Changes. {changed.SIZES_LEGEND}."
+        yield Table(changed.SIZE_HEADS, changed.sizes(found), left=3, texts=(8,), caption=words)
+    words = f"Each change by itself. {changed.ALONE_LEGEND}."
+    yield Table(changed.ALONE_HEADS, changed.alone(found), left=3, texts=(4,), caption=words)
+    rows = [*([r.flight, r.role, *row(r.mean)] for r in found.rows), ["scatter", "", *row(found.scatter)]]
+    words = "Mean residual of the given model by flight, signed."
+    yield Table(("flight", "", *UNIT_HEADS), rows, left=2, caption=words)
+    if any(r.values for r in found.rows):
+        heads, rows, left = changed.by_flight(found)
+        yield Table(heads, rows, left=left, caption="What changed, on each flight by itself.")
+
+
+def trend_page(found: Trend, command: str = "") -> str:
+    """The whole page."""
+    figure = style.figure_of(trend.picture(found))
+    caption = (
+        f"Every flight fitted by itself. Band: {trend.SIGMAS:g} times the scatter of the flights about their level; "
+        "dashed: a step."
+    )
+    return flights_page(
+        "trend",
+        found.flights,
+        title=f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights",
+        vehicle=found.model.vehicle.name,
+        verdict="unknown" if found.changed else "nothing",
+        summary=trend.summary(found),
+        caveat=trend.CAVEAT if found.changed else "",
+        chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
+        view=_view(found),
+        tables=[_parameters(found), *([_steps(found)] if found.changed else []), _trend_values(found)],
+        notes=trend.notes(found),
+        command=command,
+    )
+
+
+def _view(found: Trend) -> Image | None:
+    """The vehicle from above with the rotors and arms whose parameters changed; None where none did."""
+    marks, moved = vehicle_marks(found)
+    if not marks:
+        return None
+    figure = style.figure_of(top_view.picture(found.model.vehicle, marks, moved_B=moved))
+    alt = f"The vehicle from above; marked: {', '.join(trend.places(found))}."
+    caption = "The change from the first flights to the last; an arrow shows a direction, no size."
+    return Image.of(figure, alt, caption, "svg")
+
+
+def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
+    """Parts of the vehicle to mark, with their change in words; by how much the centre of mass moved (3,) [m]."""
+    marks, moved = {}, np.zeros(3)
+    for p in found.changed:
+        change = float(p.course.level[-1] - p.course.level[0])
+        if PART.fullmatch(p.name):
+            marks[p.name] = f"{p.effect} {'+' if change > 0 else ''}{quantity(change, p.unit, 2)}"
+        elif p.effect == "com_offset":
+            moved["xyz".index(p.name)] = change
+    if np.any(moved):
+        marks["com"] = f"moved by {style.written(float(np.linalg.norm(moved)), 'm')}"
+    return marks, moved if np.any(moved) else None
+
+
+def _name(p: ParameterTrend, found: Trend) -> str:
+    return f"{p.effect} {label(p.name, found.model.vehicle)}"
+
+
+def _parameters(found: Trend) -> Table:
+    rows = []
+    for p in found.parameters:
+        sizes = (float(p.values.mean()), p.course.scatter, float(np.median(p.errors)))
+        rows.append([_name(p, found), trend.WORDS[p.course.verdict], *(number(v) for v in sizes), unit(p.unit)])
+    heads = ("parameter", "over the flights", "mean", "scatter", "error", "unit")
+    return Table(heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
+
+
+def _steps(found: Trend) -> Table:
+    rows = []
+    for p in found.changed:
+        for s in p.course.steps:
+            sizes = [number(v) for v in (s.before, s.after, s.size)]
+            interval = f"{number(s.low)} to {number(s.high)}"
+            place = f"{s.flight + 1} {found.names[s.flight]}"
+            rows.append([_name(p, found), place, *sizes, interval, unit(p.unit), f"{s.t:.1f}", f"{s.p:.1g}"])
+        if (line := p.course.drift) is not None and not p.course.steps:
+            interval = f"{number(line.low)} to {number(line.high)}"
+            ends = [number(float(p.course.level[k])) for k in (0, -1)]
+            place = "drift, a flight"
+            rows.append([_name(p, found), place, *ends, number(line.slope), interval, unit(p.unit)])
+            rows[-1] += [f"{line.t:.1f}", f"{line.p:.1g}"]
+    heads = ("parameter", "from flight", "before", "after", "size", "95 % interval", "unit", "t", "p")
+    return Table(heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
+
+
+def _trend_values(found: Trend) -> Table:
+    shown = [p for p in found.parameters if p.course.verdict is not Course.OPEN]
+    heads = ["", "flight", *(f"{_name(p, found)}{f' [{p.unit}]' if unit(p.unit) else ''}" for p in shown)]
+    rows = [
+        [str(k + 1), name, *(f"{number(p.values[k])} ± {number(p.errors[k], 2)}" for p in shown)]
+        for k, name in enumerate(found.names)
+    ]
+    return Table(heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")

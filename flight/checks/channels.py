@@ -1,0 +1,301 @@
+"""Each channel by itself: roles, units that sizes betray, axes without a reading, flat tops, gaps, jitter, clocks.
+
+A sensor that reached the end of its range reads one value, over and over, while the motion goes on. It is clipped where
+its largest (or smallest) value comes in runs of equal samples while other axes go on, and much more often than the
+values next to it: noise and quantisation repeat those as often, at rest everything stands still, and a sensor that is
+logged faster than it reads repeats every value. What a flight did beyond is not in the log.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.remedies import option
+from wrenchgap.flight.clocks import UNIT_RATES, Relation, Timing
+from wrenchgap.flight.flight import AXES, Array, Flight, Series
+from wrenchgap.flight.mapping_units import topic_of
+from wrenchgap.flight.row_kernels import varying
+from wrenchgap.flight.stamps import Steps, thinned
+from wrenchgap.flight.unmeasured import sentence, unmeasured_axes
+
+
+def roles(flight: Flight) -> Iterator[Check]:
+    """What is played, and what cannot be done without the rest."""
+    played = flight.series()
+    if "commanded" not in played and "actuators" not in played:
+        yield Check(
+            "roles",
+            "bad",
+            "Neither a commanded wrench nor actuators: there is no model to compare with. "
+            "Map one with --topic commanded=/your/topic.",
+        )
+    if "imu" not in played:
+        instead = "rates and forces come from the odometry" if "odometry" in played else "map one with --topic imu=..."
+        yield Check("roles", "warn" if "odometry" in played else "bad", f"No IMU: {instead}.")
+    if "odometry" not in played:
+        yield Check("roles", "warn", "No odometry: attitude and velocity are unknown; no counterfactual flight.")
+    if {"commanded", "imu", "odometry"} <= set(played):
+        yield Check("roles", "ok", f"Roles played: {', '.join(played)}.")
+
+
+def vehicles(found: Sequence[tuple[str, str]]) -> tuple[Check, ...]:
+    """Whether the log is of one vehicle, or nobody said of which."""
+    if not found:
+        return ()
+    listed = ", ".join(topic for _, topic in found)
+    part, topic = found[0]
+    words = f"The log may be of {len(found)} vehicles: {listed} could each be the {part}; say which, the rest follows"
+    return (Check("vehicles", "bad", words, f"--topic {part}={topic}"),)
+
+
+def units(flight: Flight, rows: int = 20_000) -> Iterator[Check]:
+    """Rotor speeds and tilt angles, by their sizes in so many rows, evenly spread over the flight."""
+    if flight.actuators is None or flight.actuators.unit != "rad/s":
+        return
+    some = thinned(len(flight.actuators.time), rows)
+    speeds, tilts = np.abs(flight.actuators.rotor_speed[some]), np.abs(flight.actuators.tilt[some])
+    if speeds.size and float(np.median(speeds)) > 3500.0:
+        yield Check(
+            "rotor-speed-unit",
+            "warn",
+            f"Median rotor speed is {np.median(speeds):.0f}: rpm? Expected rad/s (rpm / 9.549).",
+            option(flight, "rpm", "rotor_speed"),
+        )
+    if speeds.size and float(np.max(speeds)) <= 1.0 and 0.0 < np.max(np.abs(flight.actuators.rotor_speed)) <= 1.0:
+        yield Check("rotor-speed-unit", "warn", "Rotor speeds never exceed 1: normalised commands? Expected rad/s.")
+    if tilts.size and float(np.percentile(tilts, 90)) > 4 * np.pi:
+        words = f"Tilt reaches {np.max(tilts):.0f}: degrees, expected rad"
+        yield Check("tilt-unit", "bad", words, option(flight, "deg", "tilt"))
+
+
+def unmeasured(flight: Flight) -> Iterator[Check]:
+    """Axes of the IMU without a reading: known to have none, or zero throughout, which no sensor in flight reads."""
+    absent = unmeasured_axes(flight)
+    if absent:
+        yield Check("not-measured", "warn", sentence(flight.name, absent))
+    if flight.imu is None:
+        return
+    zero = [
+        axis
+        for axis, values in zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
+        if not values.any()
+    ]
+    if zero:
+        yield Check(
+            "not-measured",
+            "warn",
+            f"The IMU reads exactly zero throughout on {', '.join(zero)} (force: accelerometer, torque: gyroscope): "
+            f"not measured? Say so with --unmeasured {','.join(zero)}.",
+            f"--unmeasured {','.join(zero)}" if len(zero) < len(AXES) else "--topic imu=none",
+        )
+
+
+def _still(values: Array) -> NDArray[np.bool_]:
+    """Columns (C,) of numbers (N, C) that never change."""
+    return np.asarray(~varying(values) & ~np.isnan(values[0]))
+
+
+def constant(flight: Flight) -> Iterator[Check]:
+    """Channels that never change; an IMU of which nothing does is none."""
+    columns: list[tuple[str, Array]] = []
+    if flight.imu is not None:
+        columns += [("gyroscope", flight.imu.omega_B), ("accelerometer", flight.imu.specific_force_B)]
+    if flight.odometry is not None:
+        columns += [("position", flight.odometry.position_E), ("attitude", flight.odometry.quat_EB[:, 1:])]
+    if flight.actuators is not None and flight.actuators.rotor_speed.size:
+        columns.append(("rotor speed", flight.actuators.rotor_speed))
+    if flight.imu is not None and not any(varying(v).any() for _, v in columns[:2]):
+        mend = "--topic imu=none" if flight.odometry is not None else None
+        yield Check("constant-channel", "bad", "The IMU never changes at all: it is stuck, or no IMU", mend)
+        columns = columns[2:]
+    for name, values in columns:
+        flat = [str(i) for i in np.flatnonzero(_still(values))]
+        if flat:
+            yield Check("constant-channel", "warn", f"{name}: component(s) {', '.join(flat)} never change.")
+    if flight.commanded is not None:
+        flat = [str(i) for i in np.flatnonzero(_still(flight.commanded.wrench_B))]
+        if len(flat) > 3:
+            yield Check("constant-channel", "warn", f"commanded wrench: components {', '.join(flat)} never change.")
+
+
+@dataclass(frozen=True)
+class ClippingThresholds:
+    """From when on repeated values at the end of a channel's range are clipping."""
+
+    fewest_samples: int = 6
+    """In runs at the end of the range, at least: white noise does not repeat its largest value. With 3 or 12, and
+    `oftener` halved or doubled, the same logs are found among those of benchmarks/meaning (seed 31) and 78 recorded
+    ones."""
+    largest_share: float = 0.5
+    """Share of the samples: a channel that hardly ever changes is another check's (`constant-channel`, `frozen`)."""
+    neighbours: int = 10
+    """Values next to the end of the range that it is compared with."""
+    oftener: float = 4.0
+    """How many times as often as each of its neighbours the end of the range must come."""
+    stops: float = 0.05
+    """Share of clipped samples from which on the log stops: the rms of such a channel is off by several per cent."""
+
+
+CLIPPING = ClippingThresholds()
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """A channel at one end of its range: the `value`, and the `count` of its samples there, of `total`."""
+
+    name: str
+    value: float
+    count: int
+    total: int
+
+    @property
+    def share(self) -> float:
+        """Of the samples."""
+        return self.count / self.total
+
+
+def clipped(flight: Flight) -> Iterator[Check]:
+    """Axes of gyroscope and accelerometer that are clipped."""
+    if flight.imu is None:
+        return
+    readings = (flight.imu.omega_B, flight.imu.specific_force_B)
+    for sensor, unit, values in (
+        ("gyroscope", "rad/s", flight.imu.omega_B),
+        ("accelerometer", "m/s^2", flight.imu.specific_force_B),
+    ):
+        found = [one for axis, column in zip("xyz", values.T, strict=True) for one in flat_tops(axis, column, readings)]
+        if not found:
+            continue
+        said = ", ".join(f"{c.name} at {c.value:+.4g} {unit} in {c.count} samples" for c in found)
+        share = max(c.share for c in found)
+        words = (
+            f"{sensor} reaches the end of its range: {said} ({100 * share:.2g} %); what it missed is in no filter or "
+        )
+        words += "fit: set a larger range in the driver"
+        yield Check("clipped", "bad" if share > CLIPPING.stops else "warn", words)
+
+
+def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[Clipped]:
+    """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are the channels of all sensors."""
+    for sign in (1.0, -1.0):
+        end = float(values.max() if sign > 0.0 else values.min())
+        at = values == end
+        if (
+            not np.isfinite(end)
+            or end == 0.0
+            or not CLIPPING.fewest_samples <= np.count_nonzero(at) < CLIPPING.largest_share * len(values)
+        ):
+            continue  # no range ends at zero: a simulator without noise rests there
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
+        runs = zip(edges[::2], edges[1::2], strict=True)
+        flat = sum(b - a for a, b in runs if b - a > 1 and any(_moves(v[a:b]) for v in readings))
+        if flat >= CLIPPING.fewest_samples and at.sum() > CLIPPING.oftener * _most_beside(sign * values, sign * end):
+            yield Clipped(name, end, int(at.sum()), len(values))
+
+
+def _moves(readings: Array) -> bool:
+    """Whether any channel changes."""
+    return bool(np.any(np.abs(np.diff(readings, axis=0)) > 0.0))
+
+
+def _most_beside(values: Array, top: float) -> int:
+    """How often the most frequent of the `CLIPPING.neighbours` values below the largest comes."""
+    count = min(len(values), 50 * CLIPPING.neighbours + int(np.sum(values == top)))
+    high = np.partition(values, len(values) - count)[len(values) - count :]
+    _, often = np.unique(high[high < top], return_counts=True)
+    return int(max(often[-CLIPPING.neighbours :], default=0))
+
+
+STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
+
+
+def stamps(flight: Flight) -> Iterator[Check]:
+    """Gaps and jitter."""
+    by_message: dict[tuple[str, str], list[str]] = {}
+    for role, series in flight.series().items():
+        if role == "battery" or len(series.time) < 3:
+            continue
+        for name, message in _stamp_faults(series):
+            by_message.setdefault((name, message), []).append(role)
+    for (name, message), roles in by_message.items():  # topics of one recorder share their gaps
+        yield Check(name, "warn", f"{', '.join(roles)}: {message}")
+
+
+def _stamp_faults(series: Series) -> Iterator[tuple[str, str]]:
+    if series.gaps:
+        longest = max(series.gaps, key=lambda gap: gap.stop - gap.start)
+        yield (
+            "gaps",
+            f"{len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s; "
+            "stretches are split there.",
+        )
+    spread = Steps(series.time).jitter
+    if spread > 0.3 * series.period:
+        yield (
+            "jitter",
+            f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on arrival? "
+            "Record header stamps.",
+        )
+
+
+def dropped(flight: Flight) -> Iterator[Check]:
+    """Samples that the reader left out."""
+    for role, series in flight.series().items():
+        lost = sum(series.dropped.values())
+        if lost > 0.01 * (lost + len(series.time)):
+            listed = ", ".join(f"{count} {reason}" for reason, count in series.dropped.items())
+            yield Check("left-out", "warn", f"{role}: {lost} of {lost + len(series.time)} samples ({listed}).")
+
+
+def clocks(timing: Timing, mapping: Mapping[str, str]) -> tuple[Check, ...]:
+    """Stamps against log times; `mapping` is that of the flight, for the option that mends them."""
+    return (*_units(timing, mapping), *_jumps(timing), *_others(timing))
+
+
+def _units(timing: Timing, mapping: Mapping[str, str]) -> Iterator[Check]:
+    strange = {topic: r.unit for topic, r in timing.relations.items() if r.unit is not None}
+    if not strange:
+        return
+    mends = []
+    for part, source in mapping.items():
+        unit = next((u for topic, u in strange.items() if topic_of(source) == topic), None)
+        if unit is not None:
+            word = STAMP_WORDS.get(unit) or f"stamp*{1.0 / unit:g}"
+            mends.append(f"--topic {shlex.quote(f'{part}={source}' + (',' if ':' in source else ':') + word)}")
+    rates = ", ".join(f"{topic} {unit:g} times ({UNIT_RATES[unit]})" for topic, unit in strange.items())
+    words = f"Stamps advance faster or slower than time by a power of a thousand: {rates}"
+    yield Check("clock-unit", "bad", words, " ".join(mends))
+
+
+def _jumps(timing: Timing) -> Iterator[Check]:
+    for topic, found in timing.jumps.items():
+        listed = ", ".join(f"{seconds:+.3f} s at message {index}" for index, seconds in found)
+        yield Check("clock-jump", "warn", f"{topic}: stamps jump by {listed}: a clock was set; taken out.")
+
+
+def _others(timing: Timing, slow_link: float = 0.1) -> Iterator[Check]:
+    """How clocks differ from the recorder's, and links that are later than `slow_link` [s]."""
+    relations = {topic: clock for topic, clock in timing.relations.items() if clock.unit is None}
+    if relations and not timing.mapped and not any(clock.same for clock in relations.values()):
+        topic, clock = next(iter(relations.items()))
+        words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
+        yield Check("clock", "ok", f"{words} ({topic}: {_described(clock)}).")
+        return
+    for topic, clock in relations.items():
+        if not clock.same:
+            yield Check("clock", "warn", f"{topic}: {_described(clock)}; see the notes for how they are used.")
+        elif abs(clock.offset) > slow_link:
+            yield Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
+
+
+def _described(clock: Relation) -> str:
+    return (
+        f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times its rate "
+        f"(residual {1e3 * clock.residual:.1f} ms)"
+    )
