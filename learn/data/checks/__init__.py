@@ -1,8 +1,9 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
-    commands_and_motion  side by side; the commanded wrench: units, axes
+    commands_and_motion    side by side
     vehicle     numbers of the vehicle that contradict one another, commands beyond the possible; weight and actuators
                 against the commanded wrench
+    wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
     torques     torques by axis: inertia, arms, kappa; an IMU turned about z, in deg/s, or beyond what the rotors can do
 
@@ -18,16 +19,11 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
-from wrenchgap.learn.data.checks.commands_and_motion import (
-    axes,
-    commands_and_motion,
-    force_unit,
-    speed_unit,
-    torque_unit,
-)
+from wrenchgap.learn.data.checks.commands_and_motion import commands_and_motion
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.torques import gyroscope, sizes, turned_imu
 from wrenchgap.learn.data.checks.vehicle import vehicle_checks
+from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
 SAID = (

@@ -1,31 +1,21 @@
-"""Commands and motion of a flight side by side, roughly, and what the commanded wrench's units and axes must be.
-
-A vehicle does what it is commanded to, about: F is m f, M is J domega + omega x J omega. What differs by a factor that
-no effect makes is a unit, or a mass or inertia that is not this vehicle's.
-"""
+"""Commands and motion of a flight side by side, as far as checks need them: roughly, and before anything is trusted."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
-from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array, Flight, Samples
+from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import spread
-from wrenchgap.learn.data.checks.torques import largest_torque
 from wrenchgap.learn.data.feedback_regressors import lagged
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
 from wrenchgap.learn.data.read_options import rows_of
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands, Motion
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
@@ -163,179 +153,3 @@ def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bo
 def flown(seen: CommandsAndMotion, values: Array) -> Array:
     """Values (N, C) of the parts in the air: (K, C)."""
     return np.concatenate([values[rows] for rows in seen.parts])
-
-
-@dataclass(frozen=True)
-class WrenchThresholds:
-    """From when on a commanded wrench is in another unit or about other axes."""
-
-    force: tuple[float, float] = (0.5, 2.0)
-    """Commanded over measured force that an effect may make."""
-    torque: tuple[float, float] = (0.3, 10.0)
-    """Commanded over measured torque: what disturbs is answered by commands that move nothing, so that these may well
-    be larger."""
-    alike: float = 0.5
-    """Cosine from which on command and motion belong together."""
-    much_alike: float = 0.7
-    """Cosine from which on a command may be called too small."""
-    wild: float = 100.0
-    """Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
-    full: float = 1.05
-    """Largest of a normalised command."""
-    turned: float = 0.001
-    """Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no
-    command."""
-    seen: float = 0.3
-    """Share of a command's torque that an axis must have to be asked."""
-
-
-WRENCH = WrenchThresholds()
-
-
-def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
-    """Size of the force, of the commanded wrench or of the logged rotors."""
-    pushed = seen.wrench if seen.wrench is not None else seen.made
-    assert pushed is not None
-    sent, felt = flown(seen, pushed)[:, :3], flown(seen, seen.measured)[:, :3]
-    along = np.sum(sent * felt, axis=1) / np.maximum(np.sum(felt**2, axis=1), 1e-12)
-    ratio = max(
-        abs(float(np.median(along))), 1e-12
-    )  # of the part along the measured force: a command that chatters is no larger
-    said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
-    if WRENCH.force[0] < ratio < WRENCH.force[1]:
-        yield Check("force-unit", "ok", f"{said}.")
-    elif seen.wrench is not None:
-        words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
-        yield Check("force-unit", "bad", f"{said}: {why}", option(flight, words, "commanded"))
-    else:
-        yield _speeds(flight, model.vehicle, seen, ratio, said)
-
-
-def speed_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
-    """Rotor speeds against the commanded wrench where both are logged: thrusts go with the square of a unit."""
-    if seen.wrench is None or seen.made is None:
-        return
-    sent, made = flown(seen, seen.wrench)[:, :3], flown(seen, seen.made)[:, :3]
-    ratio = abs(float(np.median(np.sum(sent * made, axis=1) / np.maximum(np.sum(sent**2, axis=1), 1e-12))))
-    said = f"The logged rotors' force is {ratio:.3g} times the commanded one"
-    found = _speeds(flight, model.vehicle, seen, ratio, said)
-    if found.name == "rotor-speed-unit":
-        yield found
-
-
-def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
-    """The words that bring a force to newtons, and what it seems to be."""
-    units = {"g": mass * GRAVITY, "kgf": GRAVITY, "m/s^2": mass, "mN": 1e-3}
-    fitting = {unit: k for unit, k in units.items() if abs(np.log(ratio * k)) < 0.35}
-    if fitting:
-        unit = min(fitting, key=lambda u: abs(np.log(ratio * fitting[u])))
-        words = unit if unit in ("kgf", "mN") else f"force*{factor(fitting[unit])}"
-        what = {"g": "in units of g (a share of the weight)", "m/s^2": "an acceleration [m/s^2]"}.get(
-            unit, f"in {unit}"
-        )
-        return words, f"it is {what}"
-    kind = "normalised" if largest <= WRENCH.full else "in another unit, or the mass is not this vehicle's"
-    return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
-
-
-def _speeds(flight: Flight, vehicle: Vehicle, seen: CommandsAndMotion, ratio: float, said: str) -> Check:
-    """Rotor speeds in another unit make thrusts by its square; a factor that is no unit is another vehicle's."""
-    for word, k, unit in (("rpm", np.pi / 30.0, "rpm"), ("*6.283185", 2.0 * np.pi, "revolutions per second")):
-        if WRENCH.force[0] < ratio * k**2 < WRENCH.force[1]:
-            words = f"{said}: rotor speeds are in {unit}"
-            return Check("rotor-speed-unit", "bad", words, option(flight, word, "rotor_speed"))
-    if seen.speed is not None and np.max(np.abs(seen.speed)) <= WRENCH.full:
-        words = f"{said}: rotor speeds are normalised"
-        mend = option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed")
-        return Check("rotor-speed-unit", "bad", words, mend)
-    words = f"{said}, and no usual unit of rotor speeds explains it: is {vehicle.name} the model of this vehicle?"
-    return Check("weight", "bad", f"{words} Else correct its mass or c_f")
-
-
-def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
-    """Size of the commanded torque, each axis by its inertia."""
-    if seen.wrench is None:
-        return
-    inertia = np.diag(model.vehicle.body.inertia)
-    motion = moving(seen, seen.measured[:, 3:]) / inertia
-    _, sent = _likeliest(seen, motion, inertia)
-    size = np.sqrt(np.mean(sent**2, axis=0))
-    if not size.any():
-        return
-    used = size > WRENCH.seen * size.max()
-    ratio = rms(sent[:, used]) / max(rms(motion[:, used]), 1e-12)
-    alike = cosine(motion[:, used], sent[:, used])
-    said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
-    usual = _chatter(seen)
-    quick = _quick_ratio(seen, inertia, used)
-    small, large = (
-        ratio < WRENCH.torque[0] and abs(alike) > WRENCH.much_alike,
-        ratio > WRENCH.torque[1] * usual and abs(alike) > WRENCH.alike,
-    )
-    most = largest_torque(model.vehicle)  # in a hover in still air nothing is commanded, and what is felt is noise
-    turned = most is not None and rms(flown(seen, seen.measured[:, 3:])) > WRENCH.turned * most
-    if turned and max(ratio, quick) < 1.0 / WRENCH.wild and not small:
-        words = f"{said}: another unit, of the torques or of the gyroscope, or vehicle.inertia is not this vehicle's"
-        yield Check("torque-unit", "bad", words)
-        return
-    if (small and quick < 1.0) or ((large or ratio > WRENCH.wild * usual) and quick > WRENCH.torque[1]):
-        unit = ratio if small else quick  # what answers disturbances is larger than what moves the vehicle
-        words = "Nmm" if 0.2 < unit / 1000.0 < 5.0 else f"torque*{factor(1.0 / unit)}"
-        kind = "in Nmm" if words == "Nmm" else "normalised, in another unit, or vehicle.inertia is not this vehicle's"
-        yield Check("torque-unit", "bad", f"{said}: it is {kind}", option(flight, words, "commanded"))
-        return
-    words = f"{said}." if alike > WRENCH.alike else f"{said}: too little in common to check its unit."
-    yield Check("torque-unit", "ok", words)
-
-
-def _quick_ratio(seen: CommandsAndMotion, inertia: Array, used: NDArray[np.bool_]) -> float:
-    """Commanded over measured torque where torques turn the vehicle: a unit is the same at all frequencies."""
-    assert seen.wrench is not None
-    sent, felt = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.wrench, seen.measured))
-    return rms(sent[:, used]) / max(rms(felt[:, used]), 1e-12)
-
-
-def _chatter(seen: CommandsAndMotion) -> float:
-    """How much more commanded forces vary than measured ones, at least 1: a command that the vehicle cannot follow."""
-    assert seen.wrench is not None
-    sent, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
-    return max(1.0, sent / max(felt, 1e-12))
-
-
-def _likeliest(seen: CommandsAndMotion, motion: Array, inertia: Array) -> tuple[float, Array]:
-    """The lag [s] behind which the commanded torques are most like the motion, and those as accelerations (K, 3)."""
-    assert seen.wrench is not None
-    torque = seen.wrench[:, 3:]
-    tried = [(tau, moving(seen, torque, tau) / inertia) for tau in COMPARED.lags]
-    return max(tried, key=lambda item: abs(cosine(motion, item[1])))
-
-
-def axes(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
-    """Axes of the commanded wrench, among 48, against those of the motion."""
-    if seen.wrench is None:
-        return
-    inertia = np.diag(model.vehicle.body.inertia)
-    motion = moving(seen, seen.measured[:, 3:]) / inertia
-    _, sent = _likeliest(seen, motion, inertia)
-    forces = flown(seen, seen.measured[:, :3]), flown(seen, seen.wrench[:, :3])
-    if not sent.any() or not forces[1].any():
-        return
-    quick = tuple(moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.measured, seen.wrench))
-
-    def turned(found: Axes | None) -> Axes | None:
-        """Axes that fit better also where torques turn the vehicle."""
-        return found if found is not None and cosine(quick[0], quick[1] @ found.matrix.T) > cosine(*quick) else None
-
-    together = turned(best_axes([(motion, sent), forces]))
-    if together is not None and cosine(forces[0], forces[1] @ together.matrix.T) > cosine(*forces) - 0.02:
-        words = (
-            f"The motion goes with the commanded wrench by a cosine of {together.as_is:.2f}, with its axes read as "
-            f"{together.words} by {together.fits:.2f}: its axes, or those of the IMU"
-        )
-        yield Check("wrench-frame", "bad", words, option(flight, together.words, "commanded"))
-        return
-    alone = turned(best_axes([(motion, sent)]))
-    if alone is not None and "=" in alone.words and "," not in alone.words and alone.words.startswith("axes"):
-        words = f"The motion goes with the commanded torque by a cosine of {alone.as_is:.2f}, as {alone.words} by "
-        mend = option(flight, f"torque.{alone.words}", "commanded")
-        yield Check("wrench-frame", "bad", f"{words}{alone.fits:.2f}", mend)
