@@ -25,10 +25,6 @@ from wrenchgap.plant.effects import (
 from wrenchgap.plant.state import Commands, Motion, Rates, State, rows
 from wrenchgap.plant.vehicle import Body, Vehicle
 
-SAMPLES = 6
-"""How many samples the checks use."""
-
-
 PLACES: dict[type, tuple[type, tuple[str, ...]]] = {
     CommandEffect: (Commands, ("wrench_B", "tilt", "rotor_speed")),
     BodyEffect: (Body, ("mass", "inertia", "com_B")),
@@ -45,17 +41,18 @@ class Wrong(Exception):
 
 
 class Trial:
-    """One effect on one vehicle: arguments for `apply`, and the arrays that it returns."""
+    """One effect on one vehicle: arguments for `apply` on so many `samples`, and the arrays that it returns."""
 
-    def __init__(self, effect: AnyEffect, vehicle: Vehicle) -> None:
+    def __init__(self, effect: AnyEffect, vehicle: Vehicle, samples: int = 6) -> None:
+        self.samples = samples
         self.effect = effect
         self.place = next(place for place in PLACES if isinstance(effect, place))
         self.vehicle = vehicle
-        self.state, self.commands, self.motion = _flight(vehicle)
+        self.state, self.commands, self.motion = _flight(vehicle, samples)
         self.context = Context(vehicle, self.state)
         self.actuation = None
         if vehicle.has_rotors:
-            a, r = (0.1 * np.ones((SAMPLES, n)) for n in (len(vehicle.geometry()[0]), len(vehicle.geometry()[1])))
+            a, r = (0.1 * np.ones((samples, n)) for n in (len(vehicle.geometry()[0]), len(vehicle.geometry()[1])))
             self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
 
     @property
@@ -67,9 +64,9 @@ class Trial:
     def unchanged(self) -> tuple[Array, ...]:
         """The results of `apply` without an effect."""
         if self.place is WrenchEffect:
-            return (np.zeros((SAMPLES, 6)),)
+            return (np.zeros((self.samples, 6)),)
         if self.place is AirEffect:
-            return (np.zeros((SAMPLES, 3)),)
+            return (np.zeros((self.samples, 3)),)
         given = self.arguments(np.zeros(0))[0]
         if self.place is ThrustEffect:
             return (given.thrust,)
@@ -110,7 +107,7 @@ class Trial:
         """The arrays when samples come one at a time, as in a simulation."""
         memory: Any = None
         parts = []
-        for k in range(SAMPLES):
+        for k in range(self.samples):
             returned = self.effect.apply(*self.arguments(theta, slice(k, k + 1), memory))
             if self.place is CommandEffect:
                 memory = cast(Any, returned)[1]
@@ -127,9 +124,8 @@ def vehicles() -> tuple[Vehicle, Vehicle]:
     return whole, replace(whole, arms=None, rotors=None)
 
 
-def _flight(vehicle: Vehicle) -> tuple[State, Commands, Motion]:
-    """A few samples of a vehicle that moves, turns and tilts."""
-    n = SAMPLES
+def _flight(vehicle: Vehicle, n: int) -> tuple[State, Commands, Motion]:
+    """N samples of a vehicle that moves, turns and tilts."""
     rng = np.random.default_rng(7)
     quat = so3.exp(rng.normal(0.0, 0.5, (n, 3)))
     time = np.linspace(0.0, 0.01 * (n - 1), n, dtype=np.float64)

@@ -40,7 +40,7 @@ from wrenchgap.plant.effects import (
     sources,
 )
 from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
-from wrenchgap.plant.reader import LEAST, MOST, text_of
+from wrenchgap.plant.reader import BOUNDS, text_of
 from wrenchgap.plant.vehicle import Vehicle
 
 PAGE = "see docs/effects/your-own.md"
@@ -218,14 +218,17 @@ class _File:
             if not (isinstance(p.unit, str) and len(p.unit) <= 20 and p.unit.isprintable()):
                 self.fail(f"parameter {p.name}: got unit {p.unit!r}, expected one short line of text", "parameters")
             numbers = (p.low, p.high, p.scale, p.start)
-            if not all(isinstance(v, int | float | np.floating) and -MOST <= v <= MOST for v in numbers):
-                said = f"low, high, scale and start must be numbers of a size up to {MOST:g}"
+            if not all(
+                isinstance(v, int | float | np.floating) and -BOUNDS.largest <= v <= BOUNDS.largest for v in numbers
+            ):
+                said = f"low, high, scale and start must be numbers of a size up to {BOUNDS.largest:g}"
                 self.fail(f"parameter {p.name}: {said}", "parameters")
             if not p.low <= p.start <= p.high or p.low == p.high:
                 said = f"got low {p.low:g}, high {p.high:g}, start {p.start:g}; the start must lie between the others"
                 self.fail(f"parameter {p.name}: {said}", "parameters")
-            if not min(p.scale, p.high - p.low) >= LEAST:
-                said = f"got scale {p.scale:g} and a range of {p.high - p.low:g}, expected {LEAST:g} at least of both"
+            if not min(p.scale, p.high - p.low) >= BOUNDS.smallest:
+                sizes = f"scale {p.scale:g} and a range of {p.high - p.low:g}"
+                said = f"got {sizes}, expected {BOUNDS.smallest:g} at least of both"
                 self.fail(f"parameter {p.name}: {said}", "parameters")
 
     def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:

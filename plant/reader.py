@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -33,8 +33,23 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from wrenchgap.flight.errors import ModelError, WrenchgapError
 from wrenchgap.flight.flight import AXES
 
-LONGEST_NAME = 200
-"""Characters of a name: as many as a column of a table may have."""
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is accepted in a file.
+
+    No quantity of a flying vehicle in SI units comes near these sizes, and products of a few fit single precision.
+    """
+
+    largest: float = 1e12
+    """Size of a number."""
+    smallest: float = 1e-15
+    """Size of a number that is positive."""
+    name: int = 200
+    """Characters of a name: as many as a column of a table may have."""
+
+
+BOUNDS = Bounds()
 
 
 def expected(words: str) -> WrapValidator:
@@ -69,17 +84,14 @@ def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _name(text: str) -> str:
-    if not text.strip() or not text.isprintable() or len(text) > LONGEST_NAME:
+    if not text.strip() or not text.isprintable() or len(text) > BOUNDS.name:
         raise rule_error("")
     return text.strip()
 
 
-MOST, LEAST = 1e12, 1e-15
-"""Largest size of a number in a file, and smallest of one that is positive: no quantity of a flying vehicle in SI units
-comes near either, and products of a few still fit single precision."""
-_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MOST, le=MOST)]
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-BOUNDS.largest, le=BOUNDS.largest)]
 Number = Annotated[_Finite, expected("a finite number, of a size up to 1e12")]
-Positive = Annotated[_Finite, Field(ge=LEAST), expected("a positive number, from 1e-15 to 1e12")]
+Positive = Annotated[_Finite, Field(ge=BOUNDS.smallest), expected("a positive number, from 1e-15 to 1e12")]
 NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not negative, up to 1e12")]
 Integer = Annotated[int, expected("a whole number")]
 Flag = Annotated[bool, Field(strict=True), expected("true or false")]
@@ -88,7 +100,7 @@ Name = Annotated[
     str,
     Field(strict=True),
     AfterValidator(_name),
-    expected(f"a name: printable text of one line, not empty, of {LONGEST_NAME} characters at most"),
+    expected(f"a name: printable text of one line, not empty, of {BOUNDS.name} characters at most"),
 ]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers, of a size up to 1e12")]

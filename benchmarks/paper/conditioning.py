@@ -22,7 +22,7 @@ from benchmarks.paper.plants import MODEL, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
+from wrenchgap.learn.identify.learning import CAUTION
 from wrenchgap.learn.process.store import load
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.trajectory import named
@@ -64,7 +64,7 @@ def one(job: tuple[int, float, float]) -> dict[str, Any]:
         "least": real.min(),
         "percentile_1": np.percentile(real, 1),
         "median": np.median(real),
-        "below": np.mean(real < NEARLY_SINGULAR),
+        "below": np.mean(real < CAUTION.nearly_singular),
         "learn_warns": _warns(learnt),
         "replay_warns": _warns(replayed),
     }
@@ -91,7 +91,9 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     jobs = [(v, e, length) for e in excitations for v in range(vehicles)]
     found = in_parallel(one, jobs, report, "learn and replay")
     first = {f"excitation {e:g}": f for (v, e, _), f in zip(jobs, found, strict=True) if v == 0}
-    eigenvalue_figure(out.image("conditioning"), {n: (f["time"], f["real"]) for n, f in first.items()}, NEARLY_SINGULAR)
+    eigenvalue_figure(
+        out.image("conditioning"), {n: (f["time"], f["real"]) for n, f in first.items()}, CAUTION.nearly_singular
+    )
     rows = []
     for e in excitations:
         of = [f for (_, x, _), f in zip(jobs, found, strict=True) if x == e]
@@ -104,7 +106,7 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
                 **{k: sum(f[k] for f in of) for k in ("learn_warns", "replay_warns")},
             }
         )
-    return {"vehicles": vehicles, "limit": NEARLY_SINGULAR, "rows": rows}
+    return {"vehicles": vehicles, "limit": CAUTION.nearly_singular, "rows": rows}
 
 
 def tables(body: dict[str, Any]) -> str:

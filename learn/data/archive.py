@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 LARGEST = 2**28
 """Bytes of all parts together: a few bytes of a zip may unfold to any number. 1,000 points and six outputs of a process
 are 50 MB, the evidence of all effects on six axes is 13 MB."""
-ABSURD = 1e100
-"""No stored number is larger: products of two must not overflow."""
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError),
     *(EOFError, ValueError, RuntimeError, OverflowError, SyntaxError, MemoryError, OSError),
@@ -38,8 +36,13 @@ def check_sizes(archive: zipfile.ZipFile, parts: dict[str, int]) -> None:
             raise ValueError(f"{name} claims {sizes[name]} bytes")
 
 
-def numbers(archive: zipfile.ZipFile, name: str, kinds: Sequence[str] = ("<f8",)) -> NDArray[Any]:
-    """The array of a part, of one of these types: an object would be a pickle, which is code. Raises ValueError."""
+def numbers(
+    archive: zipfile.ZipFile, name: str, kinds: Sequence[str] = ("<f8",), largest: float = 1e100
+) -> NDArray[Any]:
+    """The array of a part, of one of these types: an object would be a pickle, which is code. Raises ValueError.
+
+    No stored number is above `largest`: products of two must not overflow.
+    """
     try:
         found = np.load(BytesIO(archive.read(name)), allow_pickle=False)
     except (ValueError, TypeError) as error:  # a header whose keys cannot be sorted, say
@@ -48,8 +51,8 @@ def numbers(archive: zipfile.ZipFile, name: str, kinds: Sequence[str] = ("<f8",)
         raise ValueError(
             f"{name} holds no numbers in {'double precision' if kinds == ('<f8',) else ' or '.join(kinds)}"
         )
-    if found.dtype.kind == "f" and np.abs(found).max(initial=0.0) > ABSURD:
-        raise ValueError(f"{name} holds numbers above {ABSURD:g}")
+    if found.dtype.kind == "f" and np.abs(found).max(initial=0.0) > largest:
+        raise ValueError(f"{name} holds numbers above {largest:g}")
     return found
 
 

@@ -5,28 +5,18 @@ of two models, block by block:
 
     t = mean_b d_b / (std_b d_b / sqrt(B)),        d_b the difference of block b, B blocks
 
-`paired_t` is that, for any loss; fewer than `FEWEST` blocks say nothing. The losses differ with the question: energies
-on one scale where that is what a user sees, mean squares normalised by both models' own where every axis is to count.
+`paired_t` is that, for any loss; fewer than `SIGNIFICANCE.fewest` blocks say nothing. The losses differ with the
+question: energies on one scale where that is what a user sees, mean squares normalised by both models' own where every
+axis is to count.
 
 Whether one model is better than another is uncertain for two reasons. Blocks differ: the standard error above. And no
 model is exactly right: what the better one leaves above the noise was made by something that neither has, and that
-something may as well have made the difference. `Contrast.separation` counts the second as `DISCREPANCY` times the
-excess that the better one leaves. Source of the idea: model discrepancy, Kennedy and O'Hagan, J. R. Stat. Soc. B 63,
-2001.
+something may as well have made the difference. `Contrast.separation` counts the second as `SIGNIFICANCE.discrepancy`
+times the excess that the better one leaves. Source of the idea: model discrepancy, Kennedy and O'Hagan, J. R. Stat.
+Soc. B 63, 2001.
 
-The thresholds. A t is judged by one of these, whatever is compared:
-
-    SIGNIFICANT  3.0   on its own. With 10 to 20 blocks Student's t exceeds it by chance in 0.2 to 0.7 % of trials on
-                       one side, and some thirty effects are tried at every step
-    LARGE        2.0   where the gain itself is large (`Gain.large`): an effect that acts in few blocks only (near the
-                       ground, at speed) makes blocks differ and its own t small, but chance does not take so much off
-                       blocks that were not fitted
-    INDISTINCT   2.5   below it two explanations are indistinguishable: between the others, so that what was named on
-                       the strength of a t of 3 is not at once indistinguishable from nothing
-    UNSTEADY     1.0   for what is strong in some blocks and absent in others by its nature (a load that swings); the
-                       share of the energy that it explains decides there, or evidence that is `OVERWHELMING`
-
-Where chance is counted by random orders or by a distribution instead, `LEVEL` is the probability of a false alarm.
+A t is judged by one of `SIGNIFICANCE`, whatever is compared. Where chance is counted by random orders or by a
+distribution instead, `SIGNIFICANCE.level` is the probability of a false alarm.
 """
 
 from __future__ import annotations
@@ -40,30 +30,56 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms, weighted
 
-FEWEST = 3
-"""Blocks below which no difference can be judged."""
-SIGNIFICANT, LARGE, INDISTINCT, UNSTEADY = 3.0, 2.0, 2.5, 1.0
-LEVEL = 0.01
-LARGE_EVIDENCE = 0.5
-"""Evidence (sum of log rms ratios over axes) of a large gain: 40 % off the rms of one axis, or as much over several."""
-OVERWHELMING = 2.0
-"""Evidence of a gain that is no chance even where few blocks have most of it: one axis' rms falls to a seventh."""
-LEAST_EVIDENCE = 0.2
-"""Smallest evidence worth a name: e.g. 7 % of the rms of three axes."""
-DISCREPANCY = 0.25
-"""Share of the better model's excess over the noise that may be chance's choice between two models."""
+
+@dataclass(frozen=True)
+class SignificanceThresholds:
+    """From when on a difference is more than chance, and large enough to matter."""
+
+    fewest: int = 3
+    """Blocks below which no difference can be judged."""
+    alone: float = 3.0
+    """t on its own. With 10 to 20 blocks Student's t exceeds it by chance in 0.2 to 0.7 % of trials on one side, and
+    some thirty effects are tried at every step."""
+    large: float = 2.0
+    """t where the gain itself is large (`large_evidence`): an effect that acts in few blocks only (near the ground, at
+    speed) makes blocks differ and its own t small, but chance does not take so much off blocks that were not fitted."""
+    indistinct: float = 2.5
+    """t below which two explanations are indistinguishable: between the others, so that what was named on the strength
+    of a t of 3 is not at once indistinguishable from nothing."""
+    unsteady: float = 1.0
+    """t for what is strong in some blocks and absent in others by its nature (a load that swings); the share of the
+    energy that it explains decides there, or evidence that is `overwhelming`."""
+    level: float = 0.01
+    """Probability of a false alarm."""
+    least_evidence: float = 0.2
+    """Smallest evidence (sum of log rms ratios over axes) worth a name: e.g. 7 % of the rms of three axes."""
+    large_evidence: float = 0.5
+    """Evidence of a large gain: 40 % off the rms of one axis, or as much over several."""
+    overwhelming: float = 2.0
+    """Evidence of a gain that is no chance even where few blocks have most of it: one axis' rms falls to a seventh."""
+    discrepancy: float = 0.25
+    """Share of the better model's excess over the noise that may be chance's choice between two models."""
+
+
+SIGNIFICANCE = SignificanceThresholds()
+INDISTINCT, LEAST_EVIDENCE, LARGE_EVIDENCE = (
+    SIGNIFICANCE.indistinct,
+    SIGNIFICANCE.least_evidence,
+    SIGNIFICANCE.large_evidence,
+)
+"""As `learn.posterior` asks for them."""
 
 
 def significant(t: float, *, large: bool = False) -> bool:
     """Whether a paired t is beyond chance; `large` where the gain itself is large."""
-    return t > (LARGE if large else SIGNIFICANT)
+    return t > (SIGNIFICANCE.large if large else SIGNIFICANCE.alone)
 
 
 def needed(t: float, evidence: float) -> bool:
     """Whether a gain is beyond chance and large enough to matter, from its paired t and its evidence."""
-    if evidence > OVERWHELMING:
-        return t > UNSTEADY
-    return evidence > LEAST_EVIDENCE and significant(t, large=evidence > LARGE_EVIDENCE)
+    if evidence > SIGNIFICANCE.overwhelming:
+        return t > SIGNIFICANCE.unsteady
+    return evidence > SIGNIFICANCE.least_evidence and significant(t, large=evidence > SIGNIFICANCE.large_evidence)
 
 
 def by_block(block: NDArray[np.intp], values: Array) -> Array:
@@ -77,8 +93,8 @@ def standard_error(differences: Array) -> Array:
 
 
 def paired_t(differences: Array) -> Array:
-    """Paired t of differences by block, () of (B,) or (L,) of (B, L); zero where there are fewer than `FEWEST`."""
-    if len(differences) < FEWEST:
+    """Paired t of differences by block, () of (B,) or (L,) of (B, L); zero where they are too few."""
+    if len(differences) < SIGNIFICANCE.fewest:
         return np.zeros(differences.shape[1:])
     return np.asarray(np.mean(differences, axis=0) / np.maximum(standard_error(differences), 1e-300))
 
@@ -102,7 +118,7 @@ class Contrast:
     @property
     def separation(self) -> float:
         """As t, the models' inadequacy included: whether the difference means that the better one is right."""
-        return self.difference / max(float(np.hypot(self.spread, DISCREPANCY * self.excess)), 1e-30)
+        return self.difference / max(float(np.hypot(self.spread, SIGNIFICANCE.discrepancy * self.excess)), 1e-30)
 
 
 def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
@@ -116,7 +132,7 @@ def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
     square = np.mean(better**2, axis=0)
     variance = np.sqrt(np.mean(worse**2, axis=0) * square) + 1e-30
     difference = by_block(data.block, np.sum((worse**2 - better**2) / variance, axis=1))
-    if len(difference) < FEWEST:
+    if len(difference) < SIGNIFICANCE.fewest:
         return Contrast(0.0, 1.0, 0.0)
     excess = float(np.sum(np.maximum(square - noise**2, 0.0) / variance))
     return Contrast(float(np.mean(difference)), float(standard_error(difference)), excess)

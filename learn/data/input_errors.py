@@ -14,8 +14,8 @@ of the measured wrench, S_n that of the sensors' noise, all one-sided [N^2/Hz, (
     S_e <= S - (S_m - S_n)   of what was really sent the vehicle made a wrench
     S_e <= S_r               S_r of what the nominal model leaves: the error is in it
 
-The least of these over S is the share of error, by band of frequency and axis. In a band in which it exceeds `SHARE` an
-axis says nothing of the vehicle; where the slowest band is such, it keeps the mean of a flight.
+The least of these over S is the share of error, by band of frequency and axis. In a band in which it exceeds
+`INPUT_ERRORS.share` an axis says nothing of the vehicle; where the slowest band is such, it keeps the mean of a flight.
 """
 
 from __future__ import annotations
@@ -31,24 +31,35 @@ from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.learn.data.sensor_noise import noise_shapes
 from wrenchgap.plant.vehicle import Vehicle
 
-EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
-"""Between the bands [Hz] in which spectra are taken to be level: wider where those of vehicles and turbulence are
-smoother."""
-SHARE = 0.1
-"""Share of error in a band from which on it is not used: gains are wanted to 10 %, and attenuate by as much."""
-SEGMENT = 10.0
-"""Length [s] of the pieces whose spectra are averaged, three periods of the slowest band; of short flights a third."""
-FEWEST_COMMANDS = 32
-"""Commands below which nothing is said of their spectrum."""
-TAIL = 0.7
-"""Share of half the log's rate from which on the spectrum is that of what is folded."""
+
+@dataclass(frozen=True)
+class InputErrorSettings:
+    """How the error of sampled commands is bounded, and from when on it matters."""
+
+    edges: tuple[float, ...] = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
+    """Between the bands [Hz] in which spectra are taken to be level: wider where those of vehicles and turbulence are
+    smoother."""
+    share: float = 0.1
+    """Share of error in a band from which on it is not used: gains are wanted to 10 %, and attenuate by as much."""
+    segment: float = 10.0
+    """Length [s] of the pieces whose spectra are averaged, three periods of the slowest band; of short flights a
+    third."""
+    fewest_commands: int = 32
+    """Commands below which nothing is said of their spectrum."""
+    tail: float = 0.7
+    """Share of half the log's rate from which on the spectrum is that of what is folded."""
+
+
+INPUT_ERRORS = InputErrorSettings()
+EDGES = INPUT_ERRORS.edges
+"""As others ask for them [Hz]."""
 
 
 def density(signal: Array, dt: float) -> tuple[Array, Array]:
     """Frequencies (F,) [Hz] and one-sided densities (F, C) of signals (N, C), without their mean."""
     from scipy.signal import welch  # here: others need not wait for it
 
-    pieces = max(8, min(len(signal) // 3, round(SEGMENT / dt)))
+    pieces = max(8, min(len(signal) // 3, round(INPUT_ERRORS.segment / dt)))
     f, power = welch(signal, 1.0 / dt, nperseg=pieces, axis=0)
     return f, np.asarray(power)
 
@@ -81,7 +92,7 @@ def share_of_error(sent: Array, period: float, measured: Array, left: Array, see
     rate of the log has no command: all of it is error.
     """
     f, power = density(sent, period)
-    level = np.median(power[f > TAIL * 0.5 / period], axis=0)
+    level = np.median(power[f > INPUT_ERRORS.tail * 0.5 / period], axis=0)
     behind_filter = noise_shapes(f, seen.cutoff_hz)[:, :1]
     commanded, folded = by_band(f, power * behind_filter), by_band(f, level * behind_filter)
     f, response = density(measured, seen.dt)
@@ -99,7 +110,7 @@ def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record
     if series is None:
         return record
     rows = (series.time >= record.time[0]) & (series.time <= record.time[-1])
-    if rows.sum() < FEWEST_COMMANDS:
+    if rows.sum() < INPUT_ERRORS.fewest_commands:
         return record
     if isinstance(series, ActuatorSeries):
         sent = from_actuators(played.name, vehicle, series.tilt[rows], series.rotor_speed[rows]).wrench_B
@@ -116,7 +127,7 @@ def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:
     """  # noqa: D205
     shares = [r.input_error for r in records if r.input_error is not None]
     nothing = np.zeros((len(EDGES) + 1, 6), dtype=bool)
-    return np.asarray(np.any([nothing, *(share > SHARE for share in shares)], axis=0))
+    return np.asarray(np.any([nothing, *(share > INPUT_ERRORS.share for share in shares)], axis=0))
 
 
 def input_error_notes(name: str, records: Sequence[Record]) -> list[str]:

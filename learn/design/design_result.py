@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import INDISTINCT
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.manoeuvres import SEEDED, Limits
 from wrenchgap.learn.design.separability import Separability
@@ -77,7 +77,7 @@ class Design(Result):
     @cached_property
     def separable(self) -> bool:
         """Whether every direction that counts is told apart, as expected and on the plant."""
-        confirmed = all(self.simulated(d.truth, d.imitator) >= INDISTINCT for d in self.expected.counting)
+        confirmed = all(self.simulated(d.truth, d.imitator) >= SIGNIFICANCE.indistinct for d in self.expected.counting)
         return self.expected.separable and confirmed
 
 

@@ -30,7 +30,7 @@ from wrenchgap.learn.design.design_result import Design, Flown, Segment, rounded
 from wrenchgap.learn.design.manoeuvres import Limits, Task, available, space, usual
 from wrenchgap.learn.design.screening import Piece, Screen, broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.separability import (
-    LEAST_SHARE,
+    SEPARATION,
     Separability,
     measured_separation,
     nuisances,
@@ -57,6 +57,8 @@ class SearchSettings:
     """Shortest flight that can be designed [s]."""
     longest: float = 120.0
     """Longest flight that can be designed [s]."""
+    rest: float = 0.5
+    """Hover at either end of a flight [s]."""
     grid: float = 0.04
     """Segments last a multiple of this [s], so that halves and quarters are whole hundredths."""
     vigours: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -78,10 +80,6 @@ class SearchSettings:
 
 
 SEARCH = SearchSettings()
-
-
-REST = 0.5
-"""Hover at either end of a flight [s]."""
 
 
 def design(
@@ -132,8 +130,8 @@ class _Search:
         self.base = model.without([n for n in names if model.effect(n) is not None])
         self.limits = limits or usual(model.vehicle)
         self.room = space(model.vehicle, self.limits)
-        self.count = max(1, round((duration - 2.0 * REST) / SEARCH.segment))
-        self.length = SEARCH.grid * float(np.floor((duration - 2.0 * REST) / self.count / SEARCH.grid))
+        self.count = max(1, round((duration - 2.0 * SEARCH.rest) / SEARCH.segment))
+        self.length = SEARCH.grid * float(np.floor((duration - 2.0 * SEARCH.rest) / self.count / SEARCH.grid))
         self.manoeuvres = available(self.room)
         self.pieces: dict[Segment, Piece] = {}
         self.tried = 0
@@ -194,7 +192,7 @@ class _Search:
         for number in range(self.count):
             if (
                 number == SEARCH.hopeless
-                and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * LEAST_SHARE
+                and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * SEPARATION.least_share
             ):
                 break
             merits = [self._merit((*chosen, s), 0.2 + 0.3 * number / self.count) for s in flyable]
@@ -285,7 +283,7 @@ class _Search:
         """The flight as it will be read from its file."""
         moves: list[Move] = []
         for k, segment in enumerate(segments):
-            start = REST + k * self.length
+            start = SEARCH.rest + k * self.length
             moves += [replace(m, start=m.start + start) for m in self._moves(segment) or []]
         plan = self._path(self.duration, [rounded(m) for m in moves])
         return loads(dumps(TrajectoryFile("_or_".join(e.name for e in self.effects), plan, self.model.vehicle.name)))

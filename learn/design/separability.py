@@ -19,7 +19,7 @@ a block b is e_b = <sum_l left_l^2 / v_l>_b, plus noise of variance 4 <sum_l s_l
 independent samples. So
 
     difference = mean_b e_b,    spread^2 = (var_b e_b + mean_b noise variance) / blocks,
-    separation = difference / hypot(spread, DISCREPANCY sum_l (s_l^2 - sensor noise_l^2) / v_l).
+    separation = difference / hypot(spread, discrepancy sum_l (s_l^2 - sensor noise_l^2) / v_l).
 
 A direction "truth A, imitated by B" does not count where B has so many parameters more than A that
 `explain` would not prefer it: both explain the flight, and the simpler one is named.
@@ -35,7 +35,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import INDISTINCT, LEAST_EVIDENCE, Contrast, by_block, contrast
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, Contrast, by_block, contrast
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, weighted
 from wrenchgap.learn.data.measurement import Record
@@ -48,14 +48,14 @@ NUISANCE = ("inertia", "command_delay")
 """Effects that every vehicle has to a small extent; an imitator may use them as well."""
 LAGS = ("command_delay", "servo_lag", "motor_lag", "asymmetric_motor_lag", "backlash")
 """Effects that a nuisance of their kind would hide: with one of them in the group, the others are no nuisance."""
-LEAST_SHARE = 0.03
-"""Smallest share of an effect that must be left unimitated: no model is right to within 3 % of what it describes."""
 
 
 @dataclass(frozen=True)
 class SeparationThresholds:
     """From when on effects are separable."""
 
+    least_share: float = 0.03
+    """Share of an effect that must be left unimitated: no model is right to within 3 % of what it describes."""
     enough: float = 12.0
     """A separation beyond which more certainty is worth nothing; a larger share still is."""
     plain: float = 1.0
@@ -95,7 +95,8 @@ class Direction:
     @property
     def told(self) -> bool:
         """Whether the two are told apart: beyond chance, beyond the noise, and beyond what any model gets wrong."""
-        return self.separation >= INDISTINCT and self.evidence >= LEAST_EVIDENCE and self.share >= LEAST_SHARE
+        unlike = self.separation >= SIGNIFICANCE.indistinct and self.evidence >= SIGNIFICANCE.least_evidence
+        return unlike and self.share >= SEPARATION.least_share
 
     @property
     def merit(self) -> float:
@@ -314,8 +315,7 @@ def sized(name: str, model: Model, data: Dataset | None = None, *, also: Sequenc
 
     A fit that leaves nothing of the effect (less than a tenth of its typical size) is not used.
     """
-    known = model.effect(name)
-    if known is not None:
+    if (known := model.effect(name)) is not None:
         return known
     if data is None:
         return typical(name, model)

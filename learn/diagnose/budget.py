@@ -22,7 +22,7 @@ from enum import StrEnum
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.blocks import LARGE, by_block, paired_t
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.process.gp import FitSettings
@@ -75,7 +75,7 @@ def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, so
     after = model
     if process is not None:
         better = np.mean((left - process) ** 2, axis=0)
-        least = 0.0 if source is Source.GIVEN else LARGE
+        least = 0.0 if source is Source.GIVEN else SIGNIFICANCE.large
         t = paired_t(np.stack([by_block(data.block, c) for c in (left**2 - (left - process) ** 2).T], axis=1))
         believed = (better < after) & (t > least)
         after = np.where(believed, better, after)

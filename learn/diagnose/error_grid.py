@@ -16,16 +16,12 @@ from wrenchgap.learn.diagnose.quantities import Quantity
 Indices = NDArray[np.intp]
 
 
-FEWEST = 4.0
-"""Independent samples in a cell below which it is left empty."""
-
-
 @dataclass(frozen=True)
 class Grid:
     """Root mean square of the error over two quantities; (X, Y) cells, not a number where hardly flown.
 
     `x_edges` (X + 1,), `y_edges` (Y + 1,) in their units; `samples` (X, Y); `force`, `torque` (X, Y) the rms of the
-    vectors [N, Nm]; `mean` (X, Y, 6).
+    vectors [N, Nm]; `mean` (X, Y, 6). Cells of fewer than `fewest` independent samples are left empty.
     """
 
     x: str
@@ -38,12 +34,15 @@ class Grid:
     force: Array
     torque: Array
     mean: Array
+    fewest: float
 
 
-def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2) -> Grid | None:
+def error_grid(
+    data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2, fewest: float = 4.0
+) -> Grid | None:
     """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate.
 
-    Tilt and its direction are mapped where they are known for this share of the time.
+    Tilt and its direction are mapped where they are `known` for this share of the time; `fewest` as in `Grid`.
     """
     by_name = {q.name: q for q in found}
     pair = [by_name.get("tilt"), by_name.get("direction")]
@@ -58,7 +57,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known:
     cell = (x * shape[1] + y)[inside]
     size = shape[0] * shape[1]
     samples = np.bincount(cell, minlength=size)
-    enough = samples >= FEWEST / data.independence
+    enough = samples >= fewest / data.independence
 
     def mean_of(values: Array) -> Array:
         sums = np.bincount(cell, weights=values[inside], minlength=size)
@@ -75,6 +74,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known:
         np.sqrt(mean_of(length(residual[:, :3]) ** 2)),
         np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
         np.stack([mean_of(column) for column in residual.T], axis=2),
+        fewest,
     )
 
 

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.blocks import LEVEL
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.diagnose.error_grid import Grid, error_grid
@@ -108,7 +108,7 @@ class Dependence:
     @property
     def significant(self) -> bool:
         """Whether chance would hardly do it."""
-        return self.p < LEVEL
+        return self.p < SIGNIFICANCE.level
 
     @property
     def score(self) -> float:
@@ -285,7 +285,7 @@ class _Test:
         p = (1.0 + np.sum(largest[:, None, None] >= standardised, axis=0)) / (1.0 + count)
         share = np.maximum((observed - centre) / np.maximum(1.0 - centre, 1e-9), 0.0)
         share[:, 2:][:, ~self.known] = np.nan
-        return share, p.min(axis=1), p[:, 2:] < LEVEL
+        return share, p.min(axis=1), p[:, 2:] < SIGNIFICANCE.level
 
 
 def _fisher(ratio: Array) -> Array:

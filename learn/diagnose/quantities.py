@@ -26,8 +26,6 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record, derivative, low_pass
 
-LEVEL_DEG = 3.0
-"""Tilt below which it has no direction that means anything [deg]."""
 NO_POSE = "the log has no pose and velocity; map them with --topic odometry=/your/topic"
 NO_VOLTAGE = "the log has no battery voltage; map it with --topic battery=/your/topic"
 NO_ARMS = "no arm of this vehicle tilts, or no tilt commands are known"
@@ -57,8 +55,11 @@ class InputGroup:
     values: Array
 
 
-def quantities(data: Dataset) -> tuple[tuple[Quantity, ...], dict[str, str]]:
-    """The quantities that these flights have, and why others are missing (name to reason)."""
+def quantities(data: Dataset, level_deg: float = 3.0) -> tuple[tuple[Quantity, ...], dict[str, str]]:
+    """The quantities that these flights have, and why others are missing (name to reason).
+
+    A tilt below `level_deg` [deg] has no direction that means anything.
+    """
     omega = _stacked(data, lambda r: r.state_kept.omega_B)
     found = [
         Quantity("thrust", "commanded |F|", "N", np.linalg.norm(data.commanded[:, :3], axis=1)),
@@ -71,7 +72,7 @@ def quantities(data: Dataset) -> tuple[tuple[Quantity, ...], dict[str, str]]:
         quat = _stacked(data, lambda r: r.state_kept.quat_EB)
         up = so3.matrix(quat)[:, 2]
         tilt = np.degrees(so3.tilt_angle(quat))
-        side = np.where(tilt > LEVEL_DEG, np.degrees(np.arctan2(-up[:, 1], -up[:, 0])), np.nan)
+        side = np.where(tilt > level_deg, np.degrees(np.arctan2(-up[:, 1], -up[:, 0])), np.nan)
         speed = np.linalg.norm(_stacked(data, lambda r: r.state_kept.velocity_E), axis=1)
         found[:0] = [
             Quantity("tilt", "tilt", "deg", tilt),

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, by_block, evidence, paired_t, significant
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
 from wrenchgap.learn.process.subsample import subsample
@@ -227,7 +227,7 @@ class _Search:
 
     def beyond_chance(self, before: Array, after: Array) -> bool:
         """Whether held-out blocks are predicted better than luck would have it."""
-        return significant(self.t_value(before, after), large=evidence(before, after) > LARGE_EVIDENCE)
+        return significant(self.t_value(before, after), large=evidence(before, after) > SIGNIFICANCE.large_evidence)
 
     def select(self) -> tuple[list[int], Array]:
         """The groups chosen, in order, and what they leave."""

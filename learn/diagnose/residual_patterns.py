@@ -36,7 +36,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate
-from wrenchgap.learn.data.blocks import UNSTEADY, by_block, paired_t
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.plant.actuation import actuation, rotor_wrench
@@ -125,7 +125,7 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     gain = np.sum((before / noise) ** 2 - (after / noise) ** 2, axis=1)
     t = float(paired_t(by_block(data.block, gain)))
     chance = 2.0 * float(np.linalg.norm((before - after) / noise)) / np.sqrt(data.independence)
-    sure = t > UNSTEADY and float(gain.sum()) > RESONANCE.beyond_noise * chance
+    sure = t > SIGNIFICANCE.unsteady and float(gain.sum()) > RESONANCE.beyond_noise * chance
     return (
         Oscillation(f, zeta, frame, share, t)
         if sure and share > RESONANCE.least_share and zeta < RESONANCE.loose

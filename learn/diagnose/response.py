@@ -35,7 +35,7 @@ from wrenchgap.flight.compared_signals import differences, odometry_motion
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
 from wrenchgap.flight.stamps import pieces
-from wrenchgap.learn.data.blocks import SIGNIFICANT
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import Vehicle
@@ -214,4 +214,4 @@ def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
         return ("delay" if fits[0] else "lag" if fits[1] else None), lag, plain
     difference = late - slow
     t = float(difference.sum()) / max(scatter(difference), 1e-300)
-    return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag, plain
+    return ("delay" if t > SIGNIFICANCE.alone else "lag" if t < -SIGNIFICANCE.alone else "either"), lag, plain

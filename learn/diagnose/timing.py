@@ -37,13 +37,13 @@ class TimingThresholds:
     """Speed [m/s] below which motion drives no effect, and no error of one."""
     idle_rate: float = 0.02
     """Rate [rad/s], likewise."""
+    unlike: float = 2e-3
+    """Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
 
 
 TIMING = TimingThresholds()
-
-
-UNLIKE = 2e-3
-"""Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
+UNLIKE = TIMING.unlike
+"""As `learn.posterior` asks for it [s]."""
 AUTOPILOTS = ("px4", "ardupilot")
 """Whose topics, as readers make them, are stamped by one clock."""
 
@@ -146,7 +146,7 @@ class FlightTiming:
         if late is None or not any(e > TIMING.matters for _, e in rows):
             return []
         found: list[TimingWarning] = [OdometryOffset(late[0], max(e for _, e in rows))]
-        if late[2] > UNLIKE:
+        if late[2] > TIMING.unlike:
             found.append(UnevenOffset(tuple(o for o, _ in rows)))
         return found
 

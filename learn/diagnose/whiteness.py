@@ -37,7 +37,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.blocks import LEVEL
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
 
@@ -52,13 +52,11 @@ class WhitenessSettings:
     """Correlation beyond this time is not believed when bands are made [s]; two blocks of time."""
     fewest: float = 8.0
     """Fewest independent samples from which a correlation is judged."""
+    worth: float = 0.1
+    """Correlation that is worth a word, however sure: it stands for 1 % of the variance."""
 
 
 WHITENESS = WhitenessSettings()
-
-
-WORTH = 0.1
-"""Correlation that is worth a word, however sure: it stands for 1 % of the variance."""
 INPUTS = ("command", "command_rate", "rates", "velocity", "attitude", "arm_rates")
 """Groups of `learn.diagnose.quantities.input_groups` that are correlated with the residual."""
 
@@ -81,7 +79,7 @@ class Autocorrelation:
     @property
     def white(self) -> bool:
         """Whether filtered sensor noise would look like it."""
-        return self.p >= LEVEL
+        return self.p >= SIGNIFICANCE.level
 
 
 @dataclass(frozen=True)
@@ -175,7 +173,7 @@ def autocorrelation(pieces: Sequence[Array], expected: Array, dt: float, axis: s
     worst = 1 + int(np.argmax(u))
     nu = float(np.arccos(np.clip(_overlap(expected, 1) / _overlap(expected, 0), -1.0, 1.0))) / dt
     p = _exceeds(float(u.max()), count, nu * count * dt)
-    band = _level(LEVEL, count, nu * count * dt) * spread
+    band = _level(SIGNIFICANCE.level, count, nu * count * dt) * spread
     return Autocorrelation(axis, lags, value, rest, band, worst * dt, p)
 
 
@@ -213,7 +211,7 @@ def crosscorrelation(
     peak = int(np.argmax(np.abs(value)))
     lags = np.asarray(dt * np.arange(-count, count + 1), dtype=np.float64)
     u = _normal_size(abs(float(value[peak])), freedom)
-    limit = _level(LEVEL / pairs, 2 * count + 1, nu * span)
+    limit = _level(SIGNIFICANCE.level / pairs, 2 * count + 1, nu * span)
     return CrossCorrelation(
         axis,
         input,

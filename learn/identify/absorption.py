@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.blocks import INDISTINCT, by_block, paired_t, significant
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, rms
@@ -162,7 +162,8 @@ class _Guard:
         equal = [
             one
             for one, other in clear
-            if one is best or (one.share > best.share - ABSORPTION.as_good and self.t_value(other, rest) < INDISTINCT)
+            if one is best
+            or (one.share > best.share - ABSORPTION.as_good and self.t_value(other, rest) < SIGNIFICANCE.indistinct)
         ]
         order = sorted(equal, key=lambda a: (len(a.fit.theta), -a.share))
         first = {family(one.name): one.name for one in reversed(order)}  # one form of each effect

@@ -10,7 +10,7 @@ d(t) is held in B over one control period and found in two steps. With H a zero-
     d_0 = H [wrench needed] - H [wrench of M]              about O in B, one filter on both sides
 
 already explains the motion within H's band; because two integrations forget nothing, M + d_0 is then integrated
-through the flight, and a slow and well damped pull (`PULL_HZ`) back to the recorded motion is added to d_0:
+through the flight, and a slow and well damped pull (`pull_hz`) back to the recorded motion is added to d_0:
 
     F_pull = m R_BE [w^2 (p_rec - p) + 2 w (v_rec - v)],    M_pull = J [w^2 log(q^-1 q_rec) + 2 w (omega_rec - omega)]
 
@@ -45,21 +45,20 @@ from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrenc
 
 Array = NDArray[np.float64]
 
-PULL_HZ = 1.0
-"""Natural frequency of the pull towards the recorded motion, critically damped [Hz]."""
-FAST_HZ = 10.0
-"""Above this a disturbance is noise rather than motion [Hz]; `DisturbanceSize.rms_fast` is its share there."""
-
 
 @dataclass(frozen=True)
 class DisturbanceSize:
-    """Of a disturbance, per axis (6,) [N, Nm]: mean, rms, rms above `FAST_HZ`, largest; rms of the pull."""
+    """Of a disturbance, per axis (6,) [N, Nm]: mean, rms, rms above `fast_hz`, largest; rms of the pull.
+
+    Above `fast_hz` [Hz] a disturbance is noise rather than motion.
+    """
 
     mean: Array
     rms: Array
     rms_fast: Array
     largest: Array
     rms_pull: Array
+    fast_hz: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Inference:
             return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
 
         d = np.where(self.recording.record.measured_axes, self.disturbance, np.nan)
-        fast = d - low_pass(d, self.recording.dt, FAST_HZ)
+        fast = d - low_pass(d, self.recording.dt, DisturbanceSize.fast_hz)
         return DisturbanceSize(d.mean(axis=0), rms(d), rms(fast), np.abs(d).max(axis=0), rms(self.pull))
 
 
@@ -173,9 +172,12 @@ def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array |
     return Commands(r.commands.wrench_B, ours.tilt, ours.rotor_speed), tilt, speed
 
 
-def _pull(body: Body, target: State, now: State) -> Array:
-    """Wrenches (N, 6) towards the recorded motion `target`: the last equations of the module."""
-    w = 2.0 * np.pi * PULL_HZ
+def _pull(body: Body, target: State, now: State, pull_hz: float = 1.0) -> Array:
+    """Wrenches (N, 6) towards the recorded motion `target`: the last equations of the module.
+
+    `pull_hz` [Hz] is the natural frequency, critically damped.
+    """
+    w = 2.0 * np.pi * pull_hz
     ahead = w**2 * (target.position_E - now.position_E) + 2.0 * w * (target.velocity_E - now.velocity_E)
     turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB), target.quat_EB))
     turning = w**2 * turn + 2.0 * w * (target.omega_B - now.omega_B)

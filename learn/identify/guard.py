@@ -24,7 +24,7 @@ from wrenchgap.learn.identify.lag import lags, shared_lag
 from wrenchgap.learn.identify.observer import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
-from wrenchgap.learn.process.support import LEAST_SHARE, HeldOut, Support, support
+from wrenchgap.learn.process.support import SUPPORT, HeldOut, Support, support
 from wrenchgap.learn.process.train import Progress, believed, fit_held_out
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.effects.effect import CommandEffect
@@ -142,7 +142,7 @@ def _attempt(
 
 def _worth(supported: Support, left: Array, plain: Array) -> Support:
     """No gain where the process explains little beside the lag: `left` (L,) is what that leaves of `plain`."""
-    little = supported.share * left**2 < LEAST_SHARE * plain**2
+    little = supported.share * left**2 < SUPPORT.least_share * plain**2
     return replace(supported, gain=np.where(little, 0.0, supported.gain))
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
-from wrenchgap.learn.process.calibration import BLOCKS, FOLDS
+from wrenchgap.learn.process.calibration import CALIBRATION
 from wrenchgap.plant.effects.lag import first_order
 
 
@@ -67,7 +67,7 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
     """
     errors = np.stack([held_out(stretches, looks, tau) for tau in LAG.taus])
     count = errors.shape[1]
-    block = np.arange(count) * BLOCKS // count
+    block = CALIBRATION.block(count)
     found = np.zeros(len(AXES))
     for k in range(len(AXES)):
         square = errors[:, :, k] ** 2
@@ -104,9 +104,9 @@ def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float)
     x = (command - command.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
     pairs = np.triu_indices(x.shape[1])
     features = np.column_stack([np.ones(len(x)), x, x[:, pairs[0]] * x[:, pairs[1]]])
-    fold = (np.arange(len(x)) * BLOCKS // len(x)) % FOLDS
+    fold = CALIBRATION.block(len(x)) % CALIBRATION.folds
     error = np.empty_like(residual)
-    for k in range(FOLDS):
+    for k in range(CALIBRATION.folds):
         a, z = features[fold != k], np.nan_to_num(residual[fold != k])
         normal = a.T @ a + LAG.ridge * len(a) * np.eye(a.shape[1])
         error[fold == k] = residual[fold == k] - features[fold == k] @ np.linalg.solve(normal, a.T @ z)

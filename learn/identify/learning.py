@@ -50,15 +50,22 @@ from wrenchgap.plant.stability import Margin
 Progress = Callable[[float, str], None]
 
 TORQUE = AXES[3:]
-NEARLY_SINGULAR = 0.2
-"""Smallest real part of the eigenvalues of I + dmu/dW below which the correction is ill-conditioned."""
-
-
-WORSE = 1.2
-"""Ratio of rms on unseen flights above which a GP does harm."""
-WORTH_IT = 0.95
-"""Ratio of rms on unseen flights, to the best of the simpler alternatives, above which a GP is not worth it."""
 CONSTANT, LINEAR = "constant offset", "linear in the command"
+
+
+@dataclass(frozen=True)
+class CautionThresholds:
+    """From when on a process is not to be trusted."""
+
+    nearly_singular: float = 0.2
+    """Smallest real part of the eigenvalues of I + dmu/dW below which the correction is ill-conditioned."""
+    worse: float = 1.2
+    """Ratio of rms on unseen flights above which a GP does harm."""
+    worth_it: float = 0.95
+    """Ratio of rms on unseen flights, to the best of the simpler alternatives, above which a GP is not worth it."""
+
+
+CAUTION = CautionThresholds()
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,13 +92,13 @@ class Learnt(Result):
     def cautions(self) -> tuple[Caution, ...]:
         """What a user should know before trusting the correction."""
         found = []
-        if self.real_min[0] < NEARLY_SINGULAR:
+        if self.real_min[0] < CAUTION.nearly_singular:
             found.append(Caution(CautionKind.NEARLY_SINGULAR, eigenvalue=float(self.real_min[0])))
         if self.validation is not None:
             given, simple, learnt = self._rms(-2), np.min([self._rms(1), self._rms(2)], axis=0), self._rms(-1)
             given = given if self.gp.settings.mean == "physics" else self._rms(0)
-            worse = learnt > WORSE * given
-            idle = ~worse & (learnt > WORTH_IT * np.minimum(given, simple))
+            worse = learnt > CAUTION.worse * given
+            idle = ~worse & (learnt > CAUTION.worth_it * np.minimum(given, simple))
             for kind, rows in ((CautionKind.WORSE, worse), (CautionKind.NOT_WORTH_IT, idle)):
                 if rows.any():
                     axes = tuple(name for name, row in zip(self.gp.outputs, rows, strict=True) if row)

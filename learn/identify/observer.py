@@ -6,17 +6,17 @@ makes, of a disturbance d and of noise n in the measured rates,
     correction = -H Q / (1 + Q (H - H_o)) d,        torque = k J n          above its bandwidth
     Q = k / (s + k),        H = 1 / (1 + tau s),        H_o = 1 / (1 + tau_o s)
 
-**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller
-around it rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller,
-lag, delay and observer: M_s <= `MOST_SENSITIVE` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may
+**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller around
+it rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller, lag,
+delay and observer: M_s <= `OBSERVER.most_sensitive` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may
 double, the phase margin is 29 deg, and since |T| <= 1 + M_s = 3 no error of H below a third of it can make the loop
 unstable (small gain). A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T|
 |D| <= 1 is wanted too.
 
-**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer
-that does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s,
-and leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is
-judged with the longest that held-out time does not rule out (`longest_lag`), `UNKNOWN` where it rules out none.
+**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer that
+does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s, and
+leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is judged
+with the longest that held-out time does not rule out (`longest_lag`), `OBSERVER.unknown` where it rules out none.
 
 **The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that
 the effects and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
@@ -45,22 +45,22 @@ from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.learn.identify.lag import LAG, Stretch, held_out, lagged
 from wrenchgap.learn.identify.samples import stretches
-from wrenchgap.learn.process.calibration import BLOCKS
+from wrenchgap.learn.process.calibration import CALIBRATION
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.stability import Loop, Observer, loop_peak, sensitivity_peak
 
 BANDWIDTHS_HZ = tuple(float(f) for f in np.geomspace(0.05, 12.0, 34))
 """That are tried."""
-UNKNOWN = 0.1
-"""Lag and delay [s] of a vehicle whose log rules out none: tilt servos have 15 to 90 ms."""
-MOST_SENSITIVE = 2.0
-"""Largest M_s."""
 
 
 @dataclass(frozen=True)
 class ObserverSettings:
     """How the observer's bandwidth is chosen."""
 
+    unknown: float = 0.1
+    """Lag and delay [s] of a vehicle whose log rules out none: tilt servos have 15 to 90 ms."""
+    most_sensitive: float = 2.0
+    """Largest M_s, the peak of the loop's sensitivity."""
     enough: float = 1.1
     """Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is
     taken."""
@@ -100,7 +100,7 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
     costs: dict[Observer, float] = {}
     for hz in (f for f in BANDWIDTHS_HZ if 2.0 * np.pi * f <= rate):
         tried = replace(none, hz=hz)
-        if sensitivity_peak(loop, tried) <= MOST_SENSITIVE and loop_peak(loop, tried) <= steepest:
+        if sensitivity_peak(loop, tried) <= OBSERVER.most_sensitive and loop_peak(loop, tried) <= steepest:
             torque = missed(left, hz, tau, told_tau) ** 2 + (2.0 * np.pi * hz * J * noise) ** 2
             costs[tried] = float(np.sqrt(np.sum(torque / J**2)))
     if not costs:
@@ -117,19 +117,19 @@ def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDA
     """The longest lag [s] that held-out time does not rule out on every one of `outputs` (places in a wrench).
 
     Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in
-    `learn.identify.lag`; an output to which they are blind rules out nothing. At most `UNKNOWN`.
+    `learn.identify.lag`; an output to which they are blind rules out nothing. At most `OBSERVER.unknown`.
     """
     if not len(outputs) or not looks[outputs].all():
-        return UNKNOWN
+        return OBSERVER.unknown
     squares = held_out(parts, looks, 0.0)[:, outputs] ** 2
-    block = np.arange(len(squares)) * BLOCKS // len(squares)
-    for tau in (t for t in LAG.taus if 0.0 < t < UNKNOWN):
+    block = CALIBRATION.block(len(squares))
+    for tau in (t for t in LAG.taus if 0.0 < t < OBSERVER.unknown):
         worse = held_out(parts, looks, tau)[:, outputs] ** 2 - squares
         large = worse.mean(axis=0) > squares.mean(axis=0)
         t = [float(paired_t(by_block(block, w))) for w in worse.T]
         if all(significant(t_k, large=bool(large_k)) for t_k, large_k in zip(t, large, strict=True)):
             return tau
-    return UNKNOWN
+    return OBSERVER.unknown
 
 
 def fast_rates(record: Record) -> Array:

@@ -12,7 +12,8 @@ within all segments allows,
     t = (m_2 - m_1) / (s sqrt(1/n_1 + 1/n_2)),        s^2 = max(RSS / (n - K - 1), mean e_i^2),
 
 on n - K - 1 degrees of freedom. Because its place was sought, p is multiplied by the number of places (Bonferroni), and
-by the number of parameters that are looked at together; steps count from `SIGNIFICANT` on. A slope likewise, on n - 2.
+by the number of parameters that are looked at together; steps count below `COURSE.significant`. A slope likewise, on
+n - 2.
 A segment has two flights at least: one flight by itself is an outlier, no step.
 """
 
@@ -29,10 +30,18 @@ from scipy.special import stdtr, stdtrit
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 
-FEWEST = 4
-"""Flights below which nothing can be said about steps and drifts."""
-SIGNIFICANT = 0.01
-"""Probability, corrected for all that was looked at, below which a step or a drift is believed."""
+
+@dataclass(frozen=True)
+class CourseThresholds:
+    """When a step or a drift over flights is believed."""
+
+    fewest: int = 4
+    """Flights below which nothing can be said about steps and drifts."""
+    significant: float = 0.01
+    """Probability, corrected for all that was looked at, below which a step or a drift is believed."""
+
+
+COURSE = CourseThresholds()
 
 
 class Verdict(StrEnum):
@@ -96,7 +105,7 @@ def course(values: Array, errors: Array, looks: int = 1) -> Course:
     """What (n,) values with standard errors (n,) did over the flights; `looks` parameters are looked at together."""
     count = len(values)
     constant = np.full(count, values.mean())
-    if count < FEWEST:
+    if count < COURSE.fewest:
         return Course(Verdict.FEW, constant, float(values.std(ddof=1)) if count > 1 else float("nan"))
     own = float(np.sum(errors**2))
 
@@ -133,7 +142,7 @@ def _line(values: Array, errors: Array, looks: int) -> Course | None:
     free = count - 2
     error = _scatter(values, level, 2, _own(errors)) / float(np.sqrt(centred @ centred))
     t, p, half = _test(slope, error, free, looks)
-    if p >= SIGNIFICANT:
+    if p >= COURSE.significant:
         return None
     drift = Drift(slope, slope - half, slope + half, t, p)
     return Course(Verdict.DRIFT, level, _scatter(values, level, 2, 0.0), drift=drift)
@@ -163,7 +172,7 @@ def _segmentations(
             _step(values, before, after, scatter, count - number - 1, looks * places)
             for before, after in pairwise(parts)
         ]
-        if all(step.p < SIGNIFICANT for step in steps):
+        if all(step.p < COURSE.significant for step in steps):
             out.append((level, tuple(steps)))
     return out
 

@@ -6,8 +6,8 @@ Every alternative is fitted to the same samples, and predicts every block from t
     gain = 1 - rms(b) / rms(a)                      over outputs, each in units of its own mismatch's rms
     t    = mean(d) / (std(d) / sqrt(B))             d (B,): difference of the blocks' mean squares
 
-Groups of inputs are added one after the other, as long as one gains at least `WORTH_IT` beyond chance; then the other
-inference is tried.
+Groups of inputs are added one after the other, as long as one gains at least `COMPARED.worth_it` beyond chance; then
+the other inference is tried.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
-from wrenchgap.learn.process.calibration import BLOCKS
+from wrenchgap.learn.process.calibration import CALIBRATION
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import Found, Progress, left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
@@ -29,13 +29,21 @@ from wrenchgap.plant.mismatch_inputs import COLUMNS
 Inputs = Callable[[tuple[str, ...]], Array]
 """Groups of inputs -> all inputs (M, D). Raises FitError for a group that the logs do not have."""
 
-WORTH_IT = 0.1
-"""Least gain worth an input that has to be known in flight, or another inference."""
-POINTS = 80
-"""Points at most in a comparison, to be done within seconds."""
-SEEN = 2_000
-"""Samples at most among which these are chosen, and that are predicted: the choice takes the square of them, and what
-decides are differences over 16 blocks of time."""
+
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """How alternatives are compared, and when one is better."""
+
+    worth_it: float = 0.1
+    """Least gain worth an input that has to be known in flight, or another inference."""
+    points: int = 80
+    """Points at most, so that a comparison is done within seconds."""
+    seen: int = 2_000
+    """Samples at most among which these are chosen, and that are predicted: the choice takes the square of them, and
+    what decides are differences over 16 blocks of time."""
+
+
+COMPARED = ComparisonSettings()
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ class Alternative:
     @property
     def worth_it(self) -> bool:
         """Whether it is better beyond chance."""
-        return self.gain > WORTH_IT and significant(self.t, large=True)
+        return self.gain > COMPARED.worth_it and significant(self.t, large=True)
 
 
 @dataclass(frozen=True)
@@ -85,7 +93,7 @@ class _Trials:
         if self.progress is not None:
             words = f"comparing inputs: {', '.join(('command', *settings.inputs))}, {settings.inference}"
             self.progress(min(len(self.errors) / 10, 1.0), words)
-        points, seen = min(settings.points, POINTS), min(settings.pre_thin, SEEN)
+        points, seen = min(settings.points, COMPARED.points), min(settings.pre_thin, COMPARED.seen)
         quick = replace(settings, restarts=0, points=points, pre_thin=seen)
         try:
             error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick, self.found)
@@ -135,6 +143,6 @@ def compare_alternatives(
 def _gain(asked: Array, other: Array) -> tuple[float, float]:
     """Gain and t of errors (K, L) in common units."""
     before, after = np.mean(asked**2, axis=1), np.mean(other**2, axis=1)
-    block = np.arange(len(before)) * BLOCKS // len(before)
+    block = CALIBRATION.block(len(before))
     gain = 1.0 - float(np.sqrt(np.mean(after) / max(float(np.mean(before)), 1e-30)))
     return gain, float(paired_t(by_block(block, before - after)))

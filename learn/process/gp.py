@@ -33,6 +33,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.process.sparse import JITTER
 from wrenchgap.learn.process.subsample import Method, Scale
 from wrenchgap.learn.process.verdict import Decision, Verdict
 from wrenchgap.plant import mismatch_inputs
@@ -43,12 +44,6 @@ from wrenchgap.plant.state import State
 MeanKind = Literal["zero", "constant", "linear", "physics"]
 Inference = Literal["exact", "sparse"]
 Search = Literal["closed-form", "gpy"]
-
-JITTER = 1e-8
-"""Added to the noise variance of the standardised output wherever K is factored, as GPy does."""
-
-BLOCK = 512
-"""Queries evaluated at once: kernel values of three outputs at 200 points stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -311,7 +306,7 @@ class GaussianProcess:
 
     def predict(self, xi: Array, /) -> tuple[Array, Array]:
         """Mean and standard deviation, noise included, (M, L) each."""
-        both = [self._both(xi[start : start + BLOCK]) for start in range(0, max(len(xi), 1), BLOCK)]
+        both = [self._both(part) for part in _blocks(xi)]
         mean, std = (np.concatenate(parts) for parts in zip(*both, strict=True))
         return mean, std
 
@@ -394,7 +389,7 @@ class GaussianProcess:
             difference = scaled[:, None, :] - scaled
             gram = self.signal_variance[index] * np.exp(-0.5 * np.einsum("ijd,ijd->ij", difference, difference))
             try:
-                factor = np.linalg.cholesky(gram + (self.noise_variance[index] + JITTER) * eye)
+                factor = np.linalg.cholesky(gram + (self.noise_variance[index] + JITTER.noise) * eye)
             except np.linalg.LinAlgError:
                 raise FitError(
                     f"GP: kernel matrix of {self.outputs[index]} is not positive definite; refit with more noise"
@@ -458,4 +453,9 @@ class _Given:
 
 
 def _blockwise(function: Callable[[Array], Array], xi: Array) -> Array:
-    return np.concatenate([function(xi[start : start + BLOCK]) for start in range(0, max(len(xi), 1), BLOCK)])
+    return np.concatenate([function(part) for part in _blocks(xi)])
+
+
+def _blocks(xi: Array, size: int = 512) -> list[Array]:
+    """Queries (M, D) `size` at once: kernel values of three outputs at 200 points stay in the processor's cache."""
+    return [xi[start : start + size] for start in range(0, max(len(xi), 1), size)]

@@ -34,15 +34,9 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.process.sparse import Kernel
+from wrenchgap.learn.process.sparse import JITTER, Kernel
 
-JITTER = 1e-8
-"""GPy's, on the diagonal."""
-ATTEMPTS = 6
-"""With a diagonal that is ten times larger each, where C is not positive definite but for rounding."""
 NOT_DEFINITE = "the covariance of the samples is not positive definite"
-ITERATIONS, SPARSE_ITERATIONS = 500, 120
-"""Of L-BFGS; a sparse process begins with hyperparameters that an exact one on a few samples has found."""
 
 
 def _by_lengthscale(W: Array, a: Array, b: Array, kernel: Kernel) -> Array:
@@ -77,8 +71,8 @@ class LogLikelihood:
 
     def _factored(self, kernel: Kernel) -> Array:
         """The Cholesky factor of the covariance in the lower triangle; attempts as those of `_factor`."""
-        noise, more = kernel.noise_variance + JITTER, 0.0
-        for attempt in range(ATTEMPTS):
+        noise, more = kernel.noise_variance + JITTER.noise, 0.0
+        for attempt in range(JITTER.attempts):
             lower(self.pairs, kernel.signal_variance, noise + more, self.C)
             _, failed = dpotrf(self.C.T, lower=0, clean=0, overwrite_a=1)
             if not failed:
@@ -106,7 +100,7 @@ class Bound:
         """Its value and its gradient, as those of `LogLikelihood`."""
         noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
         Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
-        L = _factor(Kzz, JITTER)
+        L = _factor(Kzz, JITTER.noise)
         np.copyto(A, Kzx)
         dtrsm(noise**-0.5, L, A.T, side=1, lower=1, trans_a=1, overwrite_b=1)  # A^T L^T = K_xz / s_n
         half = dsyrk(1.0, A.T, trans=1, lower=1)
@@ -167,7 +161,7 @@ def maximise(
         theta = _vector(at)
         return -value, -gradient * (theta - low) * (high - theta) / width
 
-    most = ITERATIONS if inducing is None else SPARSE_ITERATIONS
+    most = _iterations(inducing)
     first = _vector(start)
     logits = np.log(np.clip(first - low, 1e-10, np.inf) / np.clip(high - first, 1e-10, np.inf))
     try:
@@ -175,6 +169,11 @@ def maximise(
     except np.linalg.LinAlgError:
         return -np.inf, start
     return (-float(found.fun) if np.isfinite(found.fun) else -np.inf), kernel(found.x)
+
+
+def _iterations(inducing: Array | None) -> int:
+    """Of L-BFGS; a sparse process begins with hyperparameters that an exact one on a few samples has found."""
+    return 500 if inducing is None else 120
 
 
 def _vector(kernel: Kernel) -> Array:
@@ -194,7 +193,7 @@ def _inverted(K: Array, noise: float = 0.0) -> tuple[float, Array]:
 def _factor(K: Array, noise: float) -> Array:
     """The Cholesky factor of K + noise I, lower triangular."""
     diagonal, more = np.diag_indices(len(K)), 0.0
-    for attempt in range(ATTEMPTS):
+    for attempt in range(JITTER.attempts):
         C = np.array(K.T, order="F")  # which LAPACK may write to
         C[diagonal] += noise + more
         factor, failed = dpotrf(C, lower=1, clean=1, overwrite_a=1)
@@ -283,7 +282,7 @@ def maximise_by_gpy(
         for parameter, name in ((kernel.lengthscale, "lengthscale"), (kernel.variance, "signal"), (noise, "noise")):
             parameter.constrain_bounded(*bounds[name], warning=False)
         try:
-            model.optimize("lbfgsb", max_iters=ITERATIONS if inducing is None else SPARSE_ITERATIONS)
+            model.optimize("lbfgsb", max_iters=_iterations(inducing))
             likelihood = float(np.squeeze(model.log_likelihood()))
         except (np.linalg.LinAlgError, FloatingPointError):
             likelihood = -np.inf

@@ -19,8 +19,20 @@ from scipy.linalg import cho_factor, cho_solve
 
 from wrenchgap.flight.flight import Array
 
-JITTER = 1e-6
-"""Added to the diagonal of K_zz, relative to the signal's variance."""
+
+@dataclass(frozen=True)
+class Jitter:
+    """What is added to a diagonal, so that rounding does not make a covariance indefinite."""
+
+    noise: float = 1e-8
+    """To the noise variance of a standardised output wherever K is factored, as GPy does."""
+    inducing: float = 1e-6
+    """To K_zz, relative to the signal's variance."""
+    attempts: int = 6
+    """Factors that are tried, each with a diagonal that is ten times larger."""
+
+
+JITTER = Jitter()
 
 
 @dataclass(frozen=True)
@@ -46,7 +58,7 @@ class Kernel:
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:
     """`weights` (M,) and `whitener` (M, M): mean = k w, var = k(x, x) - |V k|^2, for k = k(Z, x)."""
     size = len(inducing)
-    Kzz = kernel(inducing, inducing) + JITTER * kernel.signal_variance * np.eye(size)
+    Kzz = kernel(inducing, inducing) + JITTER.inducing * kernel.signal_variance * np.eye(size)
     Kzx = kernel(inducing, x)
     A = Kzz + Kzx @ Kzx.T / kernel.noise_variance
     factor = cho_factor(A, lower=True)

@@ -27,11 +27,8 @@ from wrenchgap.plant.reader import Integer, Names, NotNegative, Number, Positive
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 4
-READABLE = (1, 2, 3, 4)
-WITH_LOOP = 4
-"""Version from which on the bandwidth of the observer keeps the margin of the whole loop; an older one is forgotten."""
+READABLE = range(1, VERSION + 1)
 METADATA = "gp.json"
-EPOCH = (1980, 1, 1, 0, 0, 0)
 LARGEST_METADATA = 2**22
 """Bytes of gp.json; that of a process is some 10 kB."""
 
@@ -92,7 +89,7 @@ def _bytes(gp: GaussianProcess) -> bytes:
     whole = BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         for name, content in parts.items():
-            archive.writestr(zipfile.ZipInfo(name, EPOCH), content)
+            archive.writestr(zipfile.ZipInfo(name), content)
     return whole.getvalue()
 
 
@@ -185,7 +182,8 @@ def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenan
     found |= {
         name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
     }
-    found |= {} if version >= WITH_LOOP else {"observer_hz": None}
+    if version < 4:  # the bandwidth of the observer did not keep the margin of the whole loop: it is forgotten
+        found["observer_hz"] = None
     return Provenance(**{**entries, **found})
 
 

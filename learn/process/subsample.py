@@ -21,10 +21,6 @@ Indices = NDArray[np.intp]
 Method = Literal["fasterpam", "pyclustering"]
 Scale = Literal["standardised", "raw"]
 
-PYCLUSTERING_MAX = 400
-"""pyclustering's time grows with the cube of this: 100 medoids of 250 samples take 1.5 s, of 400 4 s, and fifty times
-as long where its compiled library does not load."""
-
 
 def subsample(
     inputs: Array,
@@ -34,18 +30,20 @@ def subsample(
     seed: int = 0,
     pre_thin: int = 5000,
     scale: Scale = "standardised",
+    pyclustering_max: int = 400,
 ) -> Indices:
     """Indices, increasing, of `count` representative rows of `inputs` (N, D); all rows where N <= count.
 
     `scale="standardised"` divides each column by its standard deviation first; `"raw"` is the paper's variant, in
     which a force of tens of newtons outweighs a torque of half a newton metre. `method="pyclustering"` is the paper's
-    library; it sees at most `PYCLUSTERING_MAX` samples (or `count`, if larger), and its last swap makes its result a
-    little worse instead of better, which is left as it is.
+    library; it sees at most `pyclustering_max` samples (or `count`, if larger), since its time grows with their cube:
+    100 medoids of 250 samples take 1.5 s, of 400 4 s, and fifty times as long where its compiled library does not load.
+    Its last swap makes its result a little worse instead of better, which is left as it is.
     """
     _check(inputs, count, method, scale)
     if len(inputs) <= count:
         return np.arange(len(inputs))
-    limit = pre_thin if method == "fasterpam" else min(pre_thin, PYCLUSTERING_MAX)
+    limit = pre_thin if method == "fasterpam" else min(pre_thin, pyclustering_max)
     kept = thin(len(inputs), max(limit, count), seed)
     points = inputs[kept] if scale == "raw" else standardised(inputs[kept])
     distance = squared_distances(points)

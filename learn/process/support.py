@@ -7,13 +7,13 @@ error over B blocks of time (ratio estimator; Cochran, Sampling Techniques, 3rd 
     s  = sqrt(B / (B - 1) sum_b (n_b - g^ q_b)^2) / sum_b q_b
 
 and what is believed is the positive part of James and Stein's shrinkage (Proc. 4th Berkeley Symp., 1961), with
-`CERTAIN` standard errors in place of one, and never more than the process itself says:
+c = `SUPPORT.certain` standard errors in place of one, and never more than the process itself says:
 
-    g  = min(g^, 1) max(0, 1 - (CERTAIN s / g^)^2)
+    g  = min(g^, 1) max(0, 1 - (c s / g^)^2)
 
 Noise has g^ within s of zero, so its gain is zero but for chance; a function that is there has s << g^ and keeps it.
-Where less than `LEAST_SHARE` of the residual's energy is explained the gain is zero too: what it could win is not worth
-a risk.
+Where less than `SUPPORT.least_share` of the residual's energy is explained the gain is zero too: what it could win is
+not worth a risk.
 """
 
 from __future__ import annotations
@@ -24,10 +24,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.process.calibration import CALIBRATION
 
-CERTAIN = 2.0
-LEAST_SHARE = 0.1
-NORMAL_QUANTILE = 1.96
+
+@dataclass(frozen=True)
+class SupportThresholds:
+    """When a gain is believed."""
+
+    certain: float = 2.0
+    """Standard errors by which a gain is shrunk."""
+    least_share: float = 0.1
+    """Share of the residual's energy that must be explained: less is not worth a risk."""
+
+
+SUPPORT = SupportThresholds()
 
 
 @dataclass(frozen=True)
@@ -58,17 +68,17 @@ def support(held: HeldOut) -> Support:
     total = np.maximum(square.sum(axis=0), 1e-300)
     estimate = cross.sum(axis=0) / total
     error = _spread(cross - estimate * square) / total
-    certain = 1.0 - (CERTAIN * error / np.maximum(np.abs(estimate), 1e-300)) ** 2
+    certain = 1.0 - (SUPPORT.certain * error / np.maximum(np.abs(estimate), 1e-300)) ** 2
     gain = np.clip(estimate, 0.0, 1.0) * np.maximum(certain, 0.0)
     share = 1.0 - _left(held, gain)[0]
-    gain = np.where(share < LEAST_SHARE, 0.0, gain)
+    gain = np.where(share < SUPPORT.least_share, 0.0, gain)
     return Support(gain, np.where(gain > 0, share, 0.0), reduction(held, gain))
 
 
 def reduction(held: HeldOut, gain: Array) -> Array:
     """Share (L, 3) by which the residual's rms falls, and the ends of its 95 % interval over blocks."""
     left, error = _left(held, gain)
-    ends = np.stack([left, left + NORMAL_QUANTILE * error, left - NORMAL_QUANTILE * error], axis=1)
+    ends = np.stack([left, left + CALIBRATION.quantile * error, left - CALIBRATION.quantile * error], axis=1)
     return np.asarray(1.0 - np.sqrt(np.maximum(ends, 0.0)))
 
 

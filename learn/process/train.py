@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, get_args
 
@@ -35,22 +35,29 @@ Found = dict[FitSettings, tuple[Indices, list[Kernel]]]
 BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0)}
 """Of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
 
-BLIND = 1e6
-"""Lengthscale of an input that the process does not look at."""
-
 SEARCHES = {"closed-form": likelihood.maximise, "gpy": likelihood.maximise_by_gpy}
 """What maximises a likelihood, by `FitSettings.search`."""
 
-QUIET, LOUD = 1e-3, 0.05
-"""Noise variances: below the first, an exact process on few samples has found none, which sparse inference on all
-samples cannot leave (at a bound the search's transformed gradient vanishes); it is started from the second as well.
-"""
 
-TIE = 7.0
-"""Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
-degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white noise
-is explained as well by a function with lengthscales shorter than the distance between samples, which predicts nothing.
-"""
+@dataclass(frozen=True)
+class SearchSettings:
+    """What a search for hyperparameters starts from, and what it takes for equal."""
+
+    blind: float = 1e6
+    """Lengthscale of an input that the process does not look at."""
+    quiet: float = 1e-3
+    """Noise variance below which an exact process on few samples has found none, which sparse inference on all samples
+    cannot leave: at a bound the search's transformed gradient vanishes."""
+    loud: float = 0.05
+    """Noise variance from which sparse inference is then started as well."""
+    tie: float = 7.0
+    """Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with 7
+    degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white
+    noise is explained as well by a function with lengthscales shorter than the distance between samples, which predicts
+    nothing."""
+
+
+SEARCH = SearchSettings()
 
 
 def fit(
@@ -86,10 +93,10 @@ def fit_held_out(
     index, seen = _seen(inputs, gp.settings)
     gp = replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
     held = None
-    if gp.settings.calibrate and len(index) >= calibration.FEWEST:
+    if gp.settings.calibrate and len(index) >= calibration.CALIBRATION.fewest:
         (progress or _silent)(1.0, "calibrating sigma")
         mean, std = calibration.left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
-        held = HeldOut(outputs[index], mean, std, index * calibration.BLOCKS // len(inputs))
+        held = HeldOut(outputs[index], mean, std, calibration.CALIBRATION.block(len(inputs))[index])
     (progress or _silent)(1.0, "done")
     return gp, held
 
@@ -111,7 +118,7 @@ def left_out_errors(
     """
     posterior, gp = _fit(inputs, outputs, names, settings, None, None, found)
     index, _ = _seen(inputs, settings)
-    if len(index) < calibration.FEWEST:
+    if len(index) < calibration.CALIBRATION.fewest:
         return None
     (mean,) = calibration.left_out(len(inputs), index, partial(posterior.mean, gp, inputs))
     return np.asarray(outputs[index] - mean)
@@ -200,13 +207,16 @@ class _Posterior:
             self.exact.append(_maximum_likelihood(x[self.kept], z[self.kept], self.settings, index))
         kernel = self.exact[index]
         if self.settings.inference == "sparse":
-            starts = [kernel, *([replace(kernel, noise_variance=LOUD)] if kernel.noise_variance < QUIET else [])]
+            starts = [
+                kernel,
+                *([replace(kernel, noise_variance=SEARCH.loud)] if kernel.noise_variance < SEARCH.quiet else []),
+            ]
             maximise = SEARCHES[self.settings.search]
             with _quietly():
                 tried = [maximise(x[self.seen], z[self.seen], k, BOUNDS, x[self.kept]) for k in starts]
             bound, found = max(tried, key=lambda one: one[0])
             kernel = found if np.isfinite(bound) else kernel
-        lengthscales = np.full(len(looks), BLIND)
+        lengthscales = np.full(len(looks), SEARCH.blind)
         lengthscales[looks] = kernel.lengthscales
         self.kernels.append(replace(kernel, lengthscales=lengthscales))
 
@@ -307,7 +317,7 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
     best = max(value for value, _ in usable)
-    equal = [kernel for value, kernel in usable if value > best - TIE]
+    equal = [kernel for value, kernel in usable if value > best - SEARCH.tie]
     return max(equal, key=lambda kernel: kernel.noise_variance)
 
 

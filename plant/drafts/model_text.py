@@ -10,7 +10,7 @@ import tomlkit
 
 from wrenchgap._escaping import printable
 from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
-from wrenchgap.plant.reader import LONGEST_NAME
+from wrenchgap.plant.reader import BOUNDS
 
 SHARED = ("c_f", "kappa", "radius", "speed_max")
 """Numbers that rotors usually have in common."""
@@ -47,7 +47,7 @@ def _command(draft: Draft) -> list[str]:
 
 
 def _text(value: str) -> str:
-    return str(tomlkit.string(printable(value)[:LONGEST_NAME]).as_string())
+    return str(tomlkit.string(printable(value)[: BOUNDS.name]).as_string())
 
 
 def _value(value: Any) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 import tomlkit
 from annotated_types import Interval, Len
 from pydantic import AfterValidator, BeforeValidator, model_validator
+from scipy import constants
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
@@ -27,12 +28,11 @@ from wrenchgap.plant.reader import (
     toml_document,
 )
 
-GRAM_FORCE, RPM = 9.80665e-3, np.pi / 30.0
 COLUMNS = {
     "thrust": ("thrust", 1.0),
-    "thrust_g": ("thrust", GRAM_FORCE),
+    "thrust_g": ("thrust", constants.g / constants.kilo),
     "speed": ("speed", 1.0),
-    "rpm": ("speed", RPM),
+    "rpm": ("speed", 2.0 * np.pi / constants.minute),
 }
 """Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
 LAWS = ("thrust_max", "thrust", "speed", "table")

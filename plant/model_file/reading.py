@@ -38,11 +38,6 @@ from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
 SCHEMA = 1
 PAGE = "docs/model-file.md"
-BEYOND = 10.0
-"""Times what is plausible (`Parameter.low`, `high`) that an effect's value may be: fits stay within the range, which
-goes with the vehicle's numbers; beyond this a unit or a digit is wrong, and a delay would take all memory."""
-ROUNDED = 1e-6
-"""Share of that range by which a value that was written with nine digits may be outside of it."""
 
 SENTENCE = re.compile(r"(?:better|worse|no clear change): error energy ([+-]?\d+) %, t (-?[\d.]+)")
 """What files of earlier versions have as `verdict` in place of `change` and `t`."""
@@ -184,12 +179,19 @@ class EffectTable(Table):
         )
 
 
-def _check(given: ParameterTable, known: Parameter, where: str, effect: str) -> None:
-    """Raise ModelError for another unit than the parameter has, and for a value that no vehicle has."""
+def _check(
+    given: ParameterTable, known: Parameter, where: str, effect: str, beyond: float = 10.0, rounded: float = 1e-6
+) -> None:
+    """Raise ModelError for another unit than the parameter has, and for a value that no vehicle has.
+
+    A value may be `beyond` times what is plausible (`Parameter.low`, `high`): fits stay within the range, which goes
+    with the vehicle's numbers; beyond this a unit or a digit is wrong, and a delay would take all memory. One that was
+    written with nine digits may be outside of it by a share `rounded` of that range.
+    """
     if given.unit not in ("", known.unit):
         raise ModelError(f"{where}.unit: got {quoted(repr(given.unit))}, expected {known.unit!r} ({effect})")
-    low, high = BEYOND * min(known.low, 0.0), BEYOND * max(known.high, 0.0)
-    if not low - ROUNDED * (high - low) <= given.value <= high + ROUNDED * (high - low):
+    low, high = beyond * min(known.low, 0.0), beyond * max(known.high, 0.0)
+    if not low - rounded * (high - low) <= given.value <= high + rounded * (high - low):
         limits = f"{low:.3g} to {high:.3g} {known.unit}"
         raise ModelError(f"{where}.value: got {given.value:g}, expected {limits} ({effect} on this vehicle)")
 

@@ -21,8 +21,7 @@ from pydantic import (
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.reader import (
-    LEAST,
-    MOST,
+    BOUNDS,
     Direction,
     Flag,
     Name,
@@ -114,8 +113,8 @@ def checked_inertia(entry: Toleranced, rounding: float = 0.03) -> tuple[Array, s
     rows = entry.value
     inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
     low, middle, high = np.linalg.eigvalsh(inertia)
-    if 0.0 < low < LEAST:
-        raise rule_error(f"a principal moment is {low:.3g} kg m^2; expected at least {LEAST:g}")
+    if 0.0 < low < BOUNDS.smallest:
+        raise rule_error(f"a principal moment is {low:.3g} kg m^2; expected at least {BOUNDS.smallest:g}")
     excess = float(high - low - middle)
     if excess <= 1e-3 * (low + middle):
         return inertia, ""
@@ -254,7 +253,7 @@ class VehicleTable(Table):
         rotors = [(f"arms[{i}].rotors[{k}]", r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
         full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
         for place, thrust in full.items():
-            if not 1e-6 * max(full.values()) <= thrust <= MOST:
+            if not 1e-6 * max(full.values()) <= thrust <= BOUNDS.largest:
                 raise rule_error(
                     f"{place}: its full thrust, c_f speed_max^2, is {thrust:.3g} N, and that of the strongest rotor "
                     f"{max(full.values()):.3g} N; check c_f [N s^2] and speed_max [rad/s]"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
 from wrenchgap.learn.identify.guard import loop_of
-from wrenchgap.learn.identify.observer import MOST_SENSITIVE, UNKNOWN
+from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.learn.process.train import fit_linear
@@ -90,11 +90,11 @@ def told_observer(process: GaussianProcess | None, model: Model, hz: float) -> O
 def judged(process: GaussianProcess | None, model: Model, hz: float) -> Judged:
     """An observer of `hz` in the loop of the model's gains, with the lag that the process was judged with.
 
-    Where nobody looked for a lag and none has a name, it is taken for `UNKNOWN`.
+    Where nobody looked for a lag and none has a name, it is taken for `OBSERVER.unknown`.
     """
     said = None if process is None else process.provenance
     lag = loop_of(model).lag if said is None or not said.loop_delay else said.loop_lag
-    loop = replace(loop_of(model), lag=lag or UNKNOWN)
+    loop = replace(loop_of(model), lag=lag or OBSERVER.unknown)
     observer = told_observer(process, model, hz)
     return Judged(observer, loop, sensitivity_peak(loop, observer))
 
@@ -112,8 +112,8 @@ def no_bandwidth(process: GaussianProcess) -> str:
     peak = "infinite" if said.observer_peak is None else f"{said.observer_peak:.2g}"
     return (
         f"the attitude loop itself has a peak of the sensitivity of {peak} behind a lag of "
-        f"{1e3 * said.loop_lag:.0f} ms, and no observer keeps it below {MOST_SENSITIVE:g}; lower the controller's "
-        "gains, or fly the GP alone"
+        f"{1e3 * said.loop_lag:.0f} ms, and no observer keeps it below {OBSERVER.most_sensitive:g}; lower the "
+        "controller's gains, or fly the GP alone"
     )
 
 

@@ -224,32 +224,47 @@ def words_of(price: Cost) -> str:
     )
 
 
-STEPS = 60
-PACE = 12
-"""Steps from one command to the next."""
-SPEED, RATE, HEIGHT, VOLTAGE = 1.5, 0.6, 2.0, 15.0
-"""Of the motion: m/s, rad/s, m, V. Moderate, so that every effect has something to do."""
-HIDDEN = 0.5
-"""Share of its bounds that an observer has to find."""
+@dataclass(frozen=True)
+class SelfTest:
+    """The steps of a self-test; the motion is moderate, so that every effect has something to do."""
+
+    steps: int = 60
+    pace: int = 12
+    """Steps from one command to the next."""
+    speed: float = 1.5
+    """Largest speed [m/s]."""
+    rate: float = 0.6
+    """Largest rate [rad/s]."""
+    height: float = 2.0
+    """Of the middle of the motion [m]."""
+    voltage: float = 15.0
+    """Of the battery [V]."""
+    hidden: float = 0.5
+    """Share of its bounds that an observer has to find."""
+
+
+SELF_TEST = SelfTest()
 
 
 def motion(dt: float) -> State:
-    """A slow turn about all axes (N = STEPS)."""
-    t = np.arange(STEPS, dtype=float) * dt
+    """A slow turn about all axes (N = `SELF_TEST.steps`)."""
+    t = np.arange(SELF_TEST.steps, dtype=float) * dt
     turn = np.stack((np.sin(3.0 * t), np.sin(2.0 * t + 1.0), np.sin(2.5 * t + 2.0)), axis=1)
-    place = turn + np.array([0.0, 0.0, HEIGHT])
-    return State(t, place, so3.exp(0.5 * turn), SPEED * turn[:, ::-1], RATE * turn, np.full(STEPS, VOLTAGE))
+    place = turn + np.array([0.0, 0.0, SELF_TEST.height])
+    velocity, omega = SELF_TEST.speed * turn[:, ::-1], SELF_TEST.rate * turn
+    return State(t, place, so3.exp(0.5 * turn), velocity, omega, np.full(len(t), SELF_TEST.voltage))
 
 
 def wrenches(commands: Array | None, mass: float, dt: float) -> Array:
-    """Desired wrenches (STEPS, 6): from one of `commands` (N, 6) to the next; about hover where there are none."""
+    """Desired wrenches (N, 6): from one of `commands` (N, 6) to the next; about hover where there are none."""
+    steps = SELF_TEST.steps
     if commands is None or not len(commands):
-        t = np.arange(STEPS)[:, None] * dt
+        t = np.arange(steps)[:, None] * dt
         weight = mass * GRAVITY
         swing = np.sin(t * np.arange(1, 7)) * weight * np.array([0.1, 0.1, 0.1, 0.01, 0.01, 0.01])
         return np.asarray(swing + weight * np.eye(6)[2])
-    stops = commands[np.linspace(0, len(commands) - 1, STEPS // PACE + 2).astype(int)]
-    place = np.arange(STEPS) / PACE
+    stops = commands[np.linspace(0, len(commands) - 1, steps // SELF_TEST.pace + 2).astype(int)]
+    place = np.arange(steps) / SELF_TEST.pace
     return np.stack([np.interp(place, np.arange(len(stops)), column) for column in stops.T], axis=1)
 
 
@@ -257,8 +272,8 @@ def wrenches(commands: Array | None, mass: float, dt: float) -> Array:
 class Vectors:
     """Inputs (K, 27) and results (K, 13) of the self-test, the mean number of evaluations, and the share solved.
 
-    The self-test ends before the first of the `STEPS` that is not solved: where there is no solution, rounding decides
-    where the search ends, and another precision ends elsewhere.
+    The self-test ends before the first step that is not solved: where there is no solution, rounding decides where the
+    search ends, and another precision ends elsewhere.
     """
 
     given: Array
@@ -281,16 +296,16 @@ def recorded(helper: Compensator | Combined, commands: Array | None, vehicle: Ve
         expected[:, output_indices(helper.model.outputs)] += found.after
         wanted = np.hstack((found.wrench_cmd, expected, found.beta[:, None]))
         evaluations, accepted = found.iterations.astype(float), found.accepted
-    given = np.hstack((desired, np.zeros((STEPS, len(AXES))), rows_of(states)))
-    count = STEPS if accepted.all() else max(1, int(np.argmin(accepted)))
+    given = np.hstack((desired, np.zeros((len(desired), len(AXES))), rows_of(states)))
+    count = len(desired) if accepted.all() else max(1, int(np.argmin(accepted)))
     return Vectors(given[:count], wanted[:count], float(np.mean(evaluations)), float(np.mean(accepted)))
 
 
 def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Rates (STEPS, 3), results (STEPS, 13), evaluations and whether solved, step by step with an observer.
+    """Rates (N, 3), results (N, 13), evaluations and whether solved, step by step with an observer.
 
     The rates are those of a body that makes what the feed-forward is asked for, late by the delay, and feels a torque
-    nobody knows of, so that the estimate has something to find: `HIDDEN` of its bounds.
+    nobody knows of, so that the estimate has something to find: `SELF_TEST.hidden` of its bounds.
     """
     J, omega, asked = helper.inertia, states.omega_B[0], []
     rates, wanted, evaluations, accepted = [], [], [], []
@@ -307,7 +322,7 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
         evaluations.append(made.iterations)
         accepted.append(made.accepted)
         asked.append(wrench[3:] - helper.estimate)
-        hidden = HIDDEN * helper.torque_max * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
+        hidden = SELF_TEST.hidden * helper.torque_max * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
         torque = asked[max(len(asked) - 1 - late, 0)] + hidden - np.cross(omega, J @ omega)
         omega = omega + helper.dt * np.linalg.solve(J, torque)
     return np.array(rates), np.array(wanted), np.array(evaluations, dtype=float), np.array(accepted)

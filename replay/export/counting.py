@@ -16,10 +16,6 @@ KINDS = ("add", "multiply", "divide", "sqrt", "exp", "trig", "other")
 comparisons, absolute values and signs."""
 
 
-FRAMES = 250
-"""Numbers of the calls themselves: locals, arguments and what is saved of registers, of ten functions at most."""
-
-
 @dataclass(frozen=True)
 class Cost:
     """Operations (`KINDS`) of a step `at_worst` and as it went in the recorded steps (`usual`), and bytes.
@@ -109,7 +105,8 @@ def cost(plan: Plan, pieces: Pieces, usual: float, number: int, table_numbers: i
     sizes = sizes_of(plan, compensation_of(plan)) | {"WG_FIXED": pieces.fixed.numbers if pieces.fixed else 0}
     room = sum(math.prod(sizes[n] if isinstance(n, str) else n for n in entry.shape) for entry in layout(Room))
     functions = [p.numbers for p in (pieces.fixed, pieces.moving, pieces.sent) if p]
-    stack = room + sizes["WG_ROW"] + max([0, *functions]) + FRAMES
+    frames = 250  # numbers of the calls themselves: locals, arguments, saved registers, of ten functions at most
+    stack = room + sizes["WG_ROW"] + max([0, *functions]) + frames
     return Cost(
         at_worst={kind: worst[kind] for kind in KINDS},
         usual={kind: often[kind] for kind in KINDS},

@@ -43,10 +43,6 @@ Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}
 EVALUATIONS = 12
 """Default of the evaluations in one search on the vehicle; four are usual."""
-TOLERANCE = 1e-9
-"""Of the self-test in double precision [N, Nm]."""
-OF_WRENCH, OF_CORRECTION = 5e-6, 0.01
-"""Of the self-test in single precision: shares of the largest component, and of the largest correction."""
 FILES = {
     "wrenchgap_compensator.h": "compensator.h.jinja",
     "wrenchgap_compensator.c": "compensator.c.jinja",
@@ -205,16 +201,22 @@ def _corrected(outputs: Sequence[str], refused: Sequence[str], effects: Sequence
     return "; ".join(part for part in parts if part)
 
 
-def _recorded(vectors: Vectors) -> dict[str, Any]:
-    """What the self-test repeats, and how nearly."""
+def _recorded(
+    vectors: Vectors, double: float = 1e-9, of_wrench: float = 5e-6, of_correction: float = 0.01
+) -> dict[str, Any]:
+    """What the self-test repeats, and how nearly.
+
+    In `double` precision to so many N or Nm, in single to a share of the largest component and one of the largest
+    correction.
+    """
     given, wanted = vectors.given, vectors.wanted
-    single = OF_WRENCH * np.abs(wanted[:, :6]).max() + OF_CORRECTION * np.abs(wanted[:, :6] - given[:, :6]).max()
+    single = of_wrench * np.abs(wanted[:, :6]).max() + of_correction * np.abs(wanted[:, :6] - given[:, :6]).max()
     return {
         "given": _rows(given),
         "wanted": _rows(wanted),
         "steps": len(given),
         "columns": given.shape[1],
-        "tolerance_double": TOLERANCE,
+        "tolerance_double": double,
         "tolerance_float": f"{single:.2g}",
     }
 

@@ -32,11 +32,6 @@ from wrenchgap.replay.export.records import (
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
-ROUNDINGS = 16
-"""By how many units in the last place a state may differ between two builds of one step, besides what their outputs
-differ: sums of some ten terms. Measured: 2 (-O3 with fused multiplication against -O2)."""
-IDS = 3
-"""Ids of other exports that a sentence names."""
 
 
 class Deviation(NamedTuple):
@@ -164,7 +159,10 @@ class FlownExport(Result):
 
     @cached_property
     def _rounding(self) -> float:
-        return ROUNDINGS * float(np.finfo(self.flown["state"].dtype.base).eps)
+        """By how much a state may differ between two builds of one step, besides what their outputs differ: 16 units in
+        the last place, sums of some ten terms. Measured: 2 (-O3 with fused multiplication against -O2).
+        """  # noqa: D205
+        return 16.0 * float(np.finfo(self.flown["state"].dtype.base).eps)
 
     @cached_property
     def continues(self) -> NDArray[np.bool_]:
@@ -244,10 +242,10 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     )
 
 
-def in_short(others: dict[str, int]) -> str:
-    """Some of the ids of other exports, and how many more there are."""
-    more = f" and {len(others) - IDS:,} more" if len(others) > IDS else ""
-    return ", ".join(sorted(others)[:IDS]) + more
+def in_short(others: dict[str, int], most: int = 3) -> str:
+    """At `most` so many of the ids of other exports, and how many more there are."""
+    more = f" and {len(others) - most:,} more" if len(others) > most else ""
+    return ", ".join(sorted(others)[:most]) + more
 
 
 def _without_repeats(records: list[bytes]) -> tuple[list[bytes], int]:

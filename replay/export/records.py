@@ -163,10 +163,6 @@ def _is_whole(record: bytes, length: int) -> bool:
     return len(record) == length and zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
 
 
-AT_ONCE = 20_000
-"""Records that are stepped in one run of the program: some 30 MB."""
-
-
 def checked_export(folder: Path) -> tuple[str, dict[str, bytes]]:
     """The id of an exported folder, whose code is as it was written, and that code."""
     if not folder.is_dir():
@@ -210,8 +206,9 @@ def stepped(
     return (float(tolerances[0]), float(tolerances[1])), together
 
 
-def _parts(records: list[bytes]) -> Iterable[list[bytes]]:
-    return (records[k : k + AT_ONCE] for k in range(0, len(records), AT_ONCE))
+def _parts(records: list[bytes], at_once: int = 20_000) -> Iterable[list[bytes]]:
+    """What is stepped in one run of the program: some 30 MB."""
+    return (records[k : k + at_once] for k in range(0, len(records), at_once))
 
 
 def _compiler() -> list[str]:

@@ -171,7 +171,8 @@ def in_words(found: Changed, size: Size) -> str:
     """A change with its place: "rotor_thrust of M3 by -0.19"."""
     place = next((p for p in found.places if p.effect == size.effect and p.parameter == size.name), None)
     own = size.where if size.where and size.name.split("_")[0] in ("rotor", "arm") else ""
-    sure = f" ({share(place.probability)})" if place is not None and place.probability < what_to_inspect.SURE else ""
+    doubtful = place is not None and place.probability < what_to_inspect.INSPECTION.sure
+    sure = f" ({share(place.probability)})" if place is not None and doubtful else ""
     of = f" of {own}{sure}" if own else f" ({size.name})"
     sign = "+" if size.change > 0 else ""
     if size.unit == "1":

@@ -141,10 +141,6 @@ def frame(result: Comparison) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True)
 
 
-SIGMAS = 2.0
-"""Half-width of the bands of noise and of the prediction of a process, in standard deviations."""
-
-
 def picture(result: Comparison) -> style.Picture:
     """Six pairs of panels with one legend, a model in one colour in both; bars where there are several flights.
 
@@ -222,8 +218,11 @@ def _share(result: Comparison, time: Array) -> float:
     return float(time[-1] - time[0]) / max(whole, 1e-9)
 
 
-def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
-    """Commanded, measured, and what every model predicts; the first is left out where it is the command."""
+def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int, sigmas: float = 2.0) -> bool:
+    """Commanded, measured, and what every model predicts; the first is left out where it is the command.
+
+    The prediction of a process has a band of +- `sigmas` standard deviations.
+    """
     hidden = {result.evaluations[0].name} if _is_command(result) else set()
     last, shaded = result.evaluations[-1], False
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
@@ -238,15 +237,15 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
                 continue
             shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
-            centre, half = last.predictions[index][:, axis], SIGMAS * last.sigma[index][:, axis]
-            words = None if index else f"± {SIGMAS:g} sigma of {last.name}"
+            centre, half = last.predictions[index][:, axis], sigmas * last.sigma[index][:, axis]
+            words = None if index else f"± {sigmas:g} sigma of {last.name}"
             look = {"color": drawn[-1][1], "alpha": 0.15, "lw": 0, "zorder": 1}
             panel.fill_between(time, centre - half, centre + half, **look, label=words)
     return shaded
 
 
-def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
-    """Measured minus predicted of every model, the last on top, and the noise of the sensors as a band."""
+def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int, sigmas: float = 2.0) -> bool:
+    """Measured minus predicted of every model, the last on top, and `sigmas` of the sensors' noise as a band."""
     shaded = False
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
         time, share = record.time + start, _share(result, record.time)
@@ -255,11 +254,11 @@ def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -
                 continue
             residual = record.measured[:, axis] - e.predictions[index][:, axis]
             shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
-        words = "" if index else f"± {SIGMAS:g} sigma of the sensor noise"
+        words = "" if index else f"± {sigmas:g} sigma of the sensor noise"
         if not record.measured_axes[axis]:
             panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
             continue
-        style.band(panel, [float(time[0]), float(time[-1])], SIGMAS * float(record.noise[axis]), words)
+        style.band(panel, [float(time[0]), float(time[-1])], sigmas * float(record.noise[axis]), words)
     return shaded
 
 

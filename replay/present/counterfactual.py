@@ -11,7 +11,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.identify.disturbance import FAST_HZ
+from wrenchgap.learn.identify.disturbance import DisturbanceSize
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors
 from wrenchgap.replay.compensation import compensators as compensating
@@ -91,7 +91,7 @@ def parts(result: Counterfactual) -> list[Part]:
     first.add_row("position [mm]", f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
 
     second = table("what the model does not explain", "", *UNIT_HEADS)
-    above = f"rms above {FAST_HZ:g} Hz"
+    above = f"rms above {DisturbanceSize.fast_hz:g} Hz"
     for values, name in ((size.mean, "mean"), (size.rms, "rms"), (size.rms_fast, above), (size.largest, "max")):
         second.add_row(f"disturbance, {name}", *row(values))
     shares = [share(float(s)) for s in result.inference.explained]

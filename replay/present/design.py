@@ -12,10 +12,10 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.blocks import INDISTINCT
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
-from wrenchgap.learn.design.designer import REST
-from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
+from wrenchgap.learn.design.designer import SEARCH
+from wrenchgap.learn.design.separability import SEPARATION, Direction, Separability
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory import file as trajectory_file
@@ -93,7 +93,7 @@ def sentence(design: Design) -> str:
     """The result in plain words."""
     names = " and ".join(design.expected.names)
     hard = design.expected.worst
-    least = f"at least {INDISTINCT:g} is needed"
+    least = f"at least {SIGNIFICANCE.indistinct:g} is needed"
     if design.separable:
         before = design.before.separation
         found = min(design.simulated(d.truth, d.imitator) for d in design.expected.counting)
@@ -117,7 +117,7 @@ def sentence(design: Design) -> str:
 def _reason(direction: Direction) -> str:
     if not np.any(direction.added > 0):
         return f"{direction.truth} of this size changes nothing that is measured"
-    if direction.share < LEAST_SHARE:
+    if direction.share < SEPARATION.least_share:
         return (
             f"{direction.imitator} can imitate all but {100 * direction.share:.1f} % of what {direction.truth} adds "
             f"(cosine {direction.cosine:.3f})"
@@ -214,7 +214,7 @@ def to_json(design: Design) -> dict[str, Any]:
             for f in design.flown
         ],
         "tried": design.tried,
-        "least_separation": INDISTINCT,
+        "least_separation": SIGNIFICANCE.indistinct,
         "notes": of_flights(design.flights),
     }
 
@@ -304,7 +304,7 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
 
 
 def _manoeuvres(panels: Any, design: Design) -> None:
-    starts = np.linspace(REST, design.trajectory.duration - REST, len(design.segments) + 1)
+    starts = np.linspace(SEARCH.rest, design.trajectory.duration - SEARCH.rest, len(design.segments) + 1)
     for start, segment in zip(starts, design.segments, strict=False):
         place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}
         panels[0].annotate(str(segment), (start, 1.02), **place, fontsize=style.SMALL)

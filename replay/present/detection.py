@@ -17,16 +17,19 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, size_in_words, unit, user_name
 from wrenchgap.replay.present.tables import Line, Table, table
 
-MOST_SHOWN, MOST_HIDDEN, MOST_FLOWN = 8, 6, 3
-"""Effects that the lines name; the table has all."""
 LEGEND = (
     "firm from: the smallest change of this parameter alone that these flights would have made firm, beside what is "
     "named   instead: what could make the same"
 )
 
 
-def sentences(found: Explanation | Changed) -> list[str]:
-    """What would have been shown, what could not be, and what would show more; then what injections say of that."""
+def sentences(
+    found: Explanation | Changed, most_shown: int = 8, most_hidden: int = 6, most_flown: int = 3
+) -> list[str]:
+    """What would have been shown, what could not be, and what would show more; then what injections say of that.
+
+    The lines name so many effects at most of each; the table has all.
+    """
     by_effect = _by_effect(found.limits)
     if not by_effect:
         return []
@@ -36,13 +39,13 @@ def sentences(found: Explanation | Changed) -> list[str]:
     said = []
     if shown:
         words = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
-        said.append(f"Would have been shown: {_listed(words, MOST_SHOWN)}.")
+        said.append(f"Would have been shown: {_listed(words, most_shown)}.")
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     if hidden or lacking:
         words = [_hidden_in_words(name, own) for name, own in hidden.items()]
         words += [f"{name} (not excited)" for name in lacking]
-        said.append(f"Could not have been shown: {_listed(words, MOST_HIDDEN)}.")
-    more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:MOST_FLOWN]
+        said.append(f"Could not have been shown: {_listed(words, most_hidden)}.")
+    more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
     advice = [f"fly {'; '.join(more)}"] if more else []
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
         advice.insert(0, "log the commands at the rate of the loop")

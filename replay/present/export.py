@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from wrenchgap.learn.identify.observer import MOST_SENSITIVE
+from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.counting import KINDS
 from wrenchgap.replay.export.export import Export
@@ -91,12 +91,13 @@ def _observer_in_words(judged: Judged) -> str:
 def _too_fast(made: Export) -> list[str]:
     """Where the attitude loop with the observer is not as far from instability as it should be."""
     judged = made.judged
-    if judged is None or judged.peak <= MOST_SENSITIVE:
+    if judged is None or judged.peak <= OBSERVER.most_sensitive:
         return []
     what = f"has a peak of the sensitivity of {judged.peak:.1f}" if math.isfinite(judged.peak) else "is unstable"
     return [
         f"the attitude loop with an observer of {judged.observer.hz:.2g} Hz, behind a lag of "
-        f"{1e3 * judged.loop.lag:.0f} ms, {what}, more than {MOST_SENSITIVE:g}: it rings; choose a lower --observer"
+        f"{1e3 * judged.loop.lag:.0f} ms, {what}, more than {OBSERVER.most_sensitive:g}: it rings; choose a "
+        "lower --observer"
     ]
 
 

@@ -11,7 +11,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
-from wrenchgap.learn.process.alternatives import WORTH_IT, Alternative, Alternatives
+from wrenchgap.learn.process.alternatives import COMPARED, Alternative, Alternatives
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.compensation.compensators import (
@@ -95,8 +95,8 @@ def _why_not(one: Alternative) -> str:
     """Why an alternative is not chosen."""
     if one.gain <= 0.0:
         return ""
-    if one.gain <= WORTH_IT:
-        return f"less than {share(WORTH_IT)}"
+    if one.gain <= COMPARED.worth_it:
+        return f"less than {share(COMPARED.worth_it)}"
     return "another is better" if one.worth_it else "within chance"
 
 

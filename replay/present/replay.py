@@ -13,7 +13,7 @@ from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.measured_axes import names_of
-from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
+from wrenchgap.learn.identify.learning import CAUTION
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
@@ -60,7 +60,7 @@ def summarise(replay: Replay) -> dict[str, Any]:
         "measured_minus_logged": _mean_abs(replay.measured - replay.logged_filtered),
         "measured_minus_predicted": _mean_abs(replay.measured - replay.predicted),
         "eigenvalue_min": float(real_min.min()),
-        "near_singular": float((real_min < NEARLY_SINGULAR).mean()),
+        "near_singular": float((real_min < CAUTION.nearly_singular).mean()),
         "saturation": None if replay.saturation is None else asdict(replay.saturation),
         "saturation_logged": None if replay.saturation_logged is None else asdict(replay.saturation_logged),
         "solve_mean_ms": float(solve.mean()),
@@ -109,7 +109,7 @@ def warnings(summary: dict[str, Any]) -> tuple[str, ...]:
         smallest = f"{summary['eigenvalue_min']:.2f}"
         out.append(
             f"I + dmu/dW is nearly singular in {share(summary['near_singular'])} of the commands (smallest real "
-            f"eigenvalue {smallest}, expected above {NEARLY_SINGULAR:.2f}): the GP predicts no "
+            f"eigenvalue {smallest}, expected above {CAUTION.nearly_singular:.2f}): the GP predicts no "
             "more wrench from more command; excite the command on its own in the training flight."
         )
     if summary["accepted"] < 0.99:

@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.identify.steps_and_drift import FEWEST, SIGNIFICANT, Drift, Step, Verdict
+from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.documents import check_tables
@@ -30,7 +30,7 @@ WORDS = {
 LEGEND = (
     "scatter: standard deviation of the flights about their level (or line)   error: standard error of one flight by "
     "itself, median   p: of a change as large anywhere where there is none, corrected for the places and parameters "
-    f"looked at; below {SIGNIFICANT:g} it counts"
+    f"looked at; below {COURSE.significant:g} it counts"
 )
 
 
@@ -54,8 +54,8 @@ def parts(found: Trend) -> list[Part]:
 def summary(found: Trend) -> list[str]:
     """One sentence for each parameter that changed, the most significant first, and what to look at."""
     count = len(found.flights)
-    if count < FEWEST:
-        return [f"{count} flights: nothing can be said about steps and drifts; {FEWEST} or more are needed."]
+    if count < COURSE.fewest:
+        return [f"{count} flights: nothing can be said about steps and drifts; {COURSE.fewest} or more are needed."]
     if not found.changed:
         return [f"Nothing changed over these {count} flights beyond the scatter between them."]
     looks = places(found)
@@ -175,7 +175,7 @@ def _of_flights(found: Trend) -> list[str]:
 def to_json(found: Trend) -> dict[str, Any]:
     """The body of the `trend` schema."""
     noise = np.sum([f.noise for f in found.flights], axis=0)
-    few = len(found.flights) < FEWEST
+    few = len(found.flights) < COURSE.fewest
     return {
         "verdict": "few" if few else "changed" if found.changed else "steady",
         "summary": " ".join(summary(found)),
@@ -184,7 +184,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "flights": list(found.names),
         "parameters": [_parameter_json(p, found) for p in found.parameters],
         "inspect": places(found),
-        "significant": SIGNIFICANT,
+        "significant": COURSE.significant,
         "axes": list(AXES),
         "rms": found.left,
         "unmeasured": unmeasured(noise),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wrenchgap.learn.identify.observer import MOST_SENSITIVE
+from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.learn.process.gp import Caution, CautionKind, GaussianProcess
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin
@@ -79,7 +79,7 @@ def observer_in_words(gp: GaussianProcess) -> str:
         f"(M_s, the peak of the sensitivity of the attitude loop, behind a lag of {1e3 * said.loop_lag:.0f} ms and a "
         f"delay of {1e3 * said.loop_delay:.0f} ms; {_GAINS.get(said.gains, _GAINS['model'])})"
     )
-    most = f"{MOST_SENSITIVE:g}"
+    most = f"{OBSERVER.most_sensitive:g}"
     if said.observer_hz is None and said.observer_left is not None:
         return (
             f"observer: none, the best would leave {100 * said.observer_left:.0f} % of what is left without one; "

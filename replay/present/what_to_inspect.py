@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.equivalence_classes import NamedSet
 from wrenchgap.replay.present.numbers import quantity, share
 
-SURE = 0.9
-"""Probability of one place from which on no other is named."""
-LIKELY = 0.05
-"""Probability from which on a place is worth a look."""
+
+@dataclass(frozen=True)
+class InspectionThresholds:
+    """Which places are named."""
+
+    sure: float = 0.9
+    """Probability of one place from which on no other is named."""
+    likely: float = 0.05
+    """Probability from which on a place is worth a look."""
+
+
+INSPECTION = InspectionThresholds()
 
 PARTS = {
     "rotor_thrust": "its propeller for cuts, cracks and dirt, its motor for drag, its mount for play",
@@ -78,7 +88,11 @@ def sentences(found: Changed) -> list[str]:
 
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
     if places:
-        likely = places[:1] if places[0].probability >= SURE else [p for p in places if p.probability >= LIKELY]
+        likely = (
+            places[:1]
+            if places[0].probability >= INSPECTION.sure
+            else [p for p in places if p.probability >= INSPECTION.likely]
+        )
         which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
         return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"
     if name in ("com_offset", "payload"):

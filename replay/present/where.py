@@ -12,7 +12,7 @@ from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.where import Where
-from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
+from wrenchgap.learn.diagnose.whiteness import WHITENESS, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as panels
@@ -117,7 +117,7 @@ def _crosscorrelation(cross: CrossCorrelation | None) -> str:
     """What one axis follows most, and how late."""
     if cross is None:
         return "no input that varies enough"
-    if not cross.outside or abs(cross.peak) < WORTH:
+    if not cross.outside or abs(cross.peak) < WHITENESS.worth:
         return "no significant correlation with an input"
     late = "at once" if cross.lag == 0 else f"{abs(cross.lag):.2f} s {'after' if cross.lag > 0 else 'before'}"
     return f"{cross.peak:+.2f} with {cross.input} {late} (significant above {cross.band:.2f})"

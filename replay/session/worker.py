@@ -22,20 +22,17 @@ from wrenchgap.learn.worker import WorkerDied, Workers, tell
 T = TypeVar("T")
 Report = Callable[[float, str], None]
 
-PATIENCE = 0.1
-"""How often the parent looks whether it is still wanted, while the process says nothing [s]."""
 
-
-def worker_result(work: Callable[[Report], T], report: Report) -> T:
+def worker_result(work: Callable[[Report], T], report: Report, patience: float = 0.1) -> T:
     """work(report) in another process; `report` is called in this one, also while there is nothing new.
 
-    What `report` raises (somebody cancelled) ends the process and is passed on. Errors of wrenchgap in the process are
-    raised here; a process that dies is a FitError.
+    It is called every `patience` [s] while the process says nothing. What `report` raises (somebody cancelled) ends the
+    process and is passed on. Errors of wrenchgap in the process are raised here; a process that dies is a FitError.
     """
     process = _Process.free()
     future, said = process.submit(work), (0.0, "")
     try:
-        while wait([future], timeout=PATIENCE).not_done:
+        while wait([future], timeout=patience).not_done:
             for said in process.news():
                 report(*said)
             report(*said)

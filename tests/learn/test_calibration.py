@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchgap.learn.process.calibration import BLOCKS, FOLDS, SCALE, Coverage, left_out, sigma_scale
+from wrenchgap.learn.process.calibration import CALIBRATION, Coverage, left_out, sigma_scale
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
 
@@ -24,7 +24,7 @@ def test_after_scaling_95_percent_are_inside_whatever_the_distribution():
     assert scaled.within_95[0] == pytest.approx(0.95, abs=1e-3)
 
 
-@pytest.mark.parametrize(("error", "scale"), [(1e9, SCALE[1]), (0.0, SCALE[0])])
+@pytest.mark.parametrize(("error", "scale"), [(1e9, CALIBRATION.scale[1]), (0.0, CALIBRATION.scale[0])])
 def test_factors_stay_within_reason(error, scale):
     assert sigma_scale(np.array([[error], [-error]]), np.ones((2, 1)))[0] == scale
 
@@ -49,16 +49,16 @@ def test_folds_leave_blocks_of_time_out(count):
     mean, std = left_out(count, asked, predict)
     assert np.array_equal(mean, np.column_stack([asked, -asked]))
     assert (std == 0.5).all()
-    assert len(seen) == FOLDS
+    assert len(seen) == CALIBRATION.folds
     assert sorted(np.concatenate([wanted for _, wanted in seen]).tolist()) == asked.tolist()
     assert np.array_equal(sum((~usable).astype(int) for usable, _ in seen), np.ones(count, dtype=int))
-    shortest = count // BLOCKS
+    shortest = count // CALIBRATION.blocks
     for usable, wanted in seen:
         assert not usable[wanted].any()
-        assert usable.mean() == pytest.approx(1.0 - 1.0 / FOLDS, abs=0.02)
+        assert usable.mean() == pytest.approx(1.0 - 1.0 / CALIBRATION.folds, abs=0.02)
         edges = np.flatnonzero(np.diff(usable.astype(int)))
         assert np.diff(edges).min() >= shortest  # whole blocks, not samples
-        assert len(edges) >= 2 * BLOCKS // FOLDS - 1  # spread over the flight
+        assert len(edges) >= 2 * CALIBRATION.blocks // CALIBRATION.folds - 1  # spread over the flight
 
 
 def sequence(count, seed):

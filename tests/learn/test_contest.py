@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.signal import butter, lfilter
 
-from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, contrast, cosine, evidence
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, Contrast, contrast, cosine, evidence
 from wrenchgap.learn.data.errors import energy
 
 BLOCKS, SAMPLES = 30, 80
@@ -88,7 +88,7 @@ def test_a_difference_half_as_large_as_what_the_better_leaves_separates_nothing(
         one = contrast(DATA, left * np.sqrt(1 + more), left)
         assert one.difference == pytest.approx(more * one.excess, rel=0.05)
         assert one.t > 20
-        assert (one.separation > INDISTINCT) == told
+        assert (one.separation > SIGNIFICANCE.indistinct) == told
 
 
 def test_where_the_better_leaves_only_noise_any_certain_difference_separates():
@@ -96,7 +96,7 @@ def test_where_the_better_leaves_only_noise_any_certain_difference_separates():
     one = contrast(DATA, noise + 0.3 * white(2), noise)
     assert one.excess < 0.05
     assert one.separation == pytest.approx(one.t, rel=0.05)
-    assert one.separation > INDISTINCT
+    assert one.separation > SIGNIFICANCE.indistinct
 
 
 def test_the_unit_of_an_axis_counts_for_nothing():

@@ -11,9 +11,7 @@ from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify import observer
 from wrenchgap.learn.identify.lag import LAG, Stretch
 from wrenchgap.learn.identify.observer import (
-    MOST_SENSITIVE,
     OBSERVER,
-    UNKNOWN,
     choose,
     fast_rates,
     longest_lag,
@@ -77,7 +75,7 @@ def chosen(some, lag, *, model=MODEL, delay=0.01, unseen=0.1, steepest=np.inf):
 def test_whole_loop_keeps_its_margin(quiet, lag):
     """Whatever the log asks for: M_s <= 2, with the lag that was found told, and one that was not seen not told."""
     found = chosen(quiet, lag)
-    assert found.peak <= MOST_SENSITIVE
+    assert found.peak <= OBSERVER.most_sensitive
     assert found.peak == pytest.approx(sensitivity_peak(replace(loop(lag or 0.1), delay=0.01), found.observer))
     assert (found.observer.lag, found.lag) == (lag, lag or 0.1)
 
@@ -94,7 +92,7 @@ def test_lag_that_nobody_has_seen_bounds_the_bandwidth_and_one_that_is_told_does
 def test_loop_that_has_no_margin_by_itself_gets_no_observer(quiet):
     found = chosen(quiet, 0.15, delay=0.05)
     assert found.observer.hz == 0.0
-    assert found.peak > MOST_SENSITIVE
+    assert found.peak > OBSERVER.most_sensitive
 
 
 def test_steep_feed_forward_asks_for_a_quieter_loop(quiet, monkeypatch):
@@ -119,7 +117,7 @@ def test_where_nothing_is_to_be_removed_there_is_no_observer(quiet):
     assert none.observer.hz == 0.0
     assert some.left < 0.3 < OBSERVER.worth < none.left
     assert some.observer.hz > 0.0
-    assert none.peak < MOST_SENSITIVE  # and not for want of a margin
+    assert none.peak < OBSERVER.most_sensitive  # and not for want of a margin
 
 
 def test_named_effects_are_no_disturbance(quiet):
@@ -143,4 +141,4 @@ def test_log_rules_out_lags_that_it_would_show():
     assert longest_lag([stretch(0.0)], looks, rows) == LAG.taus[1]
     assert longest_lag([stretch(0.0, noise=1.0)], looks, rows) > LAG.taus[1]
     blind = looks & (np.arange(6) != 4)
-    assert longest_lag([stretch(0.0)], blind, rows) == UNKNOWN
+    assert longest_lag([stretch(0.0)], blind, rows) == OBSERVER.unknown

@@ -136,7 +136,7 @@ def test_a_process_that_saw_no_noise_on_few_samples_sees_it_on_all():
     made = _Posterior(x, z[:, None], np.arange(12), np.arange(400), FitSettings(points=12, inference="sparse"))
     quiet = replace(KERNEL, noise_variance=(1.0 + 1e-10) * BOUNDS["noise"][0])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(likelihood, "SPARSE_ITERATIONS", 1)  # stands for a search that does not move from there
+        patch.setattr(likelihood, "_iterations", lambda _: 1)  # stands for a search that does not move from there
         patch.setattr(train, "_maximum_likelihood", lambda *_: quiet)
         made.fit(0)
     assert made.kernels[0].noise_variance > 0.01

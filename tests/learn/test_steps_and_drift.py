@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.identify.steps_and_drift import FEWEST, SIGNIFICANT, Verdict, course
+from wrenchgap.learn.identify.steps_and_drift import COURSE, Verdict, course
 
 
 def flown(rng, count, level=0.0):
@@ -52,7 +52,7 @@ def test_wear_is_a_drift_and_no_staircase():
 def test_of_few_flights_nothing_is_said(count):
     values = np.array([0.0, 100.0, 0.0])[:count]
     found = course(values, np.full(count, 1e-6))
-    assert count < FEWEST
+    assert count < COURSE.fewest
     assert found.verdict is Verdict.FEW
     assert (found.steps, found.drift) == ((), None)
 
@@ -87,7 +87,7 @@ def test_chance_is_seldom_taken_for_a_change(count):
     """Two questions, steps and a line, of 1 % each: of 300 seasons without a change 6 are expected to be called one."""
     rng = np.random.default_rng(count)
     wrong = sum(course(*flown(rng, count)).verdict is not Verdict.STEADY for _ in range(300))
-    assert wrong <= 300 * 2 * SIGNIFICANT + 3 * np.sqrt(300 * 2 * SIGNIFICANT)
+    assert wrong <= 300 * 2 * COURSE.significant + 3 * np.sqrt(300 * 2 * COURSE.significant)
 
 
 def test_more_parameters_need_more_evidence():

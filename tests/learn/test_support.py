@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.process.support import LEAST_SHARE, HeldOut, support
+from wrenchgap.learn.process.support import SUPPORT, HeldOut, support
 
 BLOCK = np.arange(1600) * 16 // 1600
 
@@ -46,7 +46,7 @@ def test_what_explains_less_than_the_least_share_is_not_worth_it():
     rng = np.random.default_rng(2)
     m = np.sin(np.arange(1600) / 7.0)[:, None] * [1.0, 1.0]
     rms = np.sqrt(0.5)  # of m
-    ratio = np.sqrt((1.0 - LEAST_SHARE) / LEAST_SHARE) * rms  # noise with which the share is the least
+    ratio = np.sqrt((1.0 - SUPPORT.least_share) / SUPPORT.least_share) * rms  # noise with which the share is the least
     found = support(held(m + rng.normal(size=m.shape) * ratio * [2.0, 0.5], m))
     assert found.gain[0] == 0.0 < 0.8 < found.gain[1]
 

@@ -18,7 +18,7 @@ from wrenchgap.learn.identify.staircase import Basis, Staircase
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, quantity, share, unit_of
 from wrenchgap.replay.present.staircase import label, remains
-from wrenchgap.replay.present.what_to_inspect import LIKELY, SURE
+from wrenchgap.replay.present.what_to_inspect import INSPECTION
 from wrenchgap.replay.report import Report
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
@@ -130,13 +130,13 @@ def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
         return marks, moved_B
     by_name = {(p.effect, p.name): p for p in found.parameters}
     for place in found.places:
-        if place.probability >= LIKELY:
+        if place.probability >= INSPECTION.likely:
             size = by_name.get((place.effect, place.parameter))
             change = ""
             if size is not None:
                 by = f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
                 change = f"{place.effect} {by}"
-            sure = "" if place.probability >= SURE else f"{share(place.probability)}"
+            sure = "" if place.probability >= INSPECTION.sure else f"{share(place.probability)}"
             marks[place.parameter] = ", ".join(filter(None, (change, sure)))
     for name in found.names:
         if name.startswith("imu_") or name == "accelerometer_bias":

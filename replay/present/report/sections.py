@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn import Explanation, Verdict, Where
-from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.learn.posterior.single_effects import Candidate
@@ -118,7 +118,7 @@ def _candidates(title: str, candidates: Sequence[Candidate], vehicle: Vehicle) -
         rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
     legend = (
         "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
-        f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
+        f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANCE.alone:g}."
     )
     heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
     return Table(heads, rows, left=2, caption=f"{title}. {legend}" if title else legend)
@@ -134,7 +134,8 @@ def _members(found: Explanation) -> Table | None:
         "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of "
         "the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
         "against the set without it, on held-out time. Instead: what other sets have in its place, and by how many "
-        f"standard errors those fit worse; below {INDISTINCT:g} the two are indistinguishable on these flights."
+        f"standard errors those fit worse; below {SIGNIFICANCE.indistinct:g} the two are indistinguishable on these "
+        "flights."
     )
     heads = ("effect", "confidence", "share", "t", "instead (separation)")
     return Table(heads, rows, texts=(4,), caption=caption) if rows else None

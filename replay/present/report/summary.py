@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.blocks import INDISTINCT
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
-from wrenchgap.learn.diagnose.error_grid import FEWEST, Grid
+from wrenchgap.learn.diagnose.error_grid import Grid
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
@@ -51,7 +51,7 @@ def where_on(report: Report) -> str:
 def no_grid(grid: Grid) -> str:
     """Why there is no map over two quantities."""
     return (
-        f"No map over {grid.x_label} and {grid.y_label}: no cell has {FEWEST:g} independent samples; that takes a "
+        f"No map over {grid.x_label} and {grid.y_label}: no cell has {grid.fewest:g} independent samples; that takes a "
         "longer flight."
     )
 
@@ -67,7 +67,7 @@ def designed(found: Design) -> str:
     expected, before = separation(found.expected.separation), separation(found.before.separation)
     said = (
         f"Fly {found.file.trajectory.duration:.0f} s: {moves}. Expected separation {expected}, on the given logs "
-        f"{before}; the effects are separable above {INDISTINCT:g}."
+        f"{before}; the effects are separable above {SIGNIFICANCE.indistinct:g}."
     )
     return said if found.separable else f"{said} No flight that was tried separates them reliably."
 

@@ -27,12 +27,13 @@ NO_PROCESS = (
 )
 GHOST = "re-simulated"
 """Name of the ghost in the scene."""
-SECONDS = 20.0
-"""Length of a re-flight unless the user says otherwise [s]: it takes some seconds."""
 
 
 class CompensationPanel(Panel):
     """Switch and sliders of the compensation, its replay, and the counterfactual."""
+
+    flown_seconds = 20.0
+    """Length of a re-flight unless the user says otherwise [s]: it takes some seconds."""
 
     def __init__(self, host: Host, compensations: SessionCompensation) -> None:
         super().__init__(host)
@@ -86,7 +87,7 @@ class CompensationPanel(Panel):
         gui = self.host.gui
         with gui.add_folder("Re-simulate"):
             self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
-            self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
+            self.seconds = gui.add_number("for [s]", self.flown_seconds, min=1.0, step=1.0)
             hint = "Re-simulates the flight from its recorded state, with the compensation in the loop; shown as ghost."
             self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
@@ -99,7 +100,7 @@ class CompensationPanel(Panel):
             self.again.cancel()
             self.done.content, self.flown.content = "", ""
             self.start.value = float(scene.time[0])
-            self.seconds.value = min(SECONDS, float(scene.time[-1] - scene.time[0]))
+            self.seconds.value = min(self.flown_seconds, float(scene.time[-1] - scene.time[0]))
 
     @property
     def gate(self) -> Settings:

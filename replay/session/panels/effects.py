@@ -31,11 +31,13 @@ SAVES = "Written into the folder of --save-to, never over a file that this page 
 DOWNLOADS = "Downloaded by the browser; start the page with --save-to FOLDER to write it there."
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""
-PATH = (120, 60, 190)
 
 
 class EffectsPanel(Panel):
     """The model as it stands, the search for what it lacks, and the staircase of errors down to the noise."""
+
+    path_rgb = (120, 60, 190)
+    """Colour of the designed trajectory in the scene."""
 
     def __init__(self, host: Host, effects: SessionEffects) -> None:
         super().__init__(host)
@@ -192,12 +194,12 @@ class EffectsPanel(Panel):
         self.plan_path.visible = self.plan_save.visible = plan is not None and plan.separable
         self.plan_clear.visible = plan is not None
         if plan is None:
-            self.host.curve(NEXT, None, PATH)
+            self.host.curve(NEXT, None, self.path_rgb)
             self.plan.content = ""
             return
         time = np.linspace(0.0, plan.trajectory.duration, 600)
         reference = plan.trajectory.at(time)
-        self.host.curve(NEXT, reference.position_E, PATH)
+        self.host.curve(NEXT, reference.position_E, self.path_rgb)
         words = f"to separate {' from '.join(e.name for e in plan.effects)}"
         start = float(self.host.scene.time[0])
         self.host.show_ghost(NEXT, Motion(start + time, reference.position_E, reference.quat_ED, None, words))
