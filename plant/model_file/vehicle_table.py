@@ -12,12 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-    model_validator,
-)
+from pydantic import AfterValidator, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.reader import (

@@ -25,14 +25,7 @@ from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.compensation.compensators import (
-    TORQUE,
-    Judged,
-    ProcessCaveat,
-    caveats,
-    compensator,
-    judged,
-)
+from wrenchgap.replay.compensation.compensators import TORQUE, Judged, ProcessCaveat, caveats, compensator, judged
 from wrenchgap.replay.export.c_lines import Own, Printer
 from wrenchgap.replay.export.context import Table, Vectors, context, correction_max, numbers_of, recorded, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
