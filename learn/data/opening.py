@@ -25,7 +25,7 @@ from wrenchgap.learn.data.measurement import Record, commands_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
 from wrenchgap.learn.data.phases.phase import Phase, phase_names, runs, used_samples
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, rows_of, times_outside
-from wrenchgap.learn.data.rotor_commands import as_speeds
+from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
@@ -101,7 +101,7 @@ def opened(
     """
     options = (options or ReadOptions()).changed(**more)
     cutoff_hz, between, keep = options.cutoff_hz, options.between, options.keep
-    found = flight.in_si(as_speeds(found, model))
+    found = flight.in_si(as_speeds(found, model.command, model.vehicle, model.name))
     asked = _Asked(found.path.name, accepted_names(options.accept), gate)
     found, unlikely = without_impossible_commands(with_checks(found), model)
     asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
