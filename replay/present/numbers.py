@@ -15,8 +15,6 @@ from wrenchgap.plant.vehicle import Vehicle
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
-LEAST = 5e-4
-"""Share below which only its bound is printed [-]: a tenth of a per cent, rounded."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -43,22 +41,21 @@ def row(values: Iterable[float], digits: int = 3) -> list[str]:
 
 def share(value: float) -> str:
     """A part of a whole: whole per cent from 10 % on, a digit more below; 0 % is said of zero only."""
-    if not np.isfinite(value):
-        return "-"
-    if 0 < abs(value) < LEAST:
+    return _per_cent(value, 0.095) if np.isfinite(value) else "-"
+
+
+def _per_cent(value: float, whole: float, sign: str = "") -> str:
+    """Whole per cent from the share `whole` on, a digit more below; of less than a tenth of a per cent its bound."""
+    if 0 < abs(value) < 5e-4:
         return "< 0.1 %" if value > 0 else "> -0.1 %"
-    return f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
+    return f"{100 * value:{sign}.{0 if abs(value) >= whole or value == 0 else 1}f} %"
 
 
 def change(value: float) -> str:
     """A relative change with its sign in whole per cent, a digit more below 1 %; 0 % is said of zero only."""
     if not np.isfinite(value):
         return "-"
-    if abs(value) < 1e-9:  # rounding
-        return "0 %"
-    if abs(value) < LEAST:
-        return "< 0.1 %" if value > 0 else "> -0.1 %"
-    return f"{100 * value:+.0f} %" if abs(value) >= 0.0095 else f"{100 * value:+.1f} %"
+    return "0 %" if abs(value) < 1e-9 else _per_cent(value, 0.0095, "+")  # rounding
 
 
 def unit_of(axis: int) -> str:
