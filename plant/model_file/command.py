@@ -11,9 +11,9 @@ import numpy as np
 import tomlkit
 from annotated_types import Interval, Len
 from pydantic import AfterValidator, BeforeValidator, model_validator
-from scipy import constants
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
 from wrenchgap.plant.reader import (
     Number,
@@ -30,9 +30,9 @@ from wrenchgap.plant.reader import (
 
 COLUMNS = {
     "thrust": ("thrust", 1.0),
-    "thrust_g": ("thrust", constants.g / constants.kilo),
+    "thrust_g": ("thrust", GRAVITY / 1000.0),
     "speed": ("speed", 1.0),
-    "rpm": ("speed", 2.0 * np.pi / constants.minute),
+    "rpm": ("speed", np.pi / 30.0),
 }
 """Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
 LAWS = ("thrust_max", "thrust", "speed", "table")
