@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
@@ -114,8 +113,7 @@ def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterat
     if seen.wrench is None:
         return
     inertia = np.diag(model.vehicle.body.inertia)
-    motion = moving(seen, seen.measured[:, 3:]) / inertia
-    _, sent = _likeliest(seen, motion, inertia)
+    motion, sent = _accelerations(seen, inertia)
     size = np.sqrt(np.mean(sent**2, axis=0))
     if not size.any():
         return
@@ -124,7 +122,8 @@ def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterat
     alike = cosine(motion[:, used], sent[:, used])
     said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
     usual = _chatter(seen)
-    quick = _quick_ratio(seen, inertia, used)
+    turning, asked = (part[:, used] for part in _quick(seen, inertia))
+    quick = rms(asked) / max(rms(turning), 1e-12)
     small, large = (
         ratio < WRENCH.torque[0] and abs(alike) > WRENCH.much_alike,
         ratio > WRENCH.torque[1] * usual and abs(alike) > WRENCH.alike,
@@ -145,11 +144,19 @@ def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterat
     yield Check("torque-unit", "ok", words)
 
 
-def _quick_ratio(seen: CommandsAndMotion, inertia: Array, used: NDArray[np.bool_]) -> float:
-    """Commanded over measured torque where torques turn the vehicle: a unit is the same at all frequencies."""
+def _accelerations(seen: CommandsAndMotion, inertia: Array) -> tuple[Array, Array]:
+    """Of the motion (K, 3), and those commanded, behind the lag at which the two are most alike."""
     assert seen.wrench is not None
-    sent, felt = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.wrench, seen.measured))
-    return rms(sent[:, used]) / max(rms(felt[:, used]), 1e-12)
+    motion = moving(seen, seen.measured[:, 3:]) / inertia
+    tried = [moving(seen, seen.wrench[:, 3:], tau) / inertia for tau in COMPARED.lags]
+    return motion, max(tried, key=lambda sent: abs(cosine(motion, sent)))
+
+
+def _quick(seen: CommandsAndMotion, inertia: Array) -> tuple[Array, Array]:
+    """The same where torques turn the vehicle: a unit is the same at all frequencies."""
+    assert seen.wrench is not None
+    motion, sent = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.measured, seen.wrench))
+    return motion, sent
 
 
 def _chatter(seen: CommandsAndMotion) -> float:
@@ -159,25 +166,16 @@ def _chatter(seen: CommandsAndMotion) -> float:
     return max(1.0, sent / max(felt, 1e-12))
 
 
-def _likeliest(seen: CommandsAndMotion, motion: Array, inertia: Array) -> tuple[float, Array]:
-    """The lag [s] behind which the commanded torques are most like the motion, and those as accelerations (K, 3)."""
-    assert seen.wrench is not None
-    torque = seen.wrench[:, 3:]
-    tried = [(tau, moving(seen, torque, tau) / inertia) for tau in COMPARED.lags]
-    return max(tried, key=lambda item: abs(cosine(motion, item[1])))
-
-
 def axes(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Axes of the commanded wrench, among 48, against those of the motion."""
     if seen.wrench is None:
         return
     inertia = np.diag(model.vehicle.body.inertia)
-    motion = moving(seen, seen.measured[:, 3:]) / inertia
-    _, sent = _likeliest(seen, motion, inertia)
+    motion, sent = _accelerations(seen, inertia)
     forces = flown(seen, seen.measured[:, :3]), flown(seen, seen.wrench[:, :3])
     if not sent.any() or not forces[1].any():
         return
-    quick = tuple(moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.measured, seen.wrench))
+    quick = _quick(seen, inertia)
 
     def turned(found: Axes | None) -> Axes | None:
         """Axes that fit better also where torques turn the vehicle."""
