@@ -138,12 +138,7 @@ def desired_force(gains: ControllerGains, mass: float, state: State, reference: 
 
 
 def control_law(
-    gains: ControllerGains,
-    body: Body,
-    state: State,
-    reference: Reference,
-    integral: Array,
-    along_z: bool = False,
+    gains: ControllerGains, body: Body, state: State, reference: Reference, integral: Array, along_z: bool = False
 ) -> tuple[Array, Array]:
     """The control law for N independent samples.
 

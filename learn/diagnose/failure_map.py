@@ -130,13 +130,7 @@ class FailureMap:
         return tuple(d for d in self.dependences if d.significant)
 
 
-def failure_map(
-    data: Dataset,
-    residual: Array,
-    *,
-    permutations: int = MAP.permutations,
-    seed: int = 0,
-) -> FailureMap:
+def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permutations, seed: int = 0) -> FailureMap:
     """Map a residual (K, 6), measured minus predicted, of `data`."""
     found, lacking = quantities(data)
     every = [(q, _bins(q, data)) for q in found]

@@ -38,11 +38,7 @@ class LogReport(Result):
     left_out: tuple[TimeLeftOut, ...] = ()
 
 
-def inspect(
-    path: str | Path,
-    model: Model | None = None,
-    options: ReadOptions | None = None,
-) -> LogReport:
+def inspect(path: str | Path, model: Model | None = None, options: ReadOptions | None = None) -> LogReport:
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, options = Path(path), options or ReadOptions()
     moves = dict(options.shifts or {})

@@ -172,11 +172,7 @@ class _Sums:
 
 class _Search:
     def __init__(
-        self,
-        data: Dataset,
-        residual: Array,
-        groups: Sequence[InputGroup],
-        progress: Callable[[int, int], None] | None,
+        self, data: Dataset, residual: Array, groups: Sequence[InputGroup], progress: Callable[[int, int], None] | None
     ) -> None:
         self.data, self.groups, known = data, groups, data.measured_axes
         self.residual = np.where(known, residual, 0.0)  # with weight zero; their shares are not a number in the end

@@ -67,10 +67,7 @@ class Where(Result):
 
 
 def examine(
-    flights: Sequence[OpenFlight],
-    model: Model,
-    gp: GaussianProcess | None = None,
-    progress: Progress | None = None,
+    flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None = None, progress: Progress | None = None
 ) -> Where:
     """Where `model` (and `gp` on top of it) fails on flights that were opened for it; deterministic."""
     report = progress or (lambda fraction, words: None)

@@ -88,12 +88,7 @@ class Absorption:
 
 
 def absorbed(
-    data: Dataset,
-    model: Model,
-    gp: Process,
-    *,
-    names: Sequence[str] | None = None,
-    progress: Progress | None = None,
+    data: Dataset, model: Model, gp: Process, *, names: Sequence[str] | None = None, progress: Progress | None = None
 ) -> Absorption:
     """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have."""
     some = spread_out(data.records, ABSORPTION.seconds)

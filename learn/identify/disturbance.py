@@ -92,11 +92,7 @@ class Inference:
 
 
 def infer(
-    recording: Recording,
-    model: Model,
-    *,
-    cutoff_hz: float = CUTOFF_HZ,
-    progress: Callable[[float], None] | None = None,
+    recording: Recording, model: Model, *, cutoff_hz: float = CUTOFF_HZ, progress: Callable[[float], None] | None = None
 ) -> Inference:
     """Disturbance, pilot's and allocation's residual of a recording, as `model` (with its controller) sees it.
 

@@ -63,12 +63,4 @@ def stretches(records: Sequence[Record], model: Model) -> list[Stretch]:
     """Commands, what the model expects of them, and what was measured, at the samples that are compared."""
     check_effects(model.effects, model, records)
     physics = Predictor("physics", model.wrench_model)
-    return [
-        Stretch(
-            r.dt_kept,
-            r.commanded,
-            physics.predict(r, model.vehicle.body),
-            r.measured,
-        )
-        for r in records
-    ]
+    return [Stretch(r.dt_kept, r.commanded, physics.predict(r, model.vehicle.body), r.measured) for r in records]

@@ -117,11 +117,7 @@ class _Trials:
 
 
 def compare_alternatives(
-    inputs: Inputs,
-    outputs: Array,
-    names: tuple[str, ...],
-    asked: FitSettings,
-    progress: Progress | None = None,
+    inputs: Inputs, outputs: Array, names: tuple[str, ...], asked: FitSettings, progress: Progress | None = None
 ) -> Alternatives:
     """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
 

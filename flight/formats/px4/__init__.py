@@ -306,14 +306,7 @@ def _speeds(table: Table) -> Array | None:
 
 __all__ = ["derived", "wanted"]
 
-_MAKERS = (
-    imus,
-    odometries,
-    references,
-    wrenches,
-    actuators,
-    batteries,
-)
+_MAKERS = (imus, odometries, references, wrenches, actuators, batteries)
 
 
 def derived(

@@ -109,10 +109,7 @@ def _short(
 
 def _open(start: float, stop: float, hole: Gap, span: tuple[float, float], edge: float = 0.3) -> tuple[float, float]:
     """The times with the hole's end in place of the log's, from which they are less than `edge` [s]."""
-    return (
-        hole.start if start < span[0] + edge else start,
-        hole.stop if stop > span[1] - edge else stop,
-    )
+    return (hole.start if start < span[0] + edge else start, hole.stop if stop > span[1] - edge else stop)
 
 
 def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
