@@ -1,5 +1,7 @@
 """What else a process should look at: what the mismatch depends on is found, what it does not is not recommended."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,7 +53,7 @@ def test_what_the_command_explains_asks_for_nothing() -> None:
 def test_fewer_samples_choose_the_same(monkeypatch) -> None:
     torque = 0.3 * EXTRA["velocity"][:, [0]] + 0.4 * EXTRA["past"][:, [5]] + NOISE
     whole = compare_alternatives(inputs, torque, TORQUE, ASKED)
-    monkeypatch.setattr(alternatives, "SEEN", 240)
+    monkeypatch.setattr(alternatives, "COMPARED", replace(alternatives.COMPARED, seen=240))
     some = compare_alternatives(inputs, torque, TORQUE, ASKED)
     assert len(COMMAND) > 240
     assert some.best.inputs == whole.best.inputs

@@ -9,7 +9,7 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import ActuatorSeries
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.data.input_errors import EDGES, SHARE, Measurement, share_of_error
+from wrenchgap.learn.data.input_errors import EDGES, INPUT_ERRORS, Measurement, share_of_error
 from wrenchgap.learn.identify.calibrate import Fate
 
 RATE, SECONDS = 400.0, 200.0
@@ -50,7 +50,7 @@ def test_a_loop_without_noise_is_exact():
 
 def test_noise_that_the_vehicle_makes_a_wrench_of_is_no_error():
     """Logged at the rate of the loop: its noise is in the measured wrench."""
-    assert np.all(share(400.0, 1.0)[: BAND_OF_1_HZ + 2] < SHARE)
+    assert np.all(share(400.0, 1.0)[: BAND_OF_1_HZ + 2] < INPUT_ERRORS.share)
 
 
 def test_a_band_above_half_the_rate_of_the_log_says_nothing():
