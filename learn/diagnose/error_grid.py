@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,15 +35,13 @@ class Grid:
     force: Array
     torque: Array
     mean: Array
-    fewest: float
+    fewest: ClassVar[float] = 4.0
 
 
-def error_grid(
-    data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2, fewest: float = 4.0
-) -> Grid | None:
+def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2) -> Grid | None:
     """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate.
 
-    Tilt and its direction are mapped where they are `known` for this share of the time; `fewest` as in `Grid`.
+    Tilt and its direction are mapped where they are `known` for this share of the time.
     """
     by_name = {q.name: q for q in found}
     pair = [by_name.get("tilt"), by_name.get("direction")]
@@ -57,7 +56,7 @@ def error_grid(
     cell = (x * shape[1] + y)[inside]
     size = shape[0] * shape[1]
     samples = np.bincount(cell, minlength=size)
-    enough = samples >= fewest / data.independence
+    enough = samples >= Grid.fewest / data.independence
 
     def mean_of(values: Array) -> Array:
         sums = np.bincount(cell, weights=values[inside], minlength=size)
@@ -74,7 +73,6 @@ def error_grid(
         np.sqrt(mean_of(length(residual[:, :3]) ** 2)),
         np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
         np.stack([mean_of(column) for column in residual.T], axis=2),
-        fewest,
     )
 
 

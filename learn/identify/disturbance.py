@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class DisturbanceSize:
     rms_fast: Array
     largest: Array
     rms_pull: Array
-    fast_hz: float = 10.0
+    fast_hz: ClassVar[float] = 10.0
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,10 @@ from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay.batch.fleet import FleetRanking, moved, points_of, rankings
-from wrenchgap.replay.batch.plan import Plan, Task, failed, reason, work
+from wrenchgap.replay.batch.plan import Plan
 from wrenchgap.replay.batch.sources import Source, identities
 from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.tasks import Task, failed, reason, work
 
 Tell = Callable[[int, int, int, str], None]
 """Called with logs done, all logs, logs failed, and the file that is done."""
