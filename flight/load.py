@@ -116,7 +116,10 @@ def _stamped(table: Table, source: Source) -> Table:
     """The table with its stamps in nanoseconds, where the user said in which unit they are."""
     if table.header_ns is None or source.meaning.stamp == 1.0:
         return table
-    return replace(table, header_ns=np.round(table.header_ns * source.meaning.stamp).astype(np.int64))
+    scaled = np.round(table.header_ns * source.meaning.stamp)
+    if np.any(np.abs(scaled) >= 2.0**63):
+        raise LogError(f"{source}: stamps of {np.abs(scaled).max():.3g} ns; expected a unit in which they are times")
+    return replace(table, header_ns=scaled.astype(np.int64))
 
 
 @dataclass

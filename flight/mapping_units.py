@@ -28,6 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 
@@ -303,13 +304,16 @@ def parse_source(value: str) -> Said:
 def _columns(text: str, value: str) -> tuple[int, ...]:
     chosen: list[int] = []
     for piece in text.split(","):
-        bounds = piece.split(":")
-        if len(bounds) > 2 or not all(bound.strip().isdigit() for bound in bounds):
+        bounds = re.fullmatch(r"\s*(\d{1,5})\s*(?:(:)\s*(\d{1,5})\s*)?", piece)
+        if bounds is None:
             raise UsageError(
-                f"topic {value!r}: columns {piece.strip()!r}; expected numbers or first:last+1, as in [0:6]"
+                f"topic {value[:80]!r}: columns {piece.strip()[:80]!r}; expected numbers below 100,000 or "
+                "first:last+1, as in [0:6]"
             )
-        first = int(bounds[0])
-        chosen += range(first, int(bounds[1]) if len(bounds) == 2 else first + 1)
+        first = int(bounds[1])
+        chosen += range(first, int(bounds[3]) if bounds[2] else first + 1)
+        if len(chosen) > LIMITS.array_numbers:
+            raise UsageError(f"topic {value[:80]!r}: selects more than {LIMITS.array_numbers} columns")
     if not chosen:
         raise UsageError(f"topic {value!r}: selects no column")
     return tuple(chosen)

@@ -26,7 +26,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
-from wrenchgap.learn.work_files import remove, written
+from wrenchgap.flight.work_files import remove, written
 from wrenchgap.learn.worker import WorkerDied, Workers
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import catalogue

@@ -21,6 +21,8 @@ def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
     if not (name and equals and parts):
         raise UsageError(f"{text!r}: expected EFFECT=PARAMETER:VALUE,... e.g. com_offset=x:0.004,y:-0.007")
     named = [re.split(r"[:=]", part, maxsplit=1) for part in parts]
+    if len({pair[0].strip() for pair in named if len(pair) == 2}) < sum(len(pair) == 2 for pair in named):
+        raise UsageError(f"{text!r}: a parameter is given twice; say it once")
     if all(len(pair) == 2 for pair in named):
         return name.strip(), {key.strip(): _number(value, text) for key, value in named}
     if any(len(pair) == 2 for pair in named):

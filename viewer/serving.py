@@ -176,7 +176,10 @@ def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[...
             response: Response | None = connection.respond(passed.status, f"{passed.words}\n")
             headers = gate.headers("")
         else:
-            response = answer(connection, replace(request, path=passed))
+            try:
+                response = answer(connection, replace(request, path=passed))
+            except OSError:  # a name that no file can have
+                response = connection.respond(HTTPStatus.NOT_FOUND, "There is no such file.\n")
             headers = gate.headers(hosts[0])
         if response is not None:
             for name, value in headers.items():

@@ -164,7 +164,7 @@ VIEW = ("view", "{0}", "-m", MODEL, "--port", "0")
 
 SWEEP = """
 import os, sys
-from wrenchgap.learn import work_files
+from wrenchgap.flight import work_files
 print(work_files.written(lambda file: file.write(b"mine")))
 """
 

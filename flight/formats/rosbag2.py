@@ -20,6 +20,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from wrenchgap.flight import work_files
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import bag_database, natural, only_recording, storage
@@ -187,7 +188,7 @@ class Rosbag2FolderReader(Reader):
         self._compare_with_metadata(files)
         unreadable: list[LogError] = []
         for path in files:
-            with tempfile.TemporaryDirectory() as scratch:
+            with tempfile.TemporaryDirectory(dir=work_files.folder()) as scratch:
                 plain = self._unpacked(path, Path(scratch))
                 kind = McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader
                 reader: Reader = kind(plain, account=self.account)

@@ -138,7 +138,7 @@ def simulate(
     # Long because every argument has its lines in the docstring.
     believed = truth.nominal if believed is None else believed
     length = trajectory.duration if duration is None else duration
-    _check(truth.vehicle, believed.vehicle, length)
+    _check(truth.vehicle, believed.vehicle, length, 2.0 / believed.controller.rate_hz)
     clock = _clock(length, physics_rate, believed.controller.rate_hz, voltage)
     reference = trajectory.at(clock.time[:: clock.per_command])
     computer = FlightComputer(
@@ -207,9 +207,9 @@ def _divide(physics_rate: float, rate: float, what: str) -> int:
     return round(ratio)
 
 
-def _check(truth: Vehicle, believed: Vehicle, length: float) -> None:
-    if not (np.isfinite(length) and length > 0):
-        raise UsageError(f"simulate: got a duration of {length} s, expected a positive number")
+def _check(truth: Vehicle, believed: Vehicle, length: float, least: float) -> None:
+    if not (np.isfinite(length) and length >= least):
+        raise UsageError(f"simulate: got a duration of {length} s, expected two control periods, {least:g} s, at least")
     shapes = [
         (0 if v.arms is None else len(v.arms), 0 if v.rotors is None else len(v.rotors)) for v in (truth, believed)
     ]

@@ -17,9 +17,9 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any
 
+from wrenchgap.flight import work_files
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay.batch.fleet import FleetRanking, moved, points_of, rankings
@@ -76,14 +76,17 @@ def dask_distributed() -> Any:
 
 
 @contextmanager
-def client(scheduler: str | None = None, workers: int | None = None, memory: str = "auto") -> Iterator[Any]:
+def client(
+    scheduler: str | None = None, workers: int | None = None, memory: str = "auto", most: int | None = None
+) -> Iterator[Any]:
     """A client of a Dask cluster: that at `scheduler`, else one of `workers` processes on this machine (default: one
-    for each core). Raises UsageError where there is none at that address.
+    for each core), `most` at most. Raises UsageError where there is none at that address.
     """  # noqa: D205
     distributed = dask_distributed()
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if scheduler is None:
-        with _local_cluster(workers or cores(), memory) as cluster, distributed.Client(cluster) as found:
+        count = workers or cores()
+        with _local_cluster(min(count, most or count), memory) as cluster, distributed.Client(cluster) as found:
             yield found
         return
     try:
@@ -110,7 +113,8 @@ def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
 
     distributed = dask_distributed()
     local = {"host": LOOPBACK, "security": distributed.Security.temporary(), "dashboard_address": f"{LOOPBACK}:0"}
-    size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "silence_logs": logging.CRITICAL}
+    size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": _bytes(memory)}
+    size["silence_logs"] = logging.CRITICAL
     with (
         tempfile.TemporaryDirectory(dir=work_files.folder(), ignore_cleanup_errors=True) as folder,
         dask.config.set(UNWATCHED | {"temporary-directory": folder}),
@@ -119,6 +123,21 @@ def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
             cluster = distributed.LocalCluster(**size, **local)
         with cluster:
             yield cluster
+
+
+def _bytes(memory: str) -> int | str:
+    """Of a size such as 2GB; `auto` stays. Raises UsageError for anything else."""
+    from dask.utils import parse_bytes
+
+    if memory == "auto":
+        return memory
+    try:
+        size = int(parse_bytes(memory))
+    except (ValueError, OverflowError):
+        size = 0
+    if size <= 0:
+        raise UsageError(f"--memory {memory}: expected a size, such as 2GB, or auto")
+    return size
 
 
 @contextmanager
@@ -141,7 +160,11 @@ def agree(found: Any, store: Store) -> None:
     """Raise UsageError where workers have another version, or do not see what is written to."""
     if not found.scheduler_info(n_workers=-1)["workers"]:
         raise UsageError(f"the Dask scheduler at {found.scheduler.address} has no workers; start some (`dask worker`)")
-    for said in found.run(_about, store.url).values():
+    try:
+        answers = found.run(_about, store.url)
+    except dask_distributed().comm.core.CommClosedError:
+        raise UsageError("a worker ended as soon as it began; give each more memory with --memory") from None
+    for said in answers.values():
         version, sees = said
         if version != tool_version():
             raise UsageError(f"a worker has wrenchgap {version}, this is {tool_version()}; install the same version")

@@ -10,6 +10,7 @@ from glob import has_magic
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from wrenchgap.flight import work_files
 from wrenchgap.flight.errors import LogError, UsageError, WrenchgapError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats import content_hash
@@ -190,7 +191,7 @@ def at_hand(source: Source) -> Iterator[Path]:
         yield Path(source.url)
         return
     system, path = opened(source.url)
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as folder:
+    with tempfile.TemporaryDirectory(dir=work_files.folder()) as folder:
         copy = Path(folder) / source.name
         try:
             with reached(source.url):

@@ -16,6 +16,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from wrenchgap._kernels import removed_kernels
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
@@ -82,6 +83,8 @@ def reason(error: BaseException) -> str:
     """One line on what went wrong."""
     if isinstance(error, WrenchgapError):
         return str(error)
+    if (removed := removed_kernels(error)) is not None:
+        return removed
     if isinstance(error, MemoryError):
         return "out of memory; give the workers more, or fewer logs at a time with --workers"
     said = " ".join(str(error).split())

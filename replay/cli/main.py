@@ -21,6 +21,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from wrenchgap._escaping import printable
+from wrenchgap._kernels import removed_kernels
 from wrenchgap.replay.cli.commands import (
     analysis,
     batch,
@@ -34,6 +35,7 @@ from wrenchgap.replay.cli.commands import (
     view,
 )
 from wrenchgap.replay.cli.requests import flat_command
+from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
@@ -123,6 +125,9 @@ def report(error: BaseException) -> int:
     if isinstance(error, OSError) and error.errno is not None:
         say(f"a file could not be written or read: {error.strerror}; see the free space and the limits")
         return 2
+    if (removed := removed_kernels(error)) is not None:
+        say(removed)
+        return 2
     if isinstance(error, MemoryError):
         say("out of memory; use fewer or shorter logs")
         return 1
@@ -199,8 +204,19 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As typer, which wants an option before each value."""
+        if not ctx.resilient_parsing:
+            _refuse_empty(args)
         listed = {name for one in self.params if getattr(one, "multiple", False) for name in one.opts}
         return super().parse_args(ctx, list(_repeated(args, SEVERAL & listed)))
+
+
+def _refuse_empty(args: Sequence[str]) -> None:
+    """Raise UsageError for an empty argument, such as a shell variable that is not set: as a path it is this folder."""
+    for before, arg in zip(("", *args), args, strict=False):
+        bare = arg[:-1] if arg.startswith("--") and arg.find("=") == len(arg) - 1 else ""
+        if not arg or bare:
+            where = bare or (before if before.startswith("-") else "an argument")
+            raise usage_error(f"{where}: is empty; expected a value, perhaps of a shell variable that is not set")
 
 
 def _repeated(args: Sequence[str], options: Collection[str]) -> Iterator[str]:

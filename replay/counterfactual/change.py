@@ -13,6 +13,7 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import with_values
+from wrenchgap.plant.reader import BOUNDS
 from wrenchgap.plant.simulation.flight_computer import Compensating
 from wrenchgap.replay.compensation import compensators as compensating
 
@@ -47,8 +48,12 @@ def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGai
 
     Raises UsageError for an unknown name or a value that is no number, ModelError for one out of range.
     """
+    given: set[str] = set()
     for text in texts:
         name, equals, values = (part.strip() for part in text.partition("="))
+        if name in given:
+            raise UsageError(f"--gains {name}: given twice; say it once")
+        given.add(name)
         if name not in SETTABLE or not equals:
             raise UsageError(f"--gains {text}: expected NAME=VALUE with a name out of {', '.join(SETTABLE)}")
         try:
@@ -58,6 +63,8 @@ def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGai
         per_axis = name in ("zeta_attitude", "omega_attitude")
         if len(numbers) not in ((1, 3) if per_axis else (1,)):
             raise UsageError(f"--gains {text}: got {len(numbers)} numbers, expected {'1 or 3' if per_axis else '1'}")
+        if any(abs(number) > BOUNDS.largest for number in numbers):
+            raise UsageError(f"--gains {text}: expected numbers up to {BOUNDS.largest:g}")
         spread = numbers * 3 if per_axis and len(numbers) == 1 else numbers
         changed: dict[str, Any] = {name: spread if per_axis else numbers[0]}
         gains = replace(gains, **changed)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight import work_files
 from wrenchgap.flight.budget import Account, Budget
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.formats import READERS
@@ -191,7 +192,7 @@ def stepped(
 
     What was checked is compiled, in a folder of its own, where no other file can stand in for a header.
     """
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as place:
+    with tempfile.TemporaryDirectory(dir=work_files.folder()) as place:
         program, main = Path(place) / "flown", Path(__file__).with_name("flown.c")
         for name, content in {**contents, main.name: main.read_bytes()}.items():
             (Path(place) / name).write_bytes(content)

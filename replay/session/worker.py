@@ -15,8 +15,8 @@ from queue import SimpleQueue
 from typing import ClassVar, TypeVar
 
 from wrenchgap.flight.errors import FitError, WrenchgapError
+from wrenchgap.flight.work_files import folder
 from wrenchgap.learn.parallel import DIED, begin, own_files, portable
-from wrenchgap.learn.work_files import folder
 from wrenchgap.learn.worker import WorkerDied, Workers, tell
 
 T = TypeVar("T")

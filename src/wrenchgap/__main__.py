@@ -17,11 +17,21 @@ def open_streams() -> None:
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
 
 
+def working_folder() -> None:
+    """Leave with one line where the working folder is gone: relative paths mean nothing then."""
+    try:
+        Path.cwd()
+    except OSError as error:
+        sys.stderr.write(f"wrenchgap: the working folder cannot be used: {error.strerror}; go to another one\n")
+        sys.exit(2)
+
+
 def main() -> None:
     """Run one command, and leave with its exit code."""
     open_streams()
     try:
         _signals.catch()
+        working_folder()
         _safe_path.leave_working_folder()
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 

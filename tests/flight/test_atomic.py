@@ -192,7 +192,7 @@ def test_a_file_system_without_hard_links_is_written_to(tmp_path, monkeypatch):
 WRITERS = ("write_text", "write_bytes", "to_csv", "savefig", "savez", "to_parquet", "copyfile", "copyfileobj")
 NO_OUTPUT = {
     "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
-    "learn/work_files.py": "what worker processes read, in a folder that goes again",
+    "flight/work_files.py": "what worker processes read, in a folder that goes again",
     "learn/worker.py": "the pipe to whoever asks",
     "plant/trajectory/file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",

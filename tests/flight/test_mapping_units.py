@@ -139,6 +139,9 @@ def test_a_factor_and_a_field(logs, tmp_path):
         ({"imu": "/imu*"}, "expected /topic"),
         ({"imu": "/imu:force*2"}, "is about force"),
         ({"imu": "/imu:gyro*two"}, "means nothing"),
+        ({"imu": "/imu[0:99999999999]"}, "columns '0:99999999999'; expected numbers below 100,000"),
+        ({"imu": f"/imu[{'1' * 5000}]"}, "expected numbers below 100,000"),
+        ({"imu": f"/imu[{','.join(['0:99'] * 9)}]"}, "selects more than 256 columns"),
     ],
 )
 def test_what_means_nothing_is_refused_in_one_line(topics, words, read):

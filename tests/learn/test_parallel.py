@@ -12,8 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from wrenchgap.flight import work_files
 from wrenchgap.flight.errors import FitError, ModelError
-from wrenchgap.learn import parallel, work_files
+from wrenchgap.learn import parallel
 from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.explain import search_dataset
@@ -129,7 +130,7 @@ def test_what_is_shared_is_written_once_and_goes_with_its_owner():
 
 WRITES = """
 import os, sys, time
-from wrenchgap.learn import work_files
+from wrenchgap.flight import work_files
 print(work_files.written(lambda file: file.write(b"large")), flush=True)
 sys.stdin.readline()
 """

@@ -25,6 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PLACES = {"MODEL": MODEL, "HEXA": f"-m {MODEL}", "OUT": "--json out.json --figure out.png --csv out.csv"}
 """What stands for what in CASES, beside LOG and TRAIN, the logs, and @NAME, a file of the fixture `spoilt`."""
 
+STARTED = "from wrenchgap.__main__ import main; main()"
+
 CASES = {
     "compare gone.mcap HEXA OUT": "gone.mcap | no such file",
     "compare @empty.mcap HEXA OUT": "empty.mcap | empty",
@@ -90,6 +92,16 @@ CASES = {
     "counterfactual LOG HEXA --duration 0 --json out.json": "expected a positive number",
     "compare LOG HEXA --between 100:200 OUT": "between 100 and 200 s; the flight lasts from",
     "compare LOG HEXA --cutoff -1 OUT": "--cutoff -1",
+    "compare LOG HEXA --cutoff 1e-308 OUT": "too short",
+    "compare LOG HEXA --cutoff 1e-320 OUT": "positive number of Hz",
+    "view LOG HEXA --save-to=": "--save-to: is empty",
+    "inspect LOG --topic imu=/imu[0:99999999999]": "columns '0:99999999999' | numbers below 100,000",
+    "inspect LOG -m @columns.toml": "selects more than 256 columns",
+    "compare LOG HEXA --topic imu=/imu:stamp*1e12": "/imu:stamp*1e12 | a unit in which they are times",
+    "simulate HEXA -t hover --hide com_offset=x:0.001,x:0.002 -o out.mcap": "a parameter is given twice",
+    "simulate HEXA -t hover --duration 1e-9 -o out.mcap": "two control periods, 0.01 s",
+    "counterfactual LOG HEXA --gains integral=0 integral=0.1": "--gains integral: given twice",
+    "counterfactual LOG HEXA --gains omega_attitude=1e308": "--gains omega_attitude=1e308 | up to 1e+12",
     "compare LOG HEXA --colour": "--colour | wrenchgap compare --help",
     "compare LOG": "--model | wrenchgap compare --help",
     "explode": "explode | wrenchgap --help",
@@ -168,6 +180,7 @@ def spoilt(logs, tmp_path_factory):
         ("negative", "mass = 4.0 ", "mass = -4.0 "),
         ("weight", "mass = 4.0 ", "mass = 4.0\nweight = 40.0 "),
         ("another", f'name = "{MODEL}"', 'name = "another"'),
+        ("columns", 'imu = "/imu"', 'imu = "/imu[0:99999]"'),
     ):
         assert old in text
         (folder / f"{name}.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
@@ -205,6 +218,44 @@ def test_a_real_process_says_one_line_too(tmp_path):
     command = [sys.executable, "-m", "wrenchgap", "compare", str(tmp_path / "gone.mcap"), "-m", MODEL]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+
+
+@pytest.mark.parametrize("words", [["compare", "", "-m", MODEL], ["compare", "gone.mcap", "-m", ""]])
+def test_an_empty_argument_is_not_the_working_folder(words, refused):
+    assert "is empty" in refused(*words)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="removes the working folder")
+def test_a_working_folder_that_is_gone_is_told(tmp_path):
+    said = (
+        f'mkdir gone && cd gone && rmdir ../gone && exec {sys.executable} -P -c "{STARTED}" compare a.mcap -m {MODEL}'
+    )
+    done = subprocess.run(["sh", "-c", said], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "wrenchgap: the working folder cannot be used: No such file or directory; go to another one\n"
+
+
+def test_kernels_that_cannot_be_read_back_are_removed_and_the_next_command_compiles_them(tmp_path):
+    code = (
+        "import sys\nfrom numba import njit\nfrom wrenchgap.replay.cli.main import report\n"
+        "@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
+        "try:\n    print(twice(2))\nexcept Exception as error:\n    sys.exit(report(error))\n"
+    )
+    (tmp_path / "kernel.py").write_text(code, encoding="utf-8")
+
+    def run():
+        env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+        command = [sys.executable, str(tmp_path / "kernel.py")]
+        return subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
+
+    assert run().stdout == "4\n"
+    [index] = (tmp_path / "kernels").rglob("*.nbi")
+    for left in (b"", index.read_bytes()[:20], b"\x80garbage"):
+        index.write_bytes(left)
+        broken = run()
+        assert (broken.returncode, broken.stdout, broken.stderr.count("\n")) == (2, "", 1)
+        assert "kernels that were compiled before could not be read and were removed" in broken.stderr
+        assert run().stdout == "4\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="closes descriptors by a shell")

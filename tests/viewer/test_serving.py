@@ -32,6 +32,10 @@ def test_the_link_opens_the_page_and_nothing_else_does():
             assert answer.headers["Referrer-Policy"] == "no-referrer"
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}/", timeout=10)
+        for name in ("gone", 7000 * "a"):
+            with pytest.raises(urllib.error.HTTPError, match="404") as refused:
+                urllib.request.urlopen(gate.url(server.get_port()) + name, timeout=10)
+            assert refused.value.headers["X-Frame-Options"] == "DENY"
     finally:
         server.stop()
 

@@ -94,7 +94,7 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
     store.claim(plan.identity)
     with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
         report(0.0, "starting workers")
-        with driver.client(where.scheduler, where.workers, where.memory) as client:
+        with driver.client(where.scheduler, where.workers, where.memory, most=len(found)) as client:
             driver.agree(client, store)
             run.line(f"Dask's dashboard: {client.dashboard_link}{_without_bokeh()}", style="dim")
             result = driver.passes(client, found, plan, store, report, passes, again=where.again)

@@ -12,9 +12,10 @@ import zstandard
 from benchmarks.faults.structured import CHUNK, MAGIC, bomb, chunk, joined, records
 from benchmarks.faults.valid import FORMS
 from wrenchgap import flight
+from wrenchgap.flight import work_files
 from wrenchgap.flight.clocks import ClockMap
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats import mcap, read_log, reader
+from wrenchgap.flight.formats import mcap, read_log, reader, rosbag2
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.reader import Channel
 
@@ -173,6 +174,24 @@ def test_a_damaged_compressed_file_is_read_as_far_as_it_goes(logs, tmp_path):
     log = read_log(folder, everything)
     assert 0 < len(log.tables["/imu"]) < 600
     assert any("read as far as it goes" in note for note in log.notes)
+
+
+def test_a_bag_is_unpacked_into_the_folder_that_goes_with_its_process(logs, tmp_path, monkeypatch):
+    bag = logs.plain_flight(6.0).save(tmp_path / "bag", "folder-mcap-file")
+    (tmp_path / "work").mkdir()
+    monkeypatch.setattr(work_files, "folder", lambda: str(tmp_path / "work"))
+    opened = rosbag2.McapReader
+    places = []
+
+    def noted(path, **options):
+        places.append(path)
+        return opened(path, **options)
+
+    monkeypatch.setattr(rosbag2, "McapReader", noted)
+    assert len(flight.load(bag).imu.time) == 600
+    assert places
+    assert all(tmp_path / "work" in path.parents for path in places)
+    assert not list((tmp_path / "work").iterdir())
 
 
 LOOP = "lab_msgs/Loop next\n" + "=" * 80 + "\nMSG: lab_msgs/Loop\n"
