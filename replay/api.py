@@ -110,6 +110,8 @@ def compare(
 ) -> Comparison:
     """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`."""
     opened, base, names = listed(flights), model_of(model), labels(model, *others)
+    if not opened:
+        raise UsageError("compare: got no flights; expected one at least, see open_flights")
     found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
     return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))

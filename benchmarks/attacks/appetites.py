@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 from benchmarks.attacks import Attack, Outcome
@@ -55,6 +56,17 @@ def raised(folder: Path) -> Outcome:
     return Outcome(less == 2 and "--budget" in said and more in (0, 3), f"exit {less} with 1kB, {more} with 1GB")
 
 
+def columns_without_end(folder: Path) -> Outcome:
+    """A model file names columns of a topic that no array has."""
+    model = folder / "vehicle.toml"
+    plain = (resources.files("wrenchgap.models") / "tilt_hexarotor.toml").read_text(encoding="utf-8")
+    model.write_text(plain.replace('imu = "/imu"', 'imu = "/imu[0:99999999999]"'), encoding="utf-8")
+    code, text, memory, time = inspected(made("mcap-json", folder, seed=True), "-m", str(model))
+    right = code == 2 and text.count("\n") == 1 and "[0:99999999999]" in text
+    words = f"refused in one line, {memory:,.0f} MB, {time:.1f} s" if right else f"exit {code}: {text[:200]}"
+    return Outcome(right and memory < 500 and time < 10, words)
+
+
 OPTION, COMPUTED = "--budget", "computed"
 CASES: tuple[tuple[str, str, str, float, float], ...] = (
     (
@@ -101,6 +113,11 @@ ATTACKS = (
             slow=name in SLOW,
         )
         for name, what, refusal, megabytes, seconds in CASES
+    ),
+    Attack(
+        "a model file whose topic has 99,999,999,999 columns; `inspect -m`",
+        "refused in one line that says which; 500 MB, 10 s of processor time",
+        columns_without_end,
     ),
     Attack("a log that its budget refuses, with `--budget 1GB,60s`", "refused before, read then", raised),
 )

@@ -146,14 +146,14 @@ def prepare(
     FitError for a stretch that is too short or without any command.
     """
     dt = samples.dt
+    if not 0 < cutoff_hz * dt < 0.4:
+        raise FitError(f"{samples.flight}: cut-off {cutoff_hz:g} Hz, expected between 0 and {0.4 / dt:g} Hz")
     trim = int(np.ceil(min(3.0 / (cutoff_hz * dt), len(samples))))
     if len(samples) < 4 * trim:
         raise FitError(
             f"{samples.flight}: a stretch of {len(samples) * dt:.2f} s is too short for a {cutoff_hz:g} Hz filter; "
             f"needs {12.0 / cutoff_hz:.4g} s"
         )
-    if not 0 < cutoff_hz < 0.4 / dt:
-        raise FitError(f"{samples.flight}: cut-off {cutoff_hz:g} Hz, expected between 0 and {0.4 / dt:g} Hz")
     sent, source = commands or commands_of(samples, vehicle)
     state, has_pose = _state(samples)
     step = max(1, round(1.0 / (dt * (rate_hz or 5.0 * cutoff_hz))))

@@ -126,7 +126,7 @@ def opened(
                 rows, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
             )
         except FitError as error:
-            if len(rows) * rows.dt >= 12.0 / cutoff_hz:
+            if not 0.0 < len(rows) * rows.dt * cutoff_hz < 12.0:
                 raise
             short.append(str(error))
         else:

@@ -18,7 +18,7 @@ def usage_error(text: str) -> Exception:
 
 def parse_cutoff(hz: float) -> float:
     """The cut-off [Hz], if it is one; raises UsageError."""
-    if not (math.isfinite(hz) and hz > 0 and math.isfinite(1.0 / hz)):
+    if not (math.isfinite(hz) and hz > 0):
         raise usage_error(f"--cutoff {hz:g}: expected a positive number of Hz, e.g. 8")
     return hz
 

@@ -8,6 +8,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap import open_flights
+from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data import read_options
 from wrenchgap.learn.data.read_options import ReadOptions, intervals, times_outside
 from wrenchgap.plant import model_file
@@ -20,6 +21,12 @@ def test_the_example_of_the_docstring_runs():
 def test_an_option_that_there_is_not_is_refused_with_those_that_there_are():
     with pytest.raises(TypeError, match="cut_off: no option of reading logs; there are topics, shifts, cutoff_hz"):
         open_flights("none.mcap", model_file.load("crazyflie"), cut_off=5.0)
+
+
+@pytest.mark.parametrize("hz", [0.0, -1.0, np.nan, np.inf])
+def test_a_cut_off_that_is_none_is_refused(hz, logs):
+    with pytest.raises(FitError, match=r"cut-off .* Hz, expected between 0 and"):
+        open_flights(logs.test, model_file.load("tilt_hexarotor"), cutoff_hz=hz, accept=["rate"])
 
 
 def test_options_read_back_from_their_json():

@@ -70,6 +70,11 @@ def test_a_heavier_model_predicts_less_measured_force(logs):
     np.testing.assert_allclose(heavier, 0.5 * light, rtol=1e-9, atol=1e-9)
 
 
+def test_no_flight_is_refused():
+    with pytest.raises(UsageError, match="got no flights"):
+        wg.compare([], MODEL)
+
+
 def test_models_of_another_shape_cannot_be_compared():
     with pytest.raises(ModelError, match="one vehicle"):
         predictors(MODEL, [wg.load_model("crazyflie")])
@@ -113,7 +118,9 @@ def test_values_by_name_and_in_order_mean_the_same():
     np.testing.assert_array_equal(by_name, in_order)
 
 
-@pytest.mark.parametrize("text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one"])
+@pytest.mark.parametrize(
+    "text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one", "com_offset=x:1,x:2"]
+)
 def test_values_that_are_none_are_refused(text):
     with pytest.raises(UsageError):
         editing.effect_of_text(MODEL, text)

@@ -147,6 +147,8 @@ def test_nothing_that_helps_leaves_the_model_as_it_is(run, tmp_path):
         (("--from", "nix.ulg", "-o", "x.toml"), "no such file; expected .ulg"),
         (("--from", "here.param", "-o", "x.toml"), "say --mass KG"),
         (("--from", "here.param", "--mass", "0", "-o", "x.toml"), "--mass 0: expected a positive number"),
+        (("--from", "here.param", "--rotor-radius", "1e-308", "-o", "x.toml"), "--rotor-radius 1e-308: expected a pos"),
+        (("--from", "here.param", "--arm", "1e308", "-o", "x.toml"), r"--arm 1e\+308: expected a positive number"),
         (("--from", "here.param", "--mass", "1", "-o", "here.param"), "is read by this command|exists|input"),
     ],
 )

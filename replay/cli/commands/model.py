@@ -93,8 +93,10 @@ def questions(question: str, kind: type, default: str | None, choices: Sequence[
 
 
 def _positive(text: str) -> bool:
+    from wrenchgap.plant.reader import LEAST, MOST
+
     try:
-        return 0.0 < float(text) < float("inf")
+        return LEAST <= float(text) <= MOST
     except ValueError:
         return False
 
