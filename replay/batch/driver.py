@@ -159,11 +159,16 @@ def ctrl_c_stays_here() -> Iterator[None]:
 def agree(found: Any, store: Store) -> None:
     """Raise UsageError where workers have another version, or do not see what is written to."""
     if not found.scheduler_info(n_workers=-1)["workers"]:
-        raise UsageError(f"the Dask scheduler at {found.scheduler.address} has no workers; start some (`dask worker`)")
+        raise UsageError(
+            f"the Dask scheduler at {found.scheduler.address} has no workers; start some (`dask worker`), or give "
+            "those of this machine more memory with --memory"
+        )
     try:
         answers = found.run(_about, store.url)
     except dask_distributed().comm.core.CommClosedError:
-        raise UsageError("a worker ended as soon as it began; give each more memory with --memory") from None
+        raise UsageError(
+            "a worker ended as soon as it began; give those of this machine more memory with --memory"
+        ) from None
     for said in answers.values():
         version, sees = said
         if version != tool_version():

@@ -209,5 +209,5 @@ def test_rates_that_do_not_divide_and_vehicles_that_do_not_match_are_named():
     box, rng = Model(Vehicle("box", HEXAROTOR.body, None, None, np.zeros(3))), np.random.default_rng(0)
     with pytest.raises(UsageError, match="must agree"):
         simulate(model(), box, Hover(1.0), rng=rng)
-    with pytest.raises(UsageError, match="expected a positive number"):
+    with pytest.raises(UsageError, match=r"expected two control periods, 0\.01 s, at least"):
         simulate(model(), None, Hover(1.0), -2.0, rng=rng)

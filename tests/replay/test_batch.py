@@ -170,7 +170,7 @@ def test_an_etag_stands_for_the_content():
         ("batch inspect LOGS -o out --scheduler tcp://127.0.0.1:9", "no Dask scheduler answers"),
         ("batch inspect LOGS -o out --memory nan", "--memory nan: expected a size, such as 2GB, or auto"),
         ("batch inspect LOGS -o out --memory=-1", "--memory -1: expected a size"),
-        ("batch inspect LOGS -o out --memory 1MB", "give each more memory with --memory"),
+        ("batch inspect LOGS -o out --memory 1MB", "give those of this machine more memory with --memory"),
         ("batch inspect LOGS -o out --scheduler tcp://h:1 --workers 2", "leave out --workers"),
         ("batch inspect s3://bucket/flights -o out", "pip install 'wrenchgap[s3]'"),
         ("batch inspect abc://bucket/flights -o out", "abc"),
