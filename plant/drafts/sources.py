@@ -19,7 +19,7 @@ from wrenchgap.plant.drafts import mjcf_urdf as compiled
 from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
 from wrenchgap.plant.drafts.frames import FRAMES, rotors_of
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
-from wrenchgap.plant.reader import LEAST, MOST
+from wrenchgap.plant.reader import BOUNDS
 
 KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .urdf, .sdf, .xml (MuJoCo)"
 
@@ -74,8 +74,10 @@ def _check(user: Given) -> None:
     options = {"--mass": user.mass, "--mass-tolerance": user.mass_tolerance, "--arm": user.arm}
     options |= {"--rotor-radius": user.radius, "--thrust-max": user.thrust_max}
     for option, value in options.items():
-        if value is not None and not LEAST <= value <= MOST:
-            raise UsageError(f"{option} {value:g}: expected a positive number, {LEAST:g} to {MOST:g}")
+        if value is not None and not BOUNDS.smallest <= value <= BOUNDS.largest:
+            raise UsageError(
+                f"{option} {value:g}: expected a positive number, {BOUNDS.smallest:g} to {BOUNDS.largest:g}"
+            )
     if user.frame is not None and user.arm is None:
         raise UsageError(f"--frame {user.frame}: say its size too, --arm METRES from the middle to a motor")
 

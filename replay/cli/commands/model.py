@@ -93,10 +93,10 @@ def questions(question: str, kind: type, default: str | None, choices: Sequence[
 
 
 def _positive(text: str) -> bool:
-    from wrenchgap.plant.reader import LEAST, MOST
+    from wrenchgap.plant.reader import BOUNDS
 
     try:
-        return LEAST <= float(text) <= MOST
+        return BOUNDS.smallest <= float(text) <= BOUNDS.largest
     except ValueError:
         return False
 
