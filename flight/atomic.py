@@ -2,7 +2,7 @@
 
 What is written goes to a hidden file beside the target, which takes the target's name when it is complete. Whoever
 kills the process, or fills the disk, leaves the old file or the new one, and at most that hidden file
-(`.NAME.PID.part`, which nothing reads).
+(`.NAME.RANDOM.part`, which nothing reads; process numbers repeat where containers share a folder).
 
 `atomic` is for files that the user named: it follows links, as he may have put them there. `write_below` is for names
 that a program makes up, in a folder that others may write to: it follows none, whenever it was put there.
@@ -13,6 +13,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import secrets
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
@@ -42,7 +43,7 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
     stem, suffix = _short(target)
-    partial = target.with_name(f".{stem}.{os.getpid()}.part{suffix}")
+    partial = target.with_name(f".{stem}.{secrets.token_hex(8)}.part{suffix}")
     try:
         kept = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
         _create(partial, mode if kept is None else kept | 0o200)
@@ -60,7 +61,6 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
 
 def _create(path: Path, mode: int) -> None:
     """An empty file that was not there, nor a link that somebody else put there to be followed."""
-    path.unlink(missing_ok=True)  # of a process of the same number that was killed
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
 
 
@@ -132,9 +132,7 @@ def _opened(root: Path, folders: list[str]) -> Iterator[int]:
 def _written(place: int, path: Path, content: bytes, check: Callable[[Identity], None]) -> Identity:
     """Write the file of this name in the folder `place`; the rest of the path is for messages."""
     before = check_replaceable(path, check, place)
-    partial = f".{''.join(_short(path))}.{os.getpid()}.part"
-    with suppress(FileNotFoundError):  # of a process of the same number that was killed
-        os.unlink(partial, dir_fd=place)
+    partial = f".{''.join(_short(path))}.{secrets.token_hex(8)}.part"
     mode = 0o666 if before is None else stat.S_IMODE(before.st_mode) & 0o777 | 0o200
     made = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, mode, dir_fd=place)
     try:

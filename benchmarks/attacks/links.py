@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
+from unittest import mock
 
 from benchmarks.attacks import Attack, Outcome
 from wrenchgap.flight.atomic import atomic
@@ -78,12 +80,13 @@ def _lists(folder: Path) -> Outcome:
 
 
 def _hidden(folder: Path) -> Outcome:
-    """Links where the hidden file of this process will be, and a target that is a link to nothing."""
+    """A link where the hidden file will be, whose random name was guessed, and a target that is a link to nothing."""
     victim, shared = folder / "victim", folder / "shared"
     victim.write_text("mine")
     shared.mkdir()
-    (shared / f".out.{os.getpid()}.part.json").symlink_to(victim)
-    with atomic(shared / "out.json") as partial:
+    (shared / ".out.guessed.part.json").symlink_to(victim)
+    guessed = mock.patch("secrets.token_hex", return_value="guessed")
+    with suppress(UsageError), guessed, atomic(shared / "out.json") as partial:
         partial.write_text("new")
     (shared / "link.json").symlink_to(folder / "made")
     try:
@@ -105,12 +108,13 @@ def _rows_linked(folder: Path) -> Outcome:
     place = shared / "rows/pass=1/vehicle=alpha/date=unknown"
     place.mkdir(parents=True)
     (shared / "rows/pass=1/vehicle=bravo").symlink_to(folder)
-    for name in (f".k.parquet.{os.getpid()}.part", f".k.{os.getpid()}.part.parquet", "k.parquet"):
+    for name in (".k.parquet.guessed.part", ".k.guessed.part.parquet", "k.parquet"):
         (place / name).symlink_to(victim)
     refused = 0
     for vehicle in ("alpha", "bravo"):
         try:
-            Store(str(shared)).add(ROW, vehicle)
+            with mock.patch("secrets.token_hex", return_value="guessed"):
+                Store(str(shared)).add(ROW, vehicle)
         except UsageError:
             refused += 1
     kept = victim.read_text() == "mine" and sorted(p.name for p in folder.iterdir()) == ["shared", "victim"]

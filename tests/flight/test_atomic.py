@@ -4,6 +4,7 @@ import ast
 import errno
 import os
 import resource
+import secrets
 import signal
 import sys
 import time
@@ -131,16 +132,43 @@ def test_a_name_is_as_long_as_the_file_system_takes_it(name, tmp_path):
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [(name, OLD)]
 
 
-def test_below_a_folder_no_link_is_followed_wherever_it_is(tmp_path):
+def test_two_that_write_one_name_at_the_same_time_each_write_it_whole(tmp_path):
+    """Also where their process numbers are the same, as those of two containers that share a folder may be."""
+    path = tmp_path / "file"
+    with atomic(path) as first:
+        first.write_bytes(b"1")
+        with atomic(path) as second:
+            second.write_bytes(b"2")
+        assert path.read_bytes() == b"2"
+    assert path.read_bytes() == b"1"
+    times = []
+
+    def other(found):
+        """Write too, once the hidden file is written."""
+        times.append(found)
+        if len(times) == 2:
+            write_below(tmp_path, "file", b"other")
+
+    write_below(tmp_path, "file", b"own", other)
+    assert len(times) == 2
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("file", b"own")]
+
+
+def test_below_a_folder_no_link_is_followed_wherever_it_is(tmp_path, monkeypatch):
     own, shared = tmp_path / "own", tmp_path / "shared"
     own.mkdir()
     shared.mkdir()
     (own / "mine").write_bytes(OLD)
     write_below(shared, "a/b/file", b"1")
     assert (shared / "a/b/file").read_bytes() == b"1"
-    (shared / "a/b" / f".file.{os.getpid()}.part").symlink_to(own / "mine")
-    write_below(shared, "a/b/file", b"2")
-    assert (shared / "a/b/file").read_bytes() == b"2"
+    guessed = shared / "a/b/.file.guessed.part"
+    guessed.symlink_to(own / "mine")
+    with monkeypatch.context() as patch:
+        patch.setattr(secrets, "token_hex", lambda size: "guessed")
+        with pytest.raises(UsageError, match="nothing was replaced"):
+            write_below(shared, "a/b/file", b"2")
+    guessed.unlink()
+    assert (shared / "a/b/file").read_bytes() == b"1"
     (shared / "a/b/link").symlink_to(own / "mine")
     (shared / "linked").symlink_to(own)
     os.mkfifo(shared / "pipe")
