@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed
@@ -19,17 +20,18 @@ def changed(
     model: Model | Addition,
     *,
     names: Sequence[str] = (),
+    injections: int = 0,
     jobs: int | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Changed:
     """What changed on suspect flights against healthy ones of the same vehicle, where on it, and what to inspect.
 
-    What the model is wrong by in all of them drops out. Among `names`, by default the whole catalogue; `jobs`
-    processes, by default one for each core.
+    What the model is wrong by in all of them drops out. Among `names`, by default the whole catalogue; so many
+    `injections` of changes at the limits of what would have been shown check these; `jobs` processes, by default one
+    for each core.
     """
-    return changing.changed(
-        listed(suspects), listed(healthy), model_of(model).without_tolerances, names=names, jobs=jobs, progress=progress
-    )
+    asked: Any = {"names": names, "injections": injections, "jobs": jobs, "progress": progress}
+    return changing.changed(listed(suspects), listed(healthy), model_of(model).without_tolerances, **asked)
 
 
 def trend(

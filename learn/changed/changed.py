@@ -35,7 +35,7 @@ from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
-from wrenchgap.learn.changed.search import Weighed, weigh
+from wrenchgap.learn.changed.search import Weighed, parts_of, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
@@ -48,6 +48,7 @@ from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
+from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.learn.posterior.scored_sets import FIRM
 from wrenchgap.plant.effects import family, find
@@ -87,7 +88,7 @@ class Changed(Result):
     is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are
     the flights; `by_means` says that nothing was excited, so that only their means were compared. `louder` are
     axes on which suspect flights leave far more than healthy ones; where there are none, `limits` say which changes
-    these flights could have shown.
+    these flights could have shown, `recoveries` what was found again of some of it.
     """
 
     verdict: Verdict
@@ -110,6 +111,7 @@ class Changed(Result):
     untried: tuple[Untried, ...]
     model: Model
     limits: tuple[DetectionLimit, ...] = ()
+    recoveries: tuple[Recovery, ...] = ()
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
 
@@ -135,15 +137,17 @@ def changed(
     model: Model,
     *,
     names: Sequence[str] = (),
+    injections: int = 0,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Changed:
     """Find what changed between flights that were opened for `model`, among `names`, by default the catalogue.
 
-    `jobs` processes, by default one for each core. Raises UsageError where a side has no flight, LogError for the same
+    So many `injections` into the suspect flights check the limits of what would have been firm. `jobs` processes, by
+    default one for each core. Raises UsageError where a side has no flight, LogError for the same
     flight on both sides or one of another vehicle, ModelError for unknown names.
     """
-    return Baseline(healthy, model, names=names, jobs=jobs).against(suspects, progress)
+    return Baseline(healthy, model, names=names, jobs=jobs).against(suspects, progress, injections)
 
 
 class Baseline:
@@ -161,10 +165,20 @@ class Baseline:
         self._odd: dict[Kind, tuple[tuple[int, OutlierFlight], ...]] = {}
         self._usual: dict[Kind, dict[str, Any]] = {}
 
-    def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None) -> Changed:
-        """What changed on these flights; errors as for `changed`."""
+    def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None, injections: int = 0) -> Changed:
+        """What changed on these flights; options and errors as for `changed`."""
+        tell = progress or (lambda fraction, words: None)
+
+        def firm_with(one: Injection) -> Sequence[str]:
+            tell(0.9, f"with {one.effect} injected")
+            flights = [replace(f, records=one.into(f.records, self.model)) for f in suspects]
+            return self._against(flights, lambda fraction, words: None).firm
+
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are
-            return self._against(suspects, progress or (lambda fraction, words: None))
+            found = self._against(suspects, tell)
+            seed = sum(len(r) for f in suspects for r in f.records)
+            again = recoveries(found.limits, found.firm, self.model, injections, seed, firm_with)
+            return replace(found, recoveries=again)
 
     @one_thread
     def _against(self, suspects: Sequence[OpenFlight], tell: Progress) -> Changed:
@@ -255,7 +269,7 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
-    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle)
+    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle, parts_of)
     limits = tuple(one for one in limits if one.effect not in NAMELESS)
     certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE and found.settled
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()

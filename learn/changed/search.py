@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -66,6 +67,12 @@ class ChangeScorer(Scorer):
         super().__init__(spectrum, reference)
         self.described: dict[Keys, ScoredSet] = {}
         """Sets of which everything is said already."""
+
+    def on(self, spectrum: Spectrum) -> Self:
+        """The same scorer on another spectrum of the same columns."""
+        other = super().on(spectrum)
+        other.described = {}
+        return other
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
@@ -169,8 +176,13 @@ def scored_set(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
 
 
 def _described(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
-    if keys in scorer.described:
-        return scorer.described[keys]
+    if keys not in scorer.described:
+        scorer.described[keys] = described(scorer, keys, parts_of(scorer, keys))
+    return scorer.described[keys]
+
+
+def parts_of(scorer: Scorer, keys: Keys) -> tuple[Part, ...]:
+    """What is said of each change of a set; its evidence is the log odds of the set against the one without it."""
     scored = scorer(keys)
     parts = []
     for key in keys:
@@ -179,8 +191,7 @@ def _described(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, stuck, odds, IMPLAUSIBLE if stuck else 1.0))
-    scorer.described[keys] = described(scorer, keys, tuple(parts))
-    return scorer.described[keys]
+    return tuple(parts)
 
 
 def classes_of(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:

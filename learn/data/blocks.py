@@ -130,12 +130,17 @@ def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
     known = data.measured_axes
     worse, better, noise = worse[:, known], better[:, known], data.noise[known]
     square = np.mean(better**2, axis=0)
-    variance = np.sqrt(np.mean(worse**2, axis=0) * square) + 1e-30
+    variance = common_variance(worse**2, better**2)
     difference = by_block(data.block, np.sum((worse**2 - better**2) / variance, axis=1))
     if len(difference) < SIGNIFICANCE.fewest:
         return Contrast(0.0, 1.0, 0.0)
     excess = float(np.sum(np.maximum(square - noise**2, 0.0) / variance))
     return Contrast(float(np.mean(difference)), float(standard_error(difference)), excess)
+
+
+def common_variance(worse: Array, better: Array) -> Array:
+    """The geometric mean (L,) of the mean squares of two models, of squares (K, L): each axis counts by ratios."""
+    return np.asarray(np.sqrt(np.mean(worse, axis=0) * np.mean(better, axis=0)) + 1e-30)
 
 
 def evidence(worse: Array, better: Array) -> float:

@@ -36,10 +36,11 @@ from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
-from wrenchgap.learn.posterior.injection import Recovery, change_at, injected, injected_limits
+from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
+from wrenchgap.learn.posterior.scored_sets import parts_of
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
     ModelResidual,
@@ -179,26 +180,20 @@ def explain(
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
     chosen = candidates(data.records, model, names)
     jobs = cores() if jobs is None else jobs
-    clock, part = late_clock(timing), 1.0 / (1 + injections)
+    clock, part, done = late_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
 
-    def search(data: Dataset, first: float) -> Explanation:
+    def search(data: Dataset) -> Explanation:
+        first = part * next(done)
         told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
         return search_dataset(data, model, chosen, clock=clock, jobs=jobs, progress=told)
 
-    found = search(data, 0.0)
-    again = []
-    for k, (limit, share) in enumerate(injected_limits(found.limits, injections, len(data.measured)), 1):
-        changed = injected(data, model, limit.effect, change_at(limit, share, model.vehicle))
-        again.append(recovery(found, limit, share, search(changed, part * k)))
+    def firm_with(one: Injection) -> Sequence[str]:
+        return search(dataset(one.into(data.records, model), model, data.answering)).firm
+
+    found = search(data)
+    again = recoveries(found.limits, found.firm, model, injections, len(data.measured), firm_with)
     tested = validate(validation, flights, model, found.model) if validation else None
-    return replace(found, flights=tuple(flights), timing=timing, validation=tested, recoveries=tuple(again))
-
-
-def recovery(found: Explanation, limit: DetectionLimit, share: float, again: Explanation) -> Recovery:
-    """What the search `again` says of an effect that was injected, compared with what was `found` without it."""
-    own, size = family(limit.effect), share * limit.size
-    others = tuple(n for n in again.firm if n != own and n not in found.firm)
-    return Recovery(limit.effect, limit.parameter, limit.unit, size, share, own in again.firm, others)
+    return replace(found, flights=tuple(flights), timing=timing, validation=tested, recoveries=again)
 
 
 @one_thread
@@ -264,7 +259,7 @@ def _limits(
         return ()
     members, columns = {m.name for m in named}, found.scorer.spectrum.columns
     keys = tuple(k for k in found.best.scored_set.keys if set(columns[k].names) & members)
-    return detection_limits(found.scorer, keys, vehicle, silent)
+    return detection_limits(found.scorer, keys, vehicle, lambda by, some: parts_of(by, by(some), {}), silent)
 
 
 def _searched(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.measurement import Evaluator, Record
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
 
 SHARES = (1.0, 0.5)
@@ -39,30 +38,53 @@ class Recovery:
         return not self.others and (self.firm or self.share < 1.0)
 
 
-def injected_limits(limits: Sequence[DetectionLimit], number: int, seed: int) -> list[tuple[DetectionLimit, float]]:
-    """Limits and shares of them to inject: every limit at all `SHARES`, in an order drawn by lot."""
+@dataclass(frozen=True)
+class Injection:
+    """An effect of which the parameters change by `change` (P,)."""
+
+    effect: str
+    change: Array
+
+    def into(self, records: Sequence[Record], model: Model) -> tuple[Record, ...]:
+        """The records with what it adds to the prediction of `model` in what they measured; commands and motion are as
+        they were.
+        """  # noqa: D205
+        own = next((e.theta for e in model.effects if e.name == self.effect), np.zeros(len(self.change)))
+        changed = ModelEffect(find(self.effect), own + self.change)
+        others = tuple(e for e in model.effects if e.name != self.effect)
+        models = model.with_effects((*others, changed)).wrench_model, model.wrench_model
+        out = []
+        for record in records:
+            more, given = map(Evaluator(record), models)
+            out.append(replace(record, measured=record.measured + more - given))
+        return tuple(out)
+
+
+def recoveries(
+    limits: Sequence[DetectionLimit],
+    firm: Sequence[str],
+    model: Model,
+    number: int,
+    seed: int,
+    search: Callable[[Injection], Sequence[str]],
+) -> tuple[Recovery, ...]:
+    """Inject effects at their limits, and at half of them, and search again, so many times; limits are drawn by lot.
+
+    `firm` are the names without an injection; `search` returns those with it.
+    """
     order = np.random.default_rng(seed).permutation([k for k, limit in enumerate(limits) if limit.shown])
-    return [(limits[k], share) for k in order for share in SHARES][:number]
+    out = []
+    for limit, share in [(limits[k], share) for k in order for share in SHARES][:number]:
+        own, again = family(limit.effect), search(injection(limit, share, model))
+        others = tuple(n for n in again if n != own and n not in firm)
+        size = share * limit.size
+        out.append(Recovery(limit.effect, limit.parameter, limit.unit, size, share, own in again, others))
+    return tuple(out)
 
 
-def change_at(limit: DetectionLimit, share: float, vehicle: Vehicle) -> Array:
-    """Parameters (P,) of the effect at a share of a limit; of those that do nothing by themselves where fits begin."""
-    parameters = find(limit.effect).parameters(vehicle)
+def injection(limit: DetectionLimit, share: float, model: Model) -> Injection:
+    """At a share of a limit; parameters that do nothing by themselves are where fits begin."""
+    parameters = find(limit.effect).parameters(model.vehicle)
     change = np.array([0.0 if p.alone else p.start for p in parameters])
     change[[p.name for p in parameters].index(limit.parameter)] = share * limit.size
-    return change
-
-
-def added_by(data: Dataset, model: Model, name: str, change: Array) -> Array:
-    """Measured wrench (K, 6) that the effect adds to what `model` predicts, when its parameters change by (P,)."""
-    own = next((e.theta for e in model.effects if e.name == name), np.zeros(len(change)))
-    others = tuple(e for e in model.effects if e.name != name)
-    changed = model.with_effects((*others, ModelEffect(find(name), own + change)))
-    return data.predict(changed.wrench_model) - data.predict(model.wrench_model)
-
-
-def injected(data: Dataset, model: Model, name: str, change: Array) -> Dataset:
-    """The same flights with that in what they measured; commands and motion are as they were."""
-    added = np.split(added_by(data, model, name, change), np.cumsum([len(r) for r in data.records])[:-1])
-    records = [replace(r, measured=r.measured + own) for r, own in zip(data.records, added, strict=True)]
-    return dataset(records, model, data.answering)
+    return Injection(limit.effect, change)

@@ -27,10 +27,11 @@ Stat. Soc. B 63, 2001.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,12 @@ class Scorer:
         self.variance = self.pooled(reference)
         self.known: dict[Keys, Scored] = {}
         self._kinds: dict[str, int] = {}
+
+    def on(self, spectrum: Spectrum) -> Self:
+        """The same scorer on another spectrum of the same columns."""
+        other = copy.copy(self)
+        other.spectrum, other.known = spectrum, {}
+        return other
 
     def pooled(self, left: Array) -> Array:
         """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely."""

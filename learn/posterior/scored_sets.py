@@ -192,13 +192,14 @@ def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tupl
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
     parts = []
-    sizes = {k: size_by_axis(scorer, scored, k) for k in scored.keys}
+    sizes = {k: _size(scorer, scored, k) for k in scored.keys}
     for key in scored.keys:
         c, theta = space.columns[key], scored.theta[key]
         without = _without(scorer, tuple(k for k in scored.keys if k != key), key, bends)
         returns = np.maximum(without / left - 1.0, 0.0)
         above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
-        law = rough_laws(space, {k: size for k, size in sizes.items() if k != key})
+        rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > ROUGH]
+        law = sum((FAR_OFF * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
         own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
         trust = float(own.sum() / max(float(np.sum(returns + above)), 1e-30))
         evidence = _evidence(left, without)
@@ -208,13 +209,7 @@ def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tupl
     return tuple(parts)
 
 
-def rough_laws(space: Spectrum, sizes: Mapping[str, Array]) -> Array | float:
-    """Mean squares (L,) by axis that rough laws of these candidates may be off by, of those that they add."""
-    rough = [k for k in sizes if space.columns[k].accuracy > ROUGH]
-    return sum((FAR_OFF * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
-
-
-def size_by_axis(scorer: Scorer, scored: Scored, key: str) -> Array:
+def _size(scorer: Scorer, scored: Scored, key: str) -> Array:
     """Mean squares (L,) by axis of what a member adds."""
     space = scorer.spectrum
     rows = np.append(space.parameters[key], space.offset[key])

@@ -7,6 +7,7 @@ to their number but the evidence.
 
 from __future__ import annotations
 
+import copy
 import itertools
 from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
@@ -46,18 +47,30 @@ class SubsetSearch:
     """Scores of sets at fixed variances of the noise, and the search over them."""
 
     def __init__(self, scorer: Scorer, variance: Array) -> None:
-        space = self.space = scorer.spectrum
-        self.scorer = scorer
-        whole = scorer.weighed(variance)
+        self.scorer, self.space, self.variance = scorer, scorer.spectrum, variance
+        self.whole = self._whole()
+        columns = scorer.spectrum.columns
+        names = tuple(columns)
+        self.alone = {n for n in names if compatible((n,), columns)}
+        self.others = {n: frozenset(compatible_with(n, names, columns)) for n in names}
+        self.scores: dict[Keys, float] = {(): 0.0}
+        self.priors: dict[Keys, float] = {(): 0.0}
+
+    def on(self, scorer: Scorer) -> SubsetSearch:
+        """The same search with another scorer of the same columns, with no set scored."""
+        other = copy.copy(self)
+        other.scorer, other.space = scorer, scorer.spectrum
+        other.whole, other.scores, other.priors = other._whole(), {(): 0.0}, {(): 0.0}
+        return other
+
+    def _whole(self) -> Array:
+        """Products (Q, Q) of all quantities over the variance, what is always there eliminated."""
+        space = self.space
+        whole = self.scorer.weighed(self.variance)
         always = space.always
         inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
         across = whole[always]
-        self.whole = whole - across.T @ np.linalg.solve(inner, across)
-        names = tuple(space.columns)
-        self.alone = {n for n in names if compatible((n,), space.columns)}
-        self.others = {n: frozenset(compatible_with(n, names, space.columns)) for n in names}
-        self.scores: dict[Keys, float] = {(): 0.0}
-        self.priors: dict[Keys, float] = {(): 0.0}
+        return np.asarray(whole - across.T @ np.linalg.solve(inner, across))
 
     def score(self, keys: Sequence[str]) -> float:
         """Log probability of a set, that of the empty one being zero; minus infinity for what cannot be one."""

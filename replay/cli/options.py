@@ -164,6 +164,17 @@ DespiteVerdict = Annotated[
 ChangesOnly = Annotated[
     str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
 ]
+Injections = Annotated[
+    int,
+    typer.Option(
+        "--injections",
+        min=0,
+        max=200,
+        metavar="N",
+        help="Check N of the limits of what could have been shown by adding the effect to the logs and searching "
+        "again; each takes as long as the search.",
+    ),
+]
 Page = Annotated[Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")]
 
 

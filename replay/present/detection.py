@@ -1,4 +1,4 @@
-"""What flights could have shown, in three lines, as a table, a figure and JSON."""
+"""What flights could have shown, in three lines, a figure and JSON."""
 
 from __future__ import annotations
 
@@ -14,13 +14,8 @@ from wrenchgap.learn.posterior.injection import Recovery
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import entries, label, number, quantity, size_in_words, unit, user_name
-from wrenchgap.replay.present.tables import Line, Table, table
-
-LEGEND = (
-    "firm from: the smallest change of this parameter alone that these flights would have made firm, beside what is "
-    "named   instead: what could make the same"
-)
+from wrenchgap.replay.present.numbers import entries, number, size_in_words, unit, user_name
+from wrenchgap.replay.present.tables import Line
 
 
 def sentences(
@@ -50,7 +45,7 @@ def sentences(
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
         advice.insert(0, "log the commands at the rate of the loop")
     said += [f"To show more: {'; '.join(advice)}."] if advice else []
-    return [*said, *(_checked(found.recoveries, vehicle) if isinstance(found, Explanation) else [])]
+    return [*said, *_checked(found.recoveries, vehicle)]
 
 
 def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimit]]:
@@ -109,17 +104,6 @@ def lines(found: Explanation | Changed) -> list[Line]:
     return [Line("What these flights could have shown:", "bold"), *(Line(f"  {text}") for text in said)] if said else []
 
 
-def limits(found: Explanation | Changed) -> Table:
-    """Every parameter with its limit."""
-    out = table("what would have been firm", "effect", "parameter", "firm from", "plausible to", "instead", texts=(-1,))
-    for name, own in _by_effect(found.limits).items():
-        for one in own:
-            words = [quantity(v, one.unit) for v in (one.size, one.plausible)]
-            named = label(one.parameter, found.model.vehicle)
-            out.add_row(name, named, words[0] if one.shown else "-", words[1], " or ".join(one.instead))
-    return out
-
-
 def to_json(found: Explanation | Changed) -> dict[str, Any]:
     """The key `sensitivity`."""
     names = ("effect", "parameter", "unit", "plausible")
@@ -128,10 +112,9 @@ def to_json(found: Explanation | Changed) -> dict[str, Any]:
         for one in found.limits
     ]
     injected = ("effect", "parameter", "unit", "size", "share", "firm", "as_stated")
-    recoveries = found.recoveries if isinstance(found, Explanation) else ()
     return {
         "limits": listed,
-        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in recoveries],
+        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in found.recoveries],
         "summary": sentences(found),
     }
 

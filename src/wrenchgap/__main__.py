@@ -5,7 +5,6 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import NoReturn
 
 from wrenchgap import _safe_path, _signals
 
@@ -27,8 +26,14 @@ def working_folder() -> None:
 
 
 def main() -> None:
-    """Run one command, and leave with its exit code."""
+    """Run one command, and end the process with its exit code.
+
+    The interpreter is not taken down: threads that wait for other processes, or compiled code, may still run, and what
+    they meet while it goes crashes now and then. What is registered first for the end of a process runs last.
+    """
     open_streams()
+    codes: list[int] = []
+    atexit.register(end, codes)
     try:
         _signals.catch()
         working_folder()
@@ -36,23 +41,21 @@ def main() -> None:
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 
         command_line()
-        code = 0
     except KeyboardInterrupt as error:  # while modules were imported
         sys.stderr.write("wrenchgap: interrupted\n")
-        code = getattr(error, "code", 130)
+        codes.append(getattr(error, "code", 130))
     except SystemExit as error:
-        code = error.code if isinstance(error.code, int) else int(error.code is not None)
+        codes.append(error.code if isinstance(error.code, int) else int(error.code is not None))
+    else:
+        codes.append(0)
     _signals.leave()
-    end(code)
 
 
-def end(code: int) -> NoReturn:
-    """End the process once what is registered for its end has run and its output is written.
-
-    The interpreter is not taken down: threads that wait for other processes, or compiled code, may still run, and what
-    they meet while it goes crashes now and then.
-    """
-    atexit._run_exitfuncs()
+def end(codes: list[int]) -> None:
+    """End the process with the exit code in this list, if there is one, once its output is written."""
+    if not codes:
+        return
+    code = codes[0]
     try:
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output, e.g. `head`, has seen enough

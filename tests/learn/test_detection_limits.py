@@ -7,9 +7,11 @@ import pytest
 
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit
-from wrenchgap.learn.posterior.explain import recovery, search_dataset
-from wrenchgap.learn.posterior.injection import added_by, change_at, injected, injected_limits
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, InjectedSpectrum
+from wrenchgap.learn.posterior.explain import search_dataset
+from wrenchgap.learn.posterior.injection import Injection, injection, recoveries
+from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.replay.present import detection
 
@@ -25,60 +27,89 @@ def limit_of(found, effect, parameter):
     return next(one for one in found.limits if (one.effect, one.parameter) == (effect, parameter))
 
 
-def test_parameters_that_are_not_alone_do_nothing_alone_and_only_they(plain, tumbling, hexarotor):
+def injected(data, model, one):
+    return dataset(one.into(data.records, model), model, data.answering)
+
+
+def added(data, model, one):
+    return injected(data, model, one).measured - data.measured
+
+
+def of_typical_size(name, parameter):
+    return DetectionLimit(name, parameter.name, parameter.unit, parameter.scale, parameter.high)
+
+
+def test_parameters_that_are_not_alone_do_nothing_alone(tumbling, hexarotor):
     """A force acts wherever its point is; a point of no force moves nothing."""
+    seen = 0
     for name in catalogue():
-        for parameter in find(name).parameters(hexarotor.vehicle):
-            if parameter.alone:
-                continue
-            limit = DetectionLimit(name, parameter.name, parameter.unit, parameter.scale, parameter.high)
-            others = [p for p in find(name).parameters(hexarotor.vehicle) if p.alone]
-            change = change_at(limit, 1.0, hexarotor.vehicle)
-            for k, p in enumerate(find(name).parameters(hexarotor.vehicle)):
-                change[k] = 0.0 if p in others else change[k]
-            np.testing.assert_array_equal(added_by(plain, hexarotor, name, change), 0.0)
+        parameters = find(name).parameters(hexarotor.vehicle)
+        for k, parameter in enumerate(parameters):
+            if not parameter.alone:
+                change = np.where(np.arange(len(parameters)) == k, parameter.scale, 0.0)
+                np.testing.assert_allclose(added(tumbling, hexarotor, Injection(name, change)), 0.0, atol=1e-12)
+                seen += 1
+    assert seen >= 10
 
 
 @pytest.mark.parametrize("effect", ["mass", "com_offset", "rotor_thrust", "servo_lag", "tilt_offset", "inertia"])
 def test_parameters_that_are_alone_do_something_alone(tumbling, hexarotor, effect):
     for parameter in find(effect).parameters(hexarotor.vehicle):
-        limit = DetectionLimit(effect, parameter.name, parameter.unit, parameter.scale, parameter.high)
-        assert np.any(added_by(tumbling, hexarotor, effect, change_at(limit, 1.0, hexarotor.vehicle)) != 0.0)
+        one = injection(of_typical_size(effect, parameter), 1.0, hexarotor)
+        assert np.abs(added(tumbling, hexarotor, one)).max() > 1e-3
 
 
 def test_an_injected_mass_takes_its_share_of_the_force(plain, hexarotor):
     """A vehicle that is heavier by d has m / (m + d) of the specific force, which is measured as force with m."""
-    added, mass = 0.3, hexarotor.vehicle.body.mass
+    more, mass = 0.3, hexarotor.vehicle.body.mass
     without = plain.predict(hexarotor.wrench_model)[:, :3]
-    found = added_by(plain, hexarotor, "mass", np.array([added]))[:, :3]
-    np.testing.assert_allclose(found, without * (mass / (mass + added) - 1.0), atol=1e-9)
+    found = added(plain, hexarotor, Injection("mass", np.array([more])))[:, :3]
+    np.testing.assert_allclose(found, without * (mass / (mass + more) - 1.0), atol=1e-9)
 
 
 def test_what_is_injected_is_in_the_measurement_and_nowhere_else(plain, hexarotor):
-    changed = injected(plain, hexarotor, "mass", np.array([0.1]))
-    np.testing.assert_allclose(
-        changed.measured - plain.measured, added_by(plain, hexarotor, "mass", np.array([0.1])), atol=1e-12
-    )
+    changed = injected(plain, hexarotor, Injection("mass", np.array([0.1])))
+    assert np.abs(changed.measured - plain.measured).max() > 0.1
     np.testing.assert_array_equal(changed.commanded, plain.commanded)
     np.testing.assert_array_equal(changed.block, plain.block)
+    np.testing.assert_array_equal(changed.noise, plain.noise)
+
+
+def test_products_of_flights_with_an_effect_are_those_of_flights_that_had_it(plain, hexarotor):
+    """A scale of thrust is linear: what the search is told of an injection is what the flights themselves would say."""
+    on = model_residual(plain, hexarotor)
+    columns = single_effects(on, ("thrust_scale",)).columns
+    size = 0.05
+    there = model_residual(injected(plain, hexarotor, Injection("thrust_scale", np.array([size]))), hexarotor)
+    given, wanted = (spectrum_of(one, columns) for one in (on, there))
+    row = int(given.parameters["thrust_scale"][0])
+    found = InjectedSpectrum(given, row, given.offset["thrust_scale"], size, 0.0)
+    largest = wanted.products[:, :, 0, 0].max(axis=0)
+    np.testing.assert_allclose(found.products[:, :, 0, 0], wanted.products[:, :, 0, 0], atol=1e-6 * largest.min())
+    first = np.zeros(given.scale.size)
+    first[0] = 1.0
+    np.testing.assert_allclose(found.combined(first), wanted.combined(first), atol=1e-5 * np.sqrt(largest.min()))
 
 
 def test_effects_at_their_limits_are_firm_and_nothing_else_is_at_half_of_them(searched, plain, hexarotor):
     tried = [limit_of(searched, "rotor_thrust", "rotor_3"), limit_of(searched, "com_offset", "x")]
-    for limit in tried:
-        for share in (1.0, 0.5):
-            changed = injected(plain, hexarotor, limit.effect, change_at(limit, share, hexarotor.vehicle))
-            again = search_dataset(changed, hexarotor, Candidates(NAMES, ()))
-            assert recovery(searched, limit, share, again).as_stated, (limit, share, again.firm)
+
+    def firm(one):
+        return search_dataset(injected(plain, hexarotor, one), hexarotor, Candidates(NAMES, ())).firm
+
+    found = recoveries(tried, searched.firm, hexarotor, 4, 0, firm)
+    assert {(one.effect, one.share) for one in found} == {
+        (name, share) for name in ("rotor_thrust", "com_offset") for share in (1.0, 0.5)
+    }
+    assert all(one.as_stated for one in found), found
 
 
 def test_an_effect_that_another_can_make_is_hidden_behind_it(plain, hexarotor):
-    """In hover a bias of the accelerometer is a constant force."""
-    names = ("accelerometer_bias", "constant_wrench")
-    found = search_dataset(plain, hexarotor, Candidates(names, ()))
-    limit = limit_of(found, "accelerometer_bias", "z")
+    """Where upper and lower rotors carry the same share, what the lower ones lose is a loss of all thrust."""
+    found = search_dataset(plain, hexarotor, Candidates(("coaxial_loss", "thrust_scale"), ()))
+    limit = limit_of(found, "coaxial_loss", "eta")
     assert not limit.shown
-    assert "constant_wrench" in limit.instead
+    assert limit.instead == ("thrust_scale",)
 
 
 def test_louder_sensors_show_less(searched, plain, hexarotor):
@@ -103,13 +134,18 @@ def test_what_is_named_has_no_limit_and_others_have_theirs_beside_it(offset, hex
     assert limit_of(found, "rotor_thrust", "rotor_0").shown
 
 
-def test_injections_are_drawn_from_what_would_be_shown():
+def test_injections_are_drawn_from_what_would_be_shown(hexarotor):
     limits = [DetectionLimit("mass", "added", "kg", size, 1.0) for size in (0.1, float("nan"), 0.2, 0.3)]
-    drawn = injected_limits(limits, 4, seed=3)
-    assert len(drawn) == 4
-    assert all(limit.shown for limit, _ in drawn)
-    assert [share for _, share in drawn] == [1.0, 0.5, 1.0, 0.5]
-    assert injected_limits(limits, 100, seed=3)[:4] == drawn
+    asked = []
+    found = recoveries(limits, (), hexarotor, 4, 3, lambda one: asked.append(float(one.change[0])) or ("mass",))
+    assert [one.share for one in found] == [1.0, 0.5, 1.0, 0.5]
+    assert asked == [one.size for one in found]
+    assert set(asked[::2]) < {0.1, 0.2, 0.3}
+    assert all(one.as_stated for one in found)
+    missed = recoveries(limits, (), hexarotor, 2, 3, lambda one: ())
+    assert [one.as_stated for one in missed] == [False, True]
+    other = recoveries(limits, (), hexarotor, 2, 3, lambda one: ("mass", "payload"))
+    assert not any(one.as_stated for one in other)
 
 
 def test_the_lines_say_what_would_have_been_shown_and_what_not(searched):

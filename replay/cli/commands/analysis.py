@@ -13,9 +13,6 @@ from wrenchgap.replay.cli.completion import complete_models
 from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
 
-MOST_INJECTIONS = 200
-"""Each takes as long as a search; there are some hundred limits."""
-
 
 def inspect(
     logs: o.Logs,
@@ -133,17 +130,7 @@ def explain(
     effects_only: Annotated[
         str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
     ] = None,
-    injections: Annotated[
-        int,
-        typer.Option(
-            "--injections",
-            min=0,
-            max=MOST_INJECTIONS,
-            metavar="N",
-            help="Check N of the limits of what could have been shown by adding the effect to the logs and searching "
-            "again; each takes as long as the search.",
-        ),
-    ] = 1,
+    injections: o.Injections = 1,
     *,
     reading: Reading,
     run: Run,

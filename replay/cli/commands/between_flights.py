@@ -31,6 +31,7 @@ def changed(
     model: o.ModelOption,
     healthy: Healthy,
     effects_only: o.ChangesOnly = None,
+    injections: o.Injections = 1,
     figure: o.Figure = None,
     page: o.Page = None,
     *,
@@ -54,7 +55,7 @@ def changed(
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
-        found = api_flights.changed(bad, good, base, names=names, progress=report)
+        found = api_flights.changed(bad, good, base, names=names, injections=injections, progress=report)
     run.result(found)
     run.notes(base.notes)
     run.draw(found, figure)
