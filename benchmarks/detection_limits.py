@@ -2,11 +2,12 @@
 
     pip install -e '.[benchmark]'                                     # drone-models
     python -m benchmarks.detection_limits                             # others to tune on, first seed 0
-    python -m benchmarks.detection_limits --seed 2000 --json docs/detection-limits.json --page docs/detection-limits.md
+    python -m benchmarks.detection_limits --seed 4000 --json docs/detection-limits.json --page docs/detection-limits.md
 
 Flights of two independent engines, a tilt-arm hexarotor in MuJoCo and a quadrotor whose motors are logged at 25 and
-400 Hz, with nothing or something hidden. Into each, six effects are injected: three of its limits, drawn by lot, whole
-and halved. The second command flies the published flights, which nobody tunes on.
+400 Hz, with nothing or something hidden; and comparisons of one flight with three others of the same vehicle. Into
+each, six effects are injected: three of its limits, drawn by lot, whole and halved. The second command flies the
+published flights, which nobody tunes on.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -52,10 +54,23 @@ def flights(seed: int) -> Iterator[tuple[str, Any, wg.Model]]:
         yield case.name, wg.open_flights([flight], QUAD.model, cutoff_hz=cutoff(case), accept=("rate",)), QUAD.model
 
 
-def row(name: str, opened: Any, model: wg.Model) -> dict[str, Any]:
-    """One flight: what it could have shown, and what was found again."""
+def comparisons(seed: int) -> Iterator[tuple[str, Any, Any, wg.Model]]:
+    """Names, a flight, three others of the same vehicle, and the model; nothing changed."""
+    hexarotor = wg.load_model("tilt_hexarotor")
+    for k, trajectory in enumerate(("hover", "train", "mission")):
+        flown = [engine.fly("none", None, trajectory, seed=seed + 200 + 4 * k + n, seconds=30.0)[0] for n in range(4)]
+        opened = wg.open_flights(flown, hexarotor)
+        yield f"hexarotor.{trajectory}.changed", opened[:1], opened[1:], hexarotor
+    for k, (flying, motor, imu) in enumerate((("hover", 25.0, 50.0), ("mission", 400.0, 200.0))):
+        cases = [Case(f"{flying}.{n}", flying, motor, imu, seconds=45.0, seed=seed + 220 + 4 * k + n) for n in range(4)]
+        opened = wg.open_flights(fly_quad(cases), QUAD.model, cutoff_hz=cutoff(cases[0]), accept=("rate",))
+        yield f"quadrotor.{flying}.changed", opened[:1], opened[1:], QUAD.model
+
+
+def row(name: str, ask: Callable[..., Any]) -> dict[str, Any]:
+    """One answer: what could have been shown, and what was found again."""
     start = process_time()
-    found = wg.explain(opened, model, injections=INJECTIONS, jobs=1)
+    found = ask(injections=INJECTIONS, jobs=1)
     keys = ("effect", "parameter", "size", "share", "firm")
     return {
         "flight": name, "verdict": str(found.verdict), "firm": list(found.firm), "cpu_seconds": process_time() - start,
@@ -66,14 +81,21 @@ def row(name: str, opened: Any, model: wg.Model) -> dict[str, Any]:
 
 def wrong(row: dict[str, Any]) -> int:
     """Of how many injections another name was firm, of what is not there."""
-    there = THERE[row["flight"].split(".")[0]]
+    vehicle, _, what = row["flight"].split(".", 2)
+    there = frozenset() if what == "changed" else THERE[vehicle]
     return sum(bool(set(map(family, i["others"])) - there) for i in row["injected"])
+
+
+def kind_of(row: dict[str, Any]) -> str:
+    """Vehicle and way of flying, or that flights were compared."""
+    vehicle, flying, what = row["flight"].split(".", 2)
+    return f"{vehicle}, changed" if what == "changed" else f"{vehicle}, {flying}"
 
 
 def table(rows: list[dict[str, Any]]) -> str:
     """In Markdown: a line for each vehicle and way of flying."""
     lines = []
-    for kind, group in itertools.groupby(rows, key=lambda r: ".".join(r["flight"].split(".")[:2])):
+    for kind, group in itertools.groupby(rows, key=kind_of):
         own = list(group)
         injected = [i for r in own for i in r["injected"]]
         whole, half = ([i for i in injected if i["share"] == share] for share in (1.0, 0.5))
@@ -101,8 +123,10 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="only every so many of the flights")
     asked = parser.parse_args()
     rows = []
-    for flight in itertools.islice(flights(asked.seed), 0, None, asked.every):
-        rows.append(row(*flight))
+    single = ((name, partial(wg.explain, opened, model)) for name, opened, model in flights(asked.seed))
+    several = ((name, partial(wg.changed, one, others, model)) for name, one, others, model in comparisons(asked.seed))
+    for name, ask in itertools.islice(itertools.chain(single, several), 0, None, asked.every):
+        rows.append(row(name, ask))
         print(json.dumps(rows[-1]), flush=True)
     text = table(rows)
     print(text)

@@ -40,6 +40,8 @@ Parts = Callable[[Scorer, Keys], tuple[Part, ...]]
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
+SELDOM = math.exp(-0.5 * (math.sqrt(-2.0 * math.log(OTHERWISE)) + ADVERSE) ** 2)
+"""Weight of another set below which it is below `OTHERWISE` when noise takes as much off what separates the two."""
 WEIGHED = 4
 """Likeliest sets without the effect that are weighed against the one with it."""
 RATIO, STRIDE = 1.1, 5
@@ -166,7 +168,7 @@ class Injections:
             return self.beyond_found(rivals[0]), math.nan
         scored = [scorer(keys) for keys in (self.own, *rivals)]
         weights = bootstrapped(np.array([scorer.by_block(s) for s in scored]), np.array([s.prior for s in scored]))
-        if weights[0] < FIRM or weights[1:].max() >= OTHERWISE:
+        if weights[0] < FIRM or weights[1:].max() >= SELDOM:
             return self.beyond_found(rivals[int(np.argmax(weights[1:]))]), math.nan
         part = self.parts(scorer, self.own)[self.own.index(self.key)]
         if not part.named:
