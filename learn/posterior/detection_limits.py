@@ -165,11 +165,11 @@ class Injections:
         search = self.search.on(scorer)
         rivals = self.likeliest_without(search)
         if search.score(self.own) < search.score(rivals[0]):
-            return self.beyond_found(rivals[0]), math.nan
+            return self.instead([r for r in rivals if search.score(r) > search.score(self.own)]), math.nan
         scored = [scorer(keys) for keys in (self.own, *rivals)]
         weights = bootstrapped(np.array([scorer.by_block(s) for s in scored]), np.array([s.prior for s in scored]))
-        if weights[0] < FIRM or weights[1:].max() >= SELDOM:
-            return self.beyond_found(rivals[int(np.argmax(weights[1:]))]), math.nan
+        if weights[1:].max() >= SELDOM:
+            return self.instead([r for r, w in zip(rivals, weights[1:], strict=True) if w >= SELDOM]), math.nan
         part = self.parts(scorer, self.own)[self.own.index(self.key)]
         if not part.named:
             return (), math.nan
@@ -199,9 +199,9 @@ class Injections:
         wanted = [k for k in search.promising(keys, self.others) if all(k in search.others[o] for o in keys)]
         return [tuple(sorted((*keys, k))) for k in wanted]
 
-    def beyond_found(self, keys: Keys) -> tuple[str, ...]:
-        """Effects that a set has and that was found has not."""
-        return self.names([k for k in keys if k not in self.found])
+    def instead(self, rivals: Sequence[Keys]) -> tuple[str, ...]:
+        """Effects by which the plainest of these sets, the likeliest first, is more than what was found."""
+        return min((self.names([k for k in keys if k not in self.found]) for keys in rivals), key=len, default=())
 
     def names(self, keys: Sequence[str]) -> tuple[str, ...]:
         """Effects of candidates."""
