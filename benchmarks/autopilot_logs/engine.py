@@ -1,5 +1,8 @@
 """A quadrotor flown by drone-models' equations under an autopilot's loop at 400 Hz, and what its autopilot logs.
 
+Its plant may have other laws than the catalogue of effects (`Laws`): thrust and torque with a part that is linear in
+rotor speed, motors that accelerate with the difference of squared speeds, a yaw torque that goes with the heading.
+
 Dynamics are those of the package drone-models (`first_principles.dynamics`, batched over flights), integrated by the
 midpoint rule at 800 Hz. The loop is a cascade as autopilots have it: position, velocity, attitude, rate, with a
 gyroscope whose vibration goes into the motors. What is logged is a snapshot: of the motors' commands at `motor_hz`, of
@@ -9,6 +12,7 @@ an IMU behind a filter of 30 Hz at `imu_hz`, of the estimator at 50 Hz, with sta
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,6 +39,24 @@ DRAG, STIR = 0.25, 0.02
 
 
 @dataclass(frozen=True)
+class Laws:
+    """How a plant's laws differ from T = k w^2, Q = k_m w^2 and motors that follow at first order.
+
+    `thrust_linear` and `torque_linear` are the shares of T and Q that are linear in speed at the hover speed, where T is
+    as believed; `torque` the factor of all of Q. `squared` (2,) [s] are the lags at the hover speed of motors that speed
+    up and slow down with dw/dt = c (cmd^2 - w^2). `heading` [Nm] is the size of a yaw torque that goes with the sine of
+    twice the heading. The IMU is stamped `imu_early` [s] before it measured.
+    """
+
+    thrust_linear: float = 0.0
+    torque_linear: float = 0.0
+    torque: float = 1.0
+    squared: tuple[float, float] | None = None
+    heading: float = 0.0
+    imu_early: float = 0.0
+
+
+@dataclass(frozen=True)
 class Case:
     """One flight. `weak` is the share of thrust that each rotor (4,) gives; `com` (3,) [m]; `gusts` [m/s] rms."""
 
@@ -50,11 +72,28 @@ class Case:
     seconds: float = 60.0
     seed: int = 0
     hidden: tuple[str, ...] = field(default=())
+    laws: Laws = Laws()
+
+
+def curve(at_hover: float, linear: Sequence[float]) -> Array:
+    """Coefficients (3, F, 1) of what is `at_hover` at the hover speed, of which these shares (F,) are linear in it."""
+    hover = QUAD.hover_speed / RPM
+    share = np.array(linear)[:, None]
+    return at_hover * np.stack((0.0 * share, share / hover, (1.0 - share) / hover**2))
+
+
+def motors_follow(case: Case) -> list[float]:
+    """drone-models' coefficients (4,) of motors that speed up, linear and squared, and of motors that slow down."""
+    if case.laws.squared is None:
+        return [1.0 / case.lag, 0.0, 1.0 / case.lag, 0.0]
+    up, down = (0.5 * RPM / (QUAD.hover_speed * lag) for lag in case.laws.squared)
+    return [0.0, up, 0.0, down]
 
 
 def parameters(cases: list[Case]) -> dict[str, Array | float]:
     """drone-models' arguments for these flights."""
-    share = QUAD.k_eta * RPM**2
+    hover, laws = QUAD.hover_speed**2, [c.laws for c in cases]
+    torques = np.array([x.torque for x in laws])[:, None] * curve(QUAD.k_m * hover, [x.torque_linear for x in laws])
     J = np.diag(QUAD.inertia)
     rows = [np.sign(QUAD.places_B[:, 1]), -np.sign(QUAD.places_B[:, 0]), QUAD.directions]
     return {
@@ -64,11 +103,11 @@ def parameters(cases: list[Case]) -> dict[str, Array | float]:
         "gravity_vec": np.array([0.0, 0.0, -GRAVITY]),
         "J": J,
         "J_inv": np.linalg.inv(J),
-        "rpm2thrust": np.array([0.0, 0.0, share]),
-        "rpm2torque": np.array([0.0, 0.0, QUAD.k_m * RPM**2]),
+        "rpm2thrust": curve(QUAD.k_eta * hover, [x.thrust_linear for x in laws]),
+        "rpm2torque": torques,
         "mixing_matrix": np.array(rows),
         "drag_matrix": -DRAG * np.eye(3),
-        "rotor_dyn_coef": np.array([1.0, 0.0, 1.0, 0.0]),
+        "rotor_dyn_coef": np.array([motors_follow(c) for c in cases]).T[:, :, None],
     }
 
 
@@ -102,7 +141,7 @@ def fly(cases: list[Case]) -> list[Flight]:
     kicks = np.stack([r.normal(size=(len(time), 6)) for r in rng], axis=1)
     gust_size = np.array([[c.gusts] for c in cases])
     params = parameters(cases)
-    lag = np.array([[c.lag] for c in cases])
+    thrusts, with_heading = params["rpm2thrust"], np.array([c.laws.heading for c in cases])
     com = np.array([c.com for c in cases])
     loss = np.array([c.weak for c in cases]) - 1.0
     wanted, heading, added = references(cases, time)
@@ -122,18 +161,19 @@ def fly(cases: list[Case]) -> list[Flight]:
 
     def slopes(R: Rotation, vel: Array, omega: Array, motors: Array, cmd: Array) -> tuple[Array, ...]:
         """Of position, velocity, body rate and motors; the package's slope of the quaternion is for w first."""
-        thrust = QUAD.k_eta * (RPM * motors) ** 2
+        thrust = thrusts[0] + thrusts[1] * motors + thrusts[2] * motors**2
         missing = loss * thrust
         total = (thrust + missing).sum(axis=1)
         zero = np.zeros(F)
         x, y, _ = QUAD.places_B.T
         torque = np.stack((missing @ y, -missing @ x, zero), axis=1)
         torque += np.stack((-com[:, 1] * total, com[:, 0] * total, zero), axis=1)  # -c x F
+        torque[:, 2] += with_heading * np.sin(2.0 * R.as_euler("ZYX")[:, 0])
         push = DRAG * wind + R.apply(np.stack((zero, zero, missing.sum(axis=1)), axis=1))
-        _, _, acc, alpha, _ = dynamics(
-            vel, R.as_quat(), vel, omega, motors, None, dist_f=push, dist_t=R.apply(torque + STIR * stir), **params
+        _, _, acc, alpha, spin = dynamics(
+            vel, R.as_quat(), vel, omega, cmd, motors, dist_f=push, dist_t=R.apply(torque + STIR * stir), **params
         )
-        return vel, acc, alpha, (cmd - motors) / lag
+        return vel, acc, alpha, spin
 
     for k in range(len(time)):
         gyro = omega + GYRO_NOISE * noise[k, :, :3]
@@ -194,7 +234,7 @@ def _flight(case: Case, time: Array, log: dict[str, Array]) -> Flight:
         commanded=None,
         desired=None,
         actuators=ActuatorSeries("/motors", time[sent], tilt=np.empty((len(sent), 0)), rotor_speed=log["cmd"][sent]),
-        imu=ImuSeries("/imu", time[read], omega_B=log["imu"][read, :3], specific_force_B=log["imu"][read, 3:]),
+        imu=ImuSeries("/imu", time[read] - case.laws.imu_early, omega_B=log["imu"][read, :3], specific_force_B=log["imu"][read, 3:]),
         odometry=OdometrySeries(
             "/odometry",
             time[known],

@@ -1,0 +1,1 @@
+"""Vehicles whose laws have other forms than the catalogue's, explained."""
