@@ -42,10 +42,10 @@ DRAG, STIR = 0.25, 0.02
 class Laws:
     """How a plant's laws differ from T = k w^2, Q = k_m w^2 and motors that follow at first order.
 
-    `thrust_linear` and `torque_linear` are the shares of T and Q that are linear in speed at the hover speed, where T is
-    as believed; `torque` the factor of all of Q. `squared` (2,) [s] are the lags at the hover speed of motors that speed
-    up and slow down with dw/dt = c (cmd^2 - w^2). `heading` [Nm] is the size of a yaw torque that goes with the sine of
-    twice the heading. The IMU is stamped `imu_early` [s] before it measured.
+    `thrust_linear` and `torque_linear` are the shares of T and Q that are linear in speed at the hover speed, where T
+    is as believed; `torque` the factor of all of Q. `squared` (2,) [s] are the lags at the hover speed of motors that
+    speed up and slow down with dw/dt = c (cmd^2 - w^2). `heading` [Nm] is the size of a yaw torque that goes with the
+    sine of twice the heading. The IMU is stamped `imu_early` [s] before it measured.
     """
 
     thrust_linear: float = 0.0
@@ -234,7 +234,12 @@ def _flight(case: Case, time: Array, log: dict[str, Array]) -> Flight:
         commanded=None,
         desired=None,
         actuators=ActuatorSeries("/motors", time[sent], tilt=np.empty((len(sent), 0)), rotor_speed=log["cmd"][sent]),
-        imu=ImuSeries("/imu", time[read] - case.laws.imu_early, omega_B=log["imu"][read, :3], specific_force_B=log["imu"][read, 3:]),
+        imu=ImuSeries(
+            "/imu",
+            time[read] - case.laws.imu_early,
+            omega_B=log["imu"][read, :3],
+            specific_force_B=log["imu"][read, 3:],
+        ),
         odometry=OdometrySeries(
             "/odometry",
             time[known],

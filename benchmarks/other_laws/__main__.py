@@ -4,8 +4,8 @@
     python -m benchmarks.other_laws --json /tmp/rows.json          # others to tune on, first seed 0
     python -m benchmarks.other_laws --seed 1000 --json docs/other-laws.json --page docs/other-laws.md
 
-The second command flies the published flights, which nobody tunes on. The engine is that of `benchmarks.autopilot_logs`;
-motors are logged at 400 Hz and the IMU at 200, so that laws are all that is in question.
+The second command flies the published flights, which nobody tunes on. The engine is that of
+`benchmarks.autopilot_logs`; motors are logged at 400 Hz and the IMU at 200, so that laws are all that is in question.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ PLANTS = {
     "early IMU": Plant(
         "15 % more drag torque, IMU stamped 2 ms early",
         Laws(torque=1.15, imu_early=0.002),
-        ("drag_torque", "imu_delay"),
+        ("drag_torque",),
         {},
     ),
     "low centre": Plant("centre of mass 20 mm lower", Laws(), ("com_offset",), {"com": (0.0, 0.0, -0.02)}),

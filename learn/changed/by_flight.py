@@ -51,7 +51,7 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
     lines = [next(one.line for one in pool.laws if one.name == n) for n in names]
     stack = np.concatenate(((pool.left - pool.shared(always))[:, :, None], *(c.jacobian for c in lines)), axis=2)
     axes = scorer.spectrum.axes
-    coefficients, block, _ = transformed(pool.data.records, pool.data.unanswered(stack)[:, axes])
+    coefficients, block, _ = transformed(pool.data.records, pool.data.unanswered(stack)[:, axes], pool.settings.block)
     starts = np.flatnonzero(np.diff(block, prepend=-1))
     means_alone = [k for k, axis in enumerate(axes) if axis in answered(pool.data)]
     within = np.ones(len(block), dtype=bool)

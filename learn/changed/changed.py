@@ -49,8 +49,7 @@ from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
-from wrenchgap.learn.posterior.posterior import SUREST
-from wrenchgap.learn.posterior.scored_sets import FIRM
+from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -126,9 +125,9 @@ class Changed(Result):
         return tuple(r.flight for r in self.rows if r.role == "healthy")
 
     def confidence(self, name: str) -> float:
-        """Weight of the sets that name the effect, or another form of it; never above `SUREST`."""
+        """Weight of the sets that name the effect, or another form of it; never above what is stated at most."""
         named = [s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names}]
-        return min(SUREST, sum(named))
+        return min(CHANGES.certain, sum(named))
 
 
 def changed(
@@ -322,4 +321,4 @@ def _odd_row(pool: PooledFlights, number: int) -> FlightRow:
     return rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
 
 
-__all__ = ["FIRM", "Changed", "Verdict", "changed", "where_of"]
+__all__ = ["Changed", "Verdict", "changed", "where_of"]

@@ -18,6 +18,7 @@ from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.kernels import bounded
+from wrenchgap.learn.posterior.settings import CHANGES, SearchSettings
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
@@ -37,7 +38,7 @@ class PooledFlights:
     given one leaves is `given` (K, 6). `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation;
     `sizes` are those of the laws' common parts, where the healthy flights say more than nothing. `deviations` are the
     scatters of what differs between flights as parameters (`learn.changed.varying`), empty where only means are
-    compared.
+    compared. `settings` are those of the search.
     """
 
     data: Dataset
@@ -48,6 +49,7 @@ class PooledFlights:
     sizes: dict[str, Array]
     deviations: dict[str, Array]
     given: Array
+    settings: SearchSettings = CHANGES
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,7 +107,7 @@ class PooledFlights:
         known = (*columns(self.varying, self.data.flight, suspects), *self._slack(suspects), *self.common)
         if len(suspects) > 1:
             known = (self._day(suspects), *known)
-        return ChangeSpectrum(self.data, self.left, changes, trim, known)
+        return ChangeSpectrum(self.data, self.left, changes, trim, known, self.settings)
 
     def _slack(self, suspects: Collection[int]) -> tuple[Column, ...]:
         """On the suspect flights: by what each law seems to change from one trajectory to the next; of what flights

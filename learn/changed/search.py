@@ -2,7 +2,7 @@
 
 A change of the mean of a flight can always be said to be trim. What a set is worth is therefore the log odds in all,
 trims and their prior included, and not what it takes off what is left, which trims would take off as well. Two sets are
-one class where they differ by less than `NEAR` standard errors of everything that is always there.
+one class where they differ by few standard errors of everything that is always there.
 """
 
 from __future__ import annotations
@@ -32,11 +32,10 @@ from wrenchgap.learn.posterior.equivalence_classes import (
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.scored_sets import (
-    IMPLAUSIBLE,
     Part,
     ScoredSet,
-    at_limit,
     described,
+    part,
     pruned,
     shares,
     weights,
@@ -46,18 +45,10 @@ from wrenchgap.learn.posterior.subset_search import SubsetSearch, ordered, searc
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
 
-KEPT = 30
-"""Sets that are weighed."""
-BEHIND = 12.0
-"""Log odds behind the best set from which on a set is not weighed."""
-ROUNDS = 6
-"""Of search and new derivatives, at most; what is then still far from where it was linearised is not established."""
 FAR = 0.3
 """Change from where it was linearised, in sizes of its prior (of a lag outside the best set, of itself where that is
 more), that calls for new derivatives.
 """
-NEAR = 2.0
-"""Difference of two predictions, in standard errors, that flights cannot show."""
 
 
 class ChangeScorer(Scorer):
@@ -97,17 +88,19 @@ class Weighed:
         return sum(s.weight for s in self.posterior.sets if not s.names)
 
 
-def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1) -> Weighed:
+def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds: int = 6) -> Weighed:
     """Weigh sets of changes on these flights of a pool that was calibrated on the others.
+
+    What is far from where it was linearised after so many `rounds` of search and new derivatives is not established.
 
     Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
     lags that are each half right make up for what their lines lack), and everything beside the best set.
     """
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
-    for number in range(ROUNDS):
+    for number in range(rounds):
         scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), ChangeScorer, jobs)
         late, far = _late(scorer, vehicle), _moved(scorer)
-        if number + 1 == ROUNDS or not (late or far):
+        if number + 1 == rounds or not (late or far):
             break
         turned = turned or far
         if turned:
@@ -120,10 +113,11 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1) -> Weig
             ]
             pool = replace(pool, laws=tuple(renewed))
     log = ordered(scorer)
-    kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
+    settings = pool.settings
+    kept = [s for s in log[: settings.weighed] if s.log_probability > log[0].log_probability - settings.behind]
     described_sets = [scored_set(scorer, s.keys) for s in kept]
     sets = merged_by_names(described_sets, weights(described_sets))
-    found = Posterior(sets, classes_of(sets, scorer, vehicle), checks_between(sets, vehicle))
+    found = Posterior(sets, classes_of(sets, scorer, vehicle), checks_between(sets, vehicle), settings=settings)
     return Weighed(found, scorer, pool, tuple(suspects), not far)
 
 
@@ -188,9 +182,7 @@ def parts_of(scorer: Scorer, keys: Keys) -> tuple[Part, ...]:
     for key in keys:
         c, theta = scorer.spectrum.columns[key], scored.theta[key]
         odds = scored.log_probability - scorer(tuple(k for k in keys if k != key)).log_probability
-        stuck = at_limit(theta, c.low, c.high)
-        size = float(np.max(np.abs(theta) / c.scale))
-        parts.append(Part(c.names, theta, size, stuck, odds, IMPLAUSIBLE if stuck else 1.0))
+        parts.append(part(c, theta, odds, 1.0, scorer.spectrum.settings))
     return tuple(parts)
 
 
@@ -199,7 +191,7 @@ def classes_of(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tu
     search = SubsetSearch(scorer, sets[0].scored_set.scored.variance)
 
     def alike(one: NamedSet, other: NamedSet) -> bool:
-        return bool(one.names) == bool(other.names) and apart(search, one, other) < NEAR
+        return bool(one.names) == bool(other.names) and apart(search, one, other) < search.settings.indistinct
 
     return grouped(sets, alike, vehicle)
 

@@ -26,8 +26,6 @@ from wrenchgap.learn.posterior.kernels import bounded, relevant
 from wrenchgap.learn.posterior.score import Scored
 from wrenchgap.plant.effects import find
 
-LOUDER = 2.5
-"""Rms of what suspect flights leave within them, over that of the loudest healthy flight, that is worth a word."""
 WIDE = 4.0
 """Prior of a value on one flight, in sizes of the prior of its change: wide enough not to pull."""
 
@@ -177,7 +175,7 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
         [np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)]
     )
     mine = np.isin(np.unique(flight), list(suspects))
-    loud = rms[mine].min(axis=0) > LOUDER * rms[~mine].max(axis=0)
+    loud = rms[mine].min(axis=0) > space.settings.structure * rms[~mine].max(axis=0)
     quiet = answered(found.pool.data)
     return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)
 

@@ -29,7 +29,7 @@ from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, common_variance, needed,
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.held_out_flights import FittedSet
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import FIRM, OTHERWISE, ROUGH, Part, bootstrapped, by_axis
+from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, by_axis
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
@@ -40,8 +40,6 @@ Parts = Callable[[Scorer, Keys], tuple[Part, ...]]
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
-SELDOM = math.exp(-0.5 * (math.sqrt(-2.0 * math.log(OTHERWISE)) + ADVERSE) ** 2)
-"""Weight of another set below which it is below `OTHERWISE` when noise takes as much off what separates the two."""
 WEIGHED = 4
 """Likeliest sets without the effect that are weighed against the one with it."""
 RATIO, STRIDE = 1.1, 5
@@ -124,6 +122,9 @@ class Injections:
     ) -> None:
         """Of the parameter `index` of the candidate `key`; the rest as for `detection_limits`."""
         self.search, self.parts, self.silent = search, parts, silent
+        self.settings = search.settings
+        self.seldom = math.exp(-0.5 * (math.sqrt(-2.0 * math.log(self.settings.otherwise)) + ADVERSE) ** 2)
+        """Weight up to which another set keeps no name from being firm, when noise is as adverse to what tells them."""
         self.key, self.index, self.found = key, index, found
         columns = search.space.columns
         column = columns[key]
@@ -168,13 +169,15 @@ class Injections:
             return self.instead([r for r in rivals if search.score(r) > search.score(self.own)]), math.nan
         scored = [scorer(keys) for keys in (self.own, *rivals)]
         weights = bootstrapped(np.array([scorer.by_block(s) for s in scored]), np.array([s.prior for s in scored]))
-        if weights[1:].max() >= SELDOM:
-            return self.instead([r for r, w in zip(rivals, weights[1:], strict=True) if w >= SELDOM]), math.nan
+        if weights[1:].max() >= self.seldom:
+            return self.instead([r for r, w in zip(rivals, weights[1:], strict=True) if w >= self.seldom]), math.nan
         part = self.parts(scorer, self.own)[self.own.index(self.key)]
         if not part.named:
             return (), math.nan
-        if weights[0] * part.trust < FIRM:
-            return self.names([k for k in self.found if search.space.columns[k].accuracy > ROUGH]), math.nan
+        if weights[0] * part.trust < self.settings.firm:
+            return self.names(
+                [k for k in self.found if search.space.columns[k].accuracy > self.settings.rough]
+            ), math.nan
         if self.silent is not None and (lost := self.not_needed(scorer, self.silent)):
             return self.names([k for k in lost if k != self.key]), math.nan
         return (), float(FittedSet(scorer, scored[0]).deviations()[self.key][self.index])

@@ -22,7 +22,7 @@ from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
-from wrenchgap.learn.posterior.spectrum import ABOVE_NOISE, Spectrum, mean_squares, transformed
+from wrenchgap.learn.posterior.spectrum import Spectrum, mean_squares, transformed
 
 LITTLE = 0.05
 """Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
@@ -35,7 +35,7 @@ CLOSE = 0.35
 
 def without_feedback(on: ModelResidual) -> ModelResidual:
     """The same flights, the wrench as it is."""
-    return model_residual(on.data.unanswering(), on.model)
+    return model_residual(on.data.unanswering(), on.model, on.settings)
 
 
 def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Sequence[Column]) -> bool:
@@ -45,7 +45,7 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
     def in_all(squares: Array) -> Array:
         return np.asarray(np.sum(space.count * squares, axis=0))
 
-    enough = np.maximum(ABOVE_NOISE**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
+    enough = np.maximum(on.settings.structure**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
     enough = np.maximum(enough, INEXACT**2 * in_all(commanded(space, on)))
     return bool(np.all((in_all(space.saturated()[0]) < enough)[_answering(space, on)]))
 
@@ -53,7 +53,7 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
 def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -> bool:
     """Whether one of the likeliest sets on the wrench as it is leaves no disturbance, where commands say something."""
     space = spectrum_of(free, ())
-    enough = np.maximum(ABOVE_NOISE**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
+    enough = np.maximum(on.settings.structure**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
     enough = np.maximum(enough, INEXACT**2 * commanded(space, on))
     little = [((c.scored.left < enough) | (space.count == 0.0))[:, _answering(space, on)] for c in found.wholes]
     return any(bool(np.all(cells)) for cells in little)
@@ -61,7 +61,7 @@ def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -
 
 def commanded(space: Spectrum, on: ModelResidual) -> Array:
     """Mean squares (bands, A) of the commands, their means over blocks aside."""
-    sent = transformed(on.data.records, on.data.commanded[:, space.axes, None], without_mean=True)[0]
+    sent = transformed(on.data.records, on.data.commanded[:, space.axes, None], on.settings.block, without_mean=True)[0]
     return mean_squares(sent[:, :, 0], space.band)
 
 

@@ -17,12 +17,8 @@ from wrenchgap.plant.vehicle import Vehicle
 
 LIGHT = 0.005
 """Weight below which a set is not worth a line."""
-WORTH_SETTLING = 0.02
-"""Weight from which on a set is worth a check."""
 LATE_CLOCK = "late_clock"
 """Name, in sets and of its check, of what is no effect: late stamps of the IMU (`learn.posterior.late_clock`)."""
-NEAR = 3.0
-"""Difference of two predictions, in standard errors, that flights cannot show."""
 
 
 @dataclass(frozen=True)
@@ -127,9 +123,9 @@ def grouped(
     return tuple(sorted(found, key=lambda c: -c.weight))
 
 
-def checks_between(sets: Sequence[NamedSet], vehicle: Vehicle) -> tuple[Check, ...]:
-    """What would settle which of several sets is true; nothing where there is one."""
-    shown = [s for s in sets if s.names and s.weight >= WORTH_SETTLING and not s.stands_for]
+def checks_between(sets: Sequence[NamedSet], vehicle: Vehicle, least: float = 0.02) -> tuple[Check, ...]:
+    """What would settle which of several sets is true, of those that weigh this much; nothing where there is one."""
+    shown = [s for s in sets if s.names and s.weight >= least and not s.stands_for]
     if len(shown) < 2:
         return ()
     return discriminating_tests(
@@ -147,4 +143,6 @@ def predict_the_same(first: ScoredSet, second: ScoredSet, scorer: Scorer) -> boo
         return float(np.sqrt(np.sum(weight * square)))
 
     difference = size((first.predicted - second.predicted) ** 2)
-    return difference < max(NEAR, 2.0 * min(size(c.scored.inexact[space.band]) for c in (first, second)))
+    return difference < max(
+        space.settings.indistinct, 2.0 * min(size(c.scored.inexact[space.band]) for c in (first, second))
+    )

@@ -41,6 +41,7 @@ from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clo
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
 from wrenchgap.learn.posterior.scored_sets import parts_of
+from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
     ModelResidual,
@@ -163,6 +164,7 @@ def explain(
     names: Sequence[str] = (),
     validation: Sequence[OpenFlight] = (),
     injections: int = 0,
+    settings: SearchSettings = DEFAULT,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Explanation:
@@ -170,8 +172,9 @@ def explain(
 
     Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
     fitted, the result is tested on them. So many `injections` check the limits of what would have been firm, each a
-    search of its own. `jobs` processes, by default one for each core. Raises ModelError for unknown names, FitError
-    where the flights are too short, LogError where a flight is fitted and tested on.
+    search of its own. `settings` are those of the search; `jobs` processes, by default one for each core. Raises
+    ModelError for unknown names, FitError where the flights are too short, LogError where a flight is fitted and tested
+    on.
     """
     report = progress or (lambda fraction, words: None)
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
@@ -185,7 +188,7 @@ def explain(
     def search(data: Dataset) -> Explanation:
         first = part * next(done)
         told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
-        return search_dataset(data, model, chosen, clock=clock, jobs=jobs, progress=told)
+        return search_dataset(data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told)
 
     def firm_with(one: Injection) -> Sequence[str]:
         return search(dataset(one.into(data.records, model), model, data.answering)).firm
@@ -203,13 +206,14 @@ def search_dataset(
     chosen: Candidates,
     *,
     clock: LateClock | None = None,
+    settings: SearchSettings = DEFAULT,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Explanation:
     """The part of `explain` that needs no flights: search, what is left, verdict; `clock` is a late IMU's."""
     tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
-    on = model_residual(data if some is data.records else dataset(some, model, data.answering), model)
+    on = model_residual(data if some is data.records else dataset(some, model, data.answering), model, settings)
     on, tried, found = _searched(on, chosen, jobs, tell)
     data = data if on.data.answering else replace(data, answering=())
     found = with_clock(found, clock, model.vehicle)

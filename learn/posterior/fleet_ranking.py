@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior.columns import Column, compatible
-from wrenchgap.learn.posterior.equivalence_classes import NEAR
 from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum
 from wrenchgap.learn.posterior.flight_evidence import Evidence, Points
 from wrenchgap.learn.posterior.held_out_flights import FittedSet, by_flight
@@ -185,7 +184,7 @@ def alike(scorer: Scorer, first: Scored, second: Scored) -> bool:
     over = scorer.count / np.minimum(first.variance, second.variance)
     difference = np.sum(over * quadratic(scorer.spectrum.products[:, :, used[:, None], used], apart[used]))
     known = min(np.sum(over * s.inexact) for s in (first, second))
-    return bool(np.sqrt(max(difference, 0.0)) < max(NEAR, 2.0 * np.sqrt(known)))
+    return bool(np.sqrt(max(difference, 0.0)) < max(scorer.spectrum.settings.indistinct, 2.0 * np.sqrt(known)))
 
 
 def by_group(sets: Sequence[RankedSet]) -> tuple[RankedSet, ...]:

@@ -66,7 +66,7 @@ class FleetSpectrum(LinearProblem):
         scale = first.trim_scale[[list(first.axes[first.trim_axes]).index(a) for a in on]]
         where = np.searchsorted(self.axes, on).astype(np.intp)
         self.trims = Trims(np.array(sums), np.array(squares), where, scale)
-        self.leak = leaking(power[self.bands] / count[self.bands, None], self.axes)
+        self.leak = leaking(power[self.bands] / count[self.bands, None], self.axes, self.settings.leak)
         self.leak += error[self.bands] / np.maximum(self.count, 1.0)
         self.sensor = self._sensor(shapes, count, noise / total)
 

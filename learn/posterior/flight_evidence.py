@@ -181,7 +181,7 @@ def evidence_of(
     levels = [space.coefficients[constant, at, trims[k]] for k, at in zip(here, where, strict=True)]
     sums = [a @ space.coefficients[constant, at][:, kept] for a, at in zip(levels, where, strict=True)]
     roots = [_roots(space.coefficients[band == k][:, :, kept]) for k in range(BANDS)]
-    given = transformed(data.records, base[:, axes])[0]
+    given = transformed(data.records, base[:, axes], space.settings.block)[0]
     shapes = coefficient_shapes(space.hertz, band, data.records[0].cutoff_hz)
     return Evidence(
         flight=data.records[0].flight,

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.settings import DEFAULT
 
 Rows = NDArray[np.intp]
 
@@ -91,6 +92,7 @@ class LinearProblem:
     `high`, `scale` and `sparse` (Q,) are of all quantities. `axes` (A,) out of six; `count` (bands, A) coefficients,
     `sensor` (bands, A) the variance that sensors leave in one, `blocks` of time. `leak` (bands, A) is the mean square
     below which nothing is told by what is left on an axis. `trims` are those of flights, where they are no quantities.
+    `settings` are those of the search that asks.
     """
 
     axes: Rows
@@ -99,6 +101,7 @@ class LinearProblem:
     leak: Array
     blocks: int
     trims: Trims
+    settings = DEFAULT
 
     def __init__(self, columns: Sequence[Column], low: Array, high: Array, scale: Array) -> None:
         """`low`, `high` and `scale` (N,) are of what is always there."""

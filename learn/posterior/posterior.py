@@ -17,6 +17,7 @@ from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import (
     LATE_CLOCK,
+    LIGHT,
     EquivalenceClass,
     NamedSet,
     checks_between,
@@ -38,38 +39,19 @@ from wrenchgap.learn.posterior.relinearisation import (
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.scored_sets import FIRM, OTHERWISE, ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.subset_search import ordered, searched, with_fit_discounted
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 
-KEPT = 40
-"""Sets that are weighed."""
-CONTENDERS = 6
-"""Sets that are linearised anew in one round, at most; in the first also those with lags in each other's place."""
-BEHIND = 15.0
-"""Log odds behind the best set up to which another may still turn out better when both are linearised anew."""
-FAR_BEHIND = 200.0
-"""The same for the plainest sets, and those with another effect in moving air: a bend may hide them."""
-PLAINEST = 3
-"""Of the plainest sets, so many."""
-ROUNDS, SETTLING = 3, 3
-"""Rounds of linearising anew, and more of them in which only what would do as well as the heaviest set joins."""
-ALIKE = 5.0
-"""Log odds behind the heaviest set up to which one with another effect in the place of one is linearised anew."""
-HEAVY = 0.01
-"""Weight from which on what a set leaves without a member is looked at once more."""
-WHOLES = 3
-"""Heaviest sets that are kept with all that they do not need."""
-SUREST = 0.98
-"""Largest probability that is stated: no catalogue is complete."""
-
 
 @dataclass(frozen=True)
 class Posterior:
     """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true;
-    `wholes` are the heaviest sets with all that they do not need; `scorer` is what they were scored by.
+    `wholes` are the heaviest sets with all that they do not need; `scorer` is what they were scored by, by these
+    `settings`.
     """  # noqa: D205
 
     sets: tuple[NamedSet, ...]
@@ -77,6 +59,7 @@ class Posterior:
     settle: tuple[Check, ...]
     wholes: tuple[ScoredSet, ...] = ()
     scorer: Scorer | None = field(default=None, repr=False, compare=False)
+    settings: SearchSettings = DEFAULT
 
     @property
     def best(self) -> NamedSet:
@@ -89,7 +72,7 @@ class Posterior:
         total = 0.0
         for s in self.sets:
             total += s.weight * max((s.trust[n] for n in s.names if family(n) in shared), default=0.0)
-        return min(SUREST, total)
+        return min(self.settings.certain, total)
 
     def without(self, name: str, vehicle: Vehicle) -> Posterior:
         """The same where `name` turned out to do nothing beside the rest of the best set: it goes from all sets that
@@ -143,9 +126,9 @@ class Posterior:
         """  # noqa: D205
         named = dict.fromkeys(family(n) for s in self.sets for n in s.names)
         best = self.classes[0].sets if self.classes else ()
-        least = OTHERWISE * sum(s.weight for s in best)
+        least = self.settings.otherwise * sum(s.weight for s in best)
         likely = [{family(n) for n in s.names} for s in best if s.weight >= least]
-        return tuple(f for f in named if self.probability([f]) >= FIRM and all(f in s for s in likely))
+        return tuple(f for f in named if self.probability([f]) >= self.settings.firm and all(f in s for s in likely))
 
 
 def posterior(
@@ -153,9 +136,16 @@ def posterior(
     columns: Sequence[Column],
     *,
     jobs: int = 1,
+    rounds: int = 3,
+    settling: int = 3,
+    few: int = 3,
     progress: Callable[[float, str], None] | None = None,
 ) -> Posterior:
-    """Weigh the sets of these columns."""
+    """Weigh the sets of these columns.
+
+    In so many `rounds` likely sets are linearised anew, in `settling` more only what would do as well as the heaviest;
+    of the `few` heaviest it is asked what of them is idle.
+    """
     tell = progress or (lambda fraction, words: None)
     tell(0.0, "weighing sets of effects")
     linear = searched(spectrum_of(on, columns), Scorer, jobs)
@@ -163,10 +153,10 @@ def posterior(
     todo = sets_to_relinearise(linear, ordered(linear))
     scorers: dict[Keys, Scorer] = {}
     nearby: list[tuple[Scored, Scorer, Keys]] = []
-    for number in range(ROUNDS + SETTLING):
-        tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
+    for number in range(rounds + settling):
+        tell((1 + number) / (2 + rounds + settling), "fitting the likeliest sets")
         anew |= zip(todo, relinearised_sets(on, linear, todo, jobs), strict=True)
-        todo, centre = [], likeliest(anew) if number < ROUNDS else None
+        todo, centre = [], likeliest(anew) if number < rounds else None
         if centre is not None and centre.keys not in scorers and moves_when_relinearised(linear, centre):
             scorer = scorers[centre.keys] = search_around(on, linear, centre, jobs)
             found = [s for s in ordered(scorer) if columns_hold(s.keys, centre.keys)]
@@ -177,24 +167,26 @@ def posterior(
         kept = sets_to_weigh(lines, anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
-        todo += [kept[k].keys for k in best[:3] if kept[k].keys and number < ROUNDS]
+        todo += [kept[k].keys for k in best[:few] if kept[k].keys and number < rounds]
         heaviest = kept[best[0]]
         todo += substitutes(scorers.get(heaviest.keys, linear), heaviest)
-        todo += [rest for k in best[:WHOLES] for rest in without_doubtful(kept[k])]
+        todo += [rest for k in best[:few] for rest in without_doubtful(kept[k])]
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
-    bends = with_known_rests(on, linear, [kept[k] for k in best if share[k] > HEAVY], anew, jobs)
+    bends = with_known_rests(on, linear, [kept[k] for k in best if share[k] > LIGHT], anew, jobs)
     kept = sets_to_weigh(lines, anew, bends)
     share = weights(kept)
     best = sorted(range(len(kept)), key=lambda k: -share[k])
-    wholes = tuple(kept[k] for k in best[:WHOLES])
-    for k in best[:WHOLES]:
+    wholes = tuple(kept[k] for k in best[:few])
+    for k in best[:few]:
         kept[k] = replace(kept[k], leaves=equivalents_without_idle(linear, kept[k]))
     sets = merged_by_names(kept, share)
     vehicle = on.model.vehicle
     by = scorers.get(sets[0].scored_set.keys, linear)
-    return Posterior(sets, equivalence_classes(sets, linear, vehicle), checks_between(sets, vehicle), wholes, by)
+    return Posterior(
+        sets, equivalence_classes(sets, linear, vehicle), checks_between(sets, vehicle), wholes, by, on.settings
+    )
 
 
 def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
@@ -204,20 +196,20 @@ def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
     """  # noqa: D205
     if not ranked:
         return []
-    best = ranked[0].log_probability
-    close = [s for s in ranked if s.log_probability > best - BEHIND]
+    best, settings = ranked[0].log_probability, linear.spectrum.settings
+    close = [s for s in ranked if s.log_probability > best - settings.behind]
     columns = linear.spectrum.columns
     found: dict[frozenset[str], Keys] = {}
     for s in close:
         large = frozenset(family(n) for k in s.keys if _size(linear, s.theta, k) > 0.1 for n in columns[k].names)
-        if s.keys and len(found) < CONTENDERS:
+        if s.keys and len(found) < settings.contenders:
             found.setdefault(large, s.keys)
     alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
-    by_prior = sorted(ranked, key=lambda s: -with_fit_discounted(s.log_probability, s.prior))
-    plain = [s.keys for s in by_prior if s.log_probability > best - FAR_BEHIND][:PLAINEST]
+    by_prior = sorted(ranked, key=lambda s: -with_fit_discounted(s.log_probability, s.prior, settings.fit_counts))
+    plain = [s.keys for s in by_prior if s.log_probability > best - settings.far_behind][: settings.plainest]
     late = exchanges(ranked[0].keys, lags_and_delays(columns), columns)
     aired = [k for s in (ranked[0].keys, *plain) for k in exchanges(s, _in_moving_air(columns), columns)]
-    in_air = [keys for keys in aired if linear(keys).log_probability > best - FAR_BEHIND]
+    in_air = [keys for keys in aired if linear(keys).log_probability > best - settings.far_behind]
     whole = with_compounds(ranked[0].keys, columns)
     return [keys for keys in dict.fromkeys([*found.values(), *alternatives, *plain, *late, *in_air, *whole]) if keys]
 
@@ -240,13 +232,13 @@ def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
     """The sets with another candidate in the place of one that is named, if they are about as likely, the likeliest
     first: what the heaviest set is weighed against must have been linearised as it was.
     """  # noqa: D205
-    columns, keys = scorer.spectrum.columns, heaviest.keys
+    columns, keys, settings = scorer.spectrum.columns, heaviest.keys, scorer.spectrum.settings
     named = {n for leaf, _ in heaviest.leaves for n in leaf.names}
     fixed = [k for k in keys if not named & set(columns[k].names)]
     others = [k for k in columns if k not in lags_and_delays(columns)]
     swapped = [s for s in exchanges(keys, others, columns) if set(fixed) <= set(s)]
-    close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - ALIKE]
-    return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[:CONTENDERS]]
+    close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - settings.moved]
+    return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[: settings.contenders]]
 
 
 def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:
@@ -255,14 +247,14 @@ def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[Sc
     `scorer` miss what remains, so that they say nothing of what does the same (a payload behind a lag, linearised
     where it weighed nothing).
     """  # noqa: D205
-    columns = scorer.spectrum.columns
+    columns, settings = scorer.spectrum.columns, scorer.spectrum.settings
     others = [k for k in columns if k not in lags_and_delays(columns)]
     out: list[tuple[ScoredSet, float]] = []
     for leaf, part in whole.leaves:
         alike = [leaf]
         straight = scorer(leaf.keys).log_probability
-        if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - BEHIND:
-            least = straight - ALIKE
+        if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - settings.behind:
+            least = straight - settings.moved
             likely = [k for k in exchanges(leaf.keys, others, columns) if scorer(k).log_probability > least]
             found = [c for c in (scored_set(scorer, k) for k in likely) if all(p.named for p in c.parts)]
             alike += [c for c in found if predict_the_same(leaf, c, scorer)]
@@ -294,12 +286,13 @@ def sets_to_weigh(
     bends: Mapping[str, Array] | None = None,
 ) -> list[ScoredSet]:
     """The sets to weigh: those linearised anew, and of those scored the likeliest as they are, each once."""
+    settings = scored[0][1].spectrum.settings
     again = [c for c in anew.values() if c is not None]
     best = max((c.scored.log_probability for c in again), default=-1e300)
     first: dict[Keys, tuple[Scored, Scorer]] = {}
     for s, by in scored:
         if anew.get(s.keys) is None:
             first.setdefault(s.keys, (s, by))
-    others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[:KEPT]
-    likely = [(s, by) for s, by in others if s.log_probability > best - BEHIND or not again]
+    others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[: settings.weighed]
+    likely = [(s, by) for s, by in others if s.log_probability > best - settings.behind or not again]
     return [*again, *(scored_set(by, s.keys, bends=bends) for s, by in likely)]

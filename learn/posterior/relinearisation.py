@@ -28,16 +28,6 @@ from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import search
 from wrenchgap.plant.effects import find
 
-BENT = 5.0
-"""Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
-DOUBTED = 0.25
-"""Share of the least evidence for a name from which on a member is asked for with the rest linearised anew."""
-STEPS = 5
-MOVED = 0.1
-"""Change of a parameter in one step, in typical sizes, that calls for another."""
-CHORD = 0.5
-"""Change up to which the next step keeps the derivatives of the last."""
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -49,7 +39,7 @@ class Noise:
 
 def spectrum_of(ground: ModelResidual, columns: Sequence[Column]) -> Spectrum:
     """Of these columns."""
-    return Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known)
+    return Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known, ground.settings)
 
 
 def relinearised_set(
@@ -72,19 +62,28 @@ def relinearised_set(
 
 
 def _improved(
-    ground: ModelResidual, columns: Sequence[Column], theta: Sequence[Array], noise: Noise
+    ground: ModelResidual,
+    columns: Sequence[Column],
+    theta: Sequence[Array],
+    noise: Noise,
+    steps: int = 5,
+    moved: float = 0.1,
+    chord: float = 0.5,
 ) -> tuple[Scorer, Keys]:
+    """Gauss-Newton steps, at most so many: another while a parameter moves by more than `moved` typical sizes, with the
+    last derivatives where that was less than `chord`.
+    """  # noqa: D205
     keys: Keys = tuple(c.key for c in columns)
     largest = np.inf
-    for _ in range(STEPS):
-        columns = joint_columns(ground, columns, theta, anew=largest > CHORD)
+    for _ in range(steps):
+        columns = joint_columns(ground, columns, theta, anew=largest > chord)
         spectrum = spectrum_of(ground, columns)
         spectrum.down_weight(noise.factors)
         scorer = Scorer(spectrum, noise.reference)
         found = [scorer(keys).theta[k] for k in keys]
         largest = max(np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True))
         theta = found
-        if largest < MOVED:
+        if largest < moved:
             break
     return scorer, keys
 
@@ -169,7 +168,8 @@ def likeliest(anew: dict[Keys, ScoredSet | None]) -> ScoredSet | None:
 
 def moves_when_relinearised(linear: Scorer, scored: ScoredSet) -> bool:
     """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
-    return abs(scored.scored.log_probability - linear(scored.keys).log_probability) > BENT
+    wrong = scored.scored.log_probability - linear(scored.keys).log_probability
+    return abs(wrong) > linear.spectrum.settings.moved
 
 
 def columns_hold(keys: Keys, centre: Keys) -> bool:
@@ -188,7 +188,8 @@ def rest_holds(keys: Keys, centre: Keys, scorer: Scorer, anew: dict[Keys, Scored
     """  # noqa: D205
     rest = tuple(k for k in centre if k in keys)
     found = anew.get(rest) if len(rest) < len(centre) else None
-    return found is None or found.scored.log_probability > scorer(rest).log_probability - BENT
+    least = scorer(rest).log_probability - scorer.spectrum.settings.moved
+    return found is None or found.scored.log_probability > least
 
 
 def search_around(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int) -> Scorer:
@@ -220,10 +221,12 @@ def search_around(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: in
     return scorer
 
 
-def without_doubtful(heavy: ScoredSet) -> list[Keys]:
-    """A set without each of the members that it hardly needs, as far as straight lines can tell."""
+def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
+    """A set without each of the members that it hardly needs, as far as straight lines can tell: their evidence is less
+    than the least for a name, and more than this share of it.
+    """  # noqa: D205
     columns = {" + ".join(p.names): p for p in heavy.parts}
-    doubted = [k for k in heavy.keys if DOUBTED * LEAST_EVIDENCE < columns[k].evidence <= LEAST_EVIDENCE]
+    doubted = [k for k in heavy.keys if share * LEAST_EVIDENCE < columns[k].evidence <= LEAST_EVIDENCE]
     return [rest for gone in doubted if (rest := tuple(k for k in heavy.keys if k != gone))]
 
 

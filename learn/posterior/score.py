@@ -3,25 +3,26 @@
 For a set S with parameters theta, the coefficients of axis l in band k leave the mean square s_kl(theta). Their
 variance is unknown, with an inverse-gamma prior about that of the sensors; integrated out it leaves
 
-    log p = -1/2 sum_kl (N_kl + NU) log((N_kl s_kl + NU s0_kl) / (N_kl + NU)) - 1/2 sum_p (theta_p / s_p)^2
-            - 1/2 log det(A S S + I) - PRICE complexity(S)
+    log p = -1/2 sum_kl (N_kl + nu) log((N_kl s_kl + nu s0_kl) / (N_kl + nu)) - 1/2 sum_p (theta_p / s_p)^2
+            - 1/2 log det(A S S + I) - price complexity(S)
 
 a Student likelihood (Gelman et al., "Bayesian Data Analysis", 3rd ed., 3.2), the prior, and Laplace's approximation of
 the integral over theta, A the curvature (MacKay, "Information Theory, Inference, and Learning Algorithms", 27). An axis
 on which a law is nearly right, and no more, has the larger variance that it shows, and counts for less.
 
 N_kl are coefficients that count. What a spectrum shows above the sensors' own is no independent noise in every
-coefficient: a form that is nearly right errs the same way everywhere. Of that share, `SHOWN` values count for each
-block, band and axis (`Scorer`).
+coefficient: a form that is nearly right errs the same way everywhere. Of that share, a few values count for each block,
+band and axis (`Scorer`; this and the other numbers: `learn.posterior.settings`).
 
 What is wrong about one axis shows a little on others: vehicles are never quite symmetric. To every mean square is
-added that of `learn.posterior.spectrum.LEAK` of what the model leaves in all of the force, or torque, in that band;
+added that of a share of what the model leaves in all of the force, or torque, in that band;
 without it a law that takes 96 % off one axis lost for a trace that it added to another, counted by its logarithm.
 
 No law is exactly right: what an effect adds is known to a share (`plant.effects.Effect.accuracy`). The mean square of a
 cell therefore has added to it the square of the sum of those shares of what its effects add there, whatever their
-signs: what effects that cancel each other leave is known no better than each of them. That is an upper limit: of
-`DOUBTS`, the share of it that makes the set likelier counts. Source: model discrepancy, Kennedy and O'Hagan, J. R.
+signs: what effects that cancel each other leave is known no better than each of them. That is an upper limit: a
+set that fits to the noise has shown that its laws are nearer, so that all of it counts or the share `doubt`, whichever
+makes the set likelier. Source: model discrepancy, Kennedy and O'Hagan, J. R.
 Stat. Soc. B 63, 2001.
 """
 
@@ -47,14 +48,6 @@ Keys = tuple[str, ...]
 
 ROUNDS = 8
 """Of weights by band and parameters in turn, at most."""
-NU = 2.0
-"""Values that the prior of a variance is worth."""
-PRICE = 3.0
-"""Log odds against every further effect of a set."""
-DOUBTS = (1.0, 0.3)
-"""Shares of what laws may be off by, of which the likelier holds: what fits to the noise has shown that it is exact."""
-SHOWN = 2.0
-"""Values that count for each block, band and axis of what exceeds the sensors' noise."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ class Scored:
     """A set at its best parameters.
 
     `theta` by column; `left` (bands, axes) are mean squares, `inexact` those that laws may be off by at most, `doubt`
-    the share of that (of its root; of `DOUBTS`) which counts, `variance` that which is modelled of both.
+    the share of that (of its root) which counts, `variance` that which is modelled of both.
     `log_probability` in all; `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the
     stacked quantities of the problem to give what the set leaves; `sizes` (P,) are those of the priors of its unknowns,
     parameters first.
@@ -87,7 +80,7 @@ class Scorer:
         self.spectrum = spectrum
         self.reference = reference
         above = 1.0 - spectrum.sensor / np.maximum(reference, spectrum.sensor)
-        shown = np.minimum(1.0, SHOWN * spectrum.blocks / np.maximum(spectrum.count, 1.0))
+        shown = np.minimum(1.0, spectrum.settings.shown * spectrum.blocks / np.maximum(spectrum.count, 1.0))
         self.count = spectrum.count * (1.0 - above + above * shown)
         self.share = self.count / np.maximum(spectrum.count, 1.0)
         self.variance = self.pooled(reference)
@@ -102,8 +95,8 @@ class Scorer:
 
     def pooled(self, left: Array) -> Array:
         """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely."""
-        space = self.spectrum
-        return np.asarray((self.count * (left + space.leak) + NU * space.sensor) / (self.count + NU))
+        space, worth = self.spectrum, self.spectrum.settings.sensors_worth
+        return np.asarray((self.count * (left + space.leak) + worth * space.sensor) / (self.count + worth))
 
     def weighed(self, variance: Array) -> Array:
         """Products (Q, Q) of all quantities over the variance (bands, axes) of the noise, trims eliminated."""
@@ -116,7 +109,7 @@ class Scorer:
         for k in keys:
             if k not in self._kinds:
                 self._kinds[k] = complexity(self.spectrum.columns[k].names)
-        return -PRICE * sum(self._kinds[k] for k in keys)
+        return -self.spectrum.settings.price * sum(self._kinds[k] for k in keys)
 
     def __call__(self, keys: Sequence[str]) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
@@ -134,7 +127,7 @@ class Scorer:
         own = SetRows(self.spectrum, keys)
         theta, sizes, trims = own.start, own.typical, np.zeros(own.trims.squares.shape)
         best: Scored | None = None
-        for doubt in DOUBTS:
+        for doubt in (1.0, self.spectrum.settings.doubt):
             found, theta, trims = self._at(own, doubt, theta, sizes, trims)
             sizes = found.sizes
             if best is None or found.log_probability > best.log_probability:
@@ -149,10 +142,11 @@ class Scorer:
         parameters in turn, from these values.
         """  # noqa: D205
         trims, size, last = own.trims, len(theta), -np.inf
+        counts = self.count + self.spectrum.settings.sensors_worth
         for _ in range(ROUNDS):
             left, inexact = own.mean_squares(theta, trim)
             variance = self.pooled(left + doubt**2 * inexact)
-            fitted = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+            fitted = -0.5 * float(np.sum(counts * np.log(variance)))
             value = fitted - 0.5 * float(np.sum((theta / sizes) ** 2) + np.sum((trim / trims.scale) ** 2))
             if abs(value - last) < 0.05:
                 break
@@ -165,7 +159,7 @@ class Scorer:
             trim = trims.likeliest(g, own.weights(theta), trims.scale)
         left, inexact = own.mean_squares(theta, trim)
         variance = self.pooled(left + doubt**2 * inexact)
-        likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+        likelihood = -0.5 * float(np.sum(counts * np.log(variance)))
         width = kernels.occam(A, theta, sizes) + trims.occam(g, trims.scale)
         prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys)
         weights = np.zeros(self.spectrum.scale.size)

@@ -14,28 +14,11 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.spectrum import Spectrum
-
-DRAWS = 1000
-SEED = 0
-MANY = 12
-"""Sets from which on what remains of a set is followed along the likeliest way only."""
-IMPLAUSIBLE = 0.6
-"""Trust in an effect that others push to the limit of what is plausible: something else is pushing."""
-ABOVE_SENSORS = 2.5
-"""Rms over that of the sensors from which on what a set leaves is structure: something else may be making it, and with
-it the difference that one of the members makes."""
-ROUGH, FAR_OFF = 0.05, 3.0
-"""Accuracy beyond which a law's shape is an assumption: several times its accuracy, it may have made the difference
-that another member makes."""
-FIRM = 0.9
-"""Share of the weight from which on a name is firm."""
-OTHERWISE = 0.05
-"""Share of its class from which on a set keeps the names that it lacks from being firm."""
-MAJOR = 1.5
-"""Evidence from which on an effect that others push to the limit of what is plausible is named all the same."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +26,9 @@ class Part:
     """One candidate of a set: `names` of its effects, `size` of its largest parameter in typical sizes.
 
     `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the
-    rms grows without it; `trust` the share of that which what neither the set leaves unexplained (`ABOVE_SENSORS`) nor
-    the rough laws of its other members (`ROUGH`) could have made as well.
+    rms grows without it; `trust` the share of that which what neither the set leaves unexplained (above the sensors'
+    noise) nor the rough laws of its other members could have made as well. `named` says whether it is large enough for
+    a name, matters enough, and is likelier there than a fluke of the rest.
     """
 
     names: tuple[str, ...]
@@ -53,12 +37,18 @@ class Part:
     stuck: bool
     evidence: float
     trust: float
+    named: bool
 
-    @property
-    def named(self) -> bool:
-        """Whether it is large enough for a name, matters enough, and is likelier there than a fluke of the rest."""
-        enough, least = (MAJOR, 0.5 * IMPLAUSIBLE) if self.stuck else (LEAST_EVIDENCE, 0.5)
-        return self.size >= MATERIAL and self.evidence > enough and self.trust > least
+
+def part(column: Column, theta: Array, evidence: float, trust: float, settings: SearchSettings) -> Part:
+    """What is said of a candidate at these parameters (P,), with this evidence and trust."""
+    stuck = at_limit(theta, column.low, column.high)
+    size = float(np.max(np.abs(theta) / column.scale))
+    trust, enough, least = trust, LEAST_EVIDENCE, 0.5
+    if stuck:
+        trust, enough, least = trust * settings.at_limit, settings.evident, 0.5 * settings.at_limit
+    named = size >= MATERIAL and evidence > enough and trust > least
+    return Part(column.names, theta, size, stuck, evidence, trust, named)
 
 
 @dataclass(frozen=True)
@@ -119,19 +109,19 @@ def described(scorer: Scorer, keys: Keys, parts: tuple[Part, ...]) -> ScoredSet:
     return ScoredSet(scored, parts, scorer.by_block(scored), adds(scorer.spectrum, scored), left)
 
 
-def without_idle(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> dict[Keys, float]:
+def without_idle(scorer: Scorer, keys: Keys, bends: Mapping[str, Array], many: int = 12) -> dict[Keys, float]:
     """What remains of a set when all that it does not need is taken out, with shares of it (`ScoredSet.leaves`).
-    `bends` are those of a scored set.
+    `bends` are those of a scored set; once `many` sets were seen, the likeliest way is followed alone.
     """  # noqa: D205
 
     def idle(some: Keys) -> list[Keys]:
-        """Without each member that hardly shows: the likeliest first; once `MANY` sets were seen, that alone."""
+        """Without each member that hardly shows, the likeliest first."""
         left = by_axis(scorer, scorer(some).left)
         rests = {gone: tuple(k for k in some if k != gone) for gone in some}
         found = [r for g, r in rests.items() if _evidence(left, _without(scorer, r, g, bends)) <= LEAST_EVIDENCE]
         return sorted(found, key=lambda rest: -scorer(rest).log_probability)
 
-    leaves = pruned(scorer(keys).keys, idle, MANY)
+    leaves = pruned(scorer(keys).keys, idle, many)
     return dict(zip(leaves, shares(scorer, leaves), strict=True))
 
 
@@ -188,7 +178,7 @@ def adds(space: Spectrum, scored: Scored) -> Array:
 
 def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tuple[Part, ...]:
     """What is said of each candidate of a set; `bends` are those of a scored set."""
-    space = scorer.spectrum
+    space, settings = scorer.spectrum, scorer.spectrum.settings
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
     parts = []
@@ -197,15 +187,12 @@ def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tupl
         c, theta = space.columns[key], scored.theta[key]
         without = _without(scorer, tuple(k for k in scored.keys if k != key), key, bends)
         returns = np.maximum(without / left - 1.0, 0.0)
-        above = np.maximum(1.0 - ABOVE_SENSORS**2 * sensor / left, 0.0) * returns / (returns + 1.0)
-        rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > ROUGH]
-        law = sum((FAR_OFF * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
+        above = np.maximum(1.0 - settings.structure**2 * sensor / left, 0.0) * returns / (returns + 1.0)
+        rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > settings.rough]
+        law = sum((settings.off * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
         own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
         trust = float(own.sum() / max(float(np.sum(returns + above)), 1e-30))
-        evidence = _evidence(left, without)
-        stuck = at_limit(theta, c.low, c.high)
-        size = float(np.max(np.abs(theta) / c.scale))
-        parts.append(Part(c.names, theta, size, stuck, evidence, trust * (IMPLAUSIBLE if stuck else 1.0)))
+        parts.append(part(c, theta, _evidence(left, without), trust, settings))
     return tuple(parts)
 
 
@@ -234,12 +221,12 @@ def weights(sets: Sequence[ScoredSet]) -> Array:
     return bootstrapped(np.array([c.by_block for c in sets]), np.array([c.scored.prior for c in sets]))
 
 
-def bootstrapped(likelihood: Array, prior: Array) -> Array:
-    """Weights (S,): Dirichlet weights of the blocks (or flights), the share of every set, and the mean of many such
+def bootstrapped(likelihood: Array, prior: Array, draws: int = 1000, seed: int = 0) -> Array:
+    """Weights (S,): Dirichlet weights of the blocks (or flights), the share of every set, and the mean of so many
     draws. `likelihood` (S, B) and `prior` (S,) are logarithms.
     """  # noqa: D205
     blocks = likelihood.shape[1]
-    drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    drawn = np.random.default_rng(seed).dirichlet(np.ones(blocks), draws) * blocks
     log = drawn @ likelihood.T + prior
     share = np.exp(log - log.max(axis=1, keepdims=True))
     return np.asarray((share / share.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -18,6 +18,7 @@ from wrenchgap.learn.identify.fit import MANY, Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column, column
+from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.plant.effects import acting_effects, find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
@@ -63,6 +64,7 @@ class Candidate:
 class ModelResidual:
     """What effects are tried on: flights and a model; what it leaves (K, 6), and on held-out time but for the
     accelerometers' biases; the model's own effects that are uncertain, with their standard deviations as sizes.
+    `settings` are those of the search.
     """  # noqa: D205
 
     data: Dataset
@@ -70,6 +72,7 @@ class ModelResidual:
     left: Array
     given: Array
     known: tuple[Column, ...] = ()
+    settings: SearchSettings = DEFAULT
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -77,11 +80,11 @@ class ModelResidual:
         return tuple(e.name for e in self.model.effects)
 
 
-def model_residual(data: Dataset, model: Model) -> ModelResidual:
-    """What the model leaves on these flights."""
+def model_residual(data: Dataset, model: Model, settings: SearchSettings = DEFAULT) -> ModelResidual:
+    """What the model leaves on these flights, for a search with these settings."""
     left = left_by(data, model)
     known = tuple(uncertain(data, model, e) for e in model.effects if e.std is not None and np.any(e.std > 0.0))
-    return ModelResidual(data, model, left, held_out(data, model, (), fit(data, model, ())), known)
+    return ModelResidual(data, model, left, held_out(data, model, (), fit(data, model, ())), known, settings)
 
 
 def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:

@@ -1,7 +1,7 @@
 """What flights say about columns, by frequency: blocks of time, their cosine transforms, and products of columns.
 
 Residuals are coloured: sensors, turbulence and what nothing explains have each their own spectrum. Records are cut
-into blocks of about `SECONDS`, each is transformed (type-II discrete cosine, orthonormal), and the coefficients of one
+into blocks of time, each is transformed (type-II discrete cosine, orthonormal), and the coefficients of one
 axis in one band of frequencies are taken to have one variance, which is unknown (`learn.posterior.score`). This is
 the Whittle likelihood with a piecewise constant spectrum. Source: Whittle, J. R. Stat. Soc. B 15, 1953; the cosine
 transform in place of Fourier's for finite blocks, Ahmed, Natarajan and Rao, IEEE Trans. Comput. C-23, 1974.
@@ -27,20 +27,12 @@ from wrenchgap.learn.data.sensor_noise import coefficient_shapes
 from wrenchgap.learn.identify.bias_and_trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
+from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 
-SECONDS = 2.5
-"""Length of the blocks [s]."""
-ABOVE_NOISE = 2.5
-"""Ratio to the sensors' noise from which on motion that no command explains is a disturbance."""
-LEAK = 0.02
-"""Share of force, or of torque, that any cause has on axes on which its law has none: axes are never quite square,
-vehicles never quite symmetric."""
 LARGE = 1 << 24
 """Bytes of coefficients from which on they wait on disk: products are what a search asks for."""
 AT_ONCE = 24
 """Quantities that are transformed at once, at least."""
-FAR_LOUDER = 5.0
-"""Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
 
 class Spectrum(LinearProblem):
@@ -48,13 +40,21 @@ class Spectrum(LinearProblem):
 
     Always there are biases and trims of flights (`learn.identify.bias_and_trim`), and what the model's own effects may
     be off by (`known`). On the axes where commands answer the motion it is of all of them what free responses to all
-    commands leave (`learn.data.feedback_regressors`). `leak` is the mean square of `LEAK` of what the model leaves in
-    all of an axis' force, or torque, in that band, and of what the commands may err by there (`input_errors`).
+    commands leave (`learn.data.feedback_regressors`). `leak` is the mean square of the share of that name of what the
+    model leaves in all of an axis' force, or torque, in that band, and of what the commands may err by there
+    (`input_errors`).
     """
 
     def __init__(
-        self, data: Dataset, base: Array, columns: Sequence[Column], trim: Trim, known: Sequence[Column] = ()
+        self,
+        data: Dataset,
+        base: Array,
+        columns: Sequence[Column],
+        trim: Trim,
+        known: Sequence[Column] = (),
+        settings: SearchSettings = DEFAULT,
     ) -> None:
+        self.settings = settings
         flights = int(data.flight.max()) + 1
         limit = np.concatenate((np.tile(trim.limit, flights), *(c.high for c in known)))
         size = np.concatenate((np.tile(trim.scale, flights), *(c.scale for c in known)))
@@ -62,7 +62,7 @@ class Spectrum(LinearProblem):
         self.axes = np.flatnonzero(data.measured_axes)
         lines = [part for c in columns for part in (c.jacobian, c.offset[:, :, None])]
         stacked = [base[:, :, None], *lines, trim.columns(data), *(c.jacobian for c in known)]
-        self.coefficients, self.block, hertz = side_by_side(data.records, stacked, self.axes)
+        self.coefficients, self.block, hertz = side_by_side(data.records, stacked, self.axes, settings.block)
         self.hertz = hertz
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
         self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
@@ -70,7 +70,7 @@ class Spectrum(LinearProblem):
         self.silent = data.untrusted[np.digitize(hertz, EDGES)][:, self.axes] & (hertz > 0.0)[:, None]
         self.count = self.counted()
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
-        self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes)
+        self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes, settings.leak)
         self._silence(data)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
@@ -95,7 +95,7 @@ class Spectrum(LinearProblem):
                 rows = self.starts[data.flight[self.starts] == flight]
                 size = np.sqrt(np.bincount(self.block)[self.block[rows]])[:, None]
                 self.coefficients[rows, axis, 1:] = size * (self.coefficients[rows, axis, 1:] / size).mean(axis=0)
-        self.error = input_errors(data, self.axes, self.block, self.hertz)
+        self.error = input_errors(data, self.axes, self.hertz, self.settings.block)
         per_band = np.stack([np.bincount(self.band, weights=e) for e in (self.error * ~self.silent).T], axis=1)
         self.leak = self.leak + per_band / np.maximum(self.count, 1.0)
 
@@ -109,9 +109,10 @@ class Spectrum(LinearProblem):
         if not answering:
             return
         signals = answers(data.records, REGRESSORS.shifts)
-        free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
+        seconds = self.settings.block
+        free = transformed(data.records, signals[:, None], seconds, without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
-        moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]
+        moved = transformed(data.records, measured[:, :, None], seconds, without_mean=True)[0][:, :, 0]
         slow = self._slow_answers(data)
         for k in answering:
             power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
@@ -132,13 +133,13 @@ class Spectrum(LinearProblem):
         """  # noqa: D205
         left = moved - basis @ (basis.T @ moved)
         power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
-        disturbed = power > ABOVE_NOISE**2 * self.sensor[:, k]
+        disturbed = power > self.settings.structure**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])
 
     def _slow_answers(self, data: Dataset) -> Array:
         """Orthonormal basis (blocks, B) of how the commands' means over blocks differ within a flight."""
         sent = np.concatenate([r.commanded for r in data.records])
-        means = transformed(data.records, sent[:, :, None])[0][self.starts, :, 0]
+        means = transformed(data.records, sent[:, :, None], self.settings.block)[0][self.starts, :, 0]
         size = np.sqrt(np.bincount(self.block))
         flight = data.flight[self.starts]
         for one in np.unique(flight):
@@ -176,7 +177,7 @@ class Spectrum(LinearProblem):
         mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
         size /= np.bincount(self.block)
-        return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
+        return np.asarray(np.sqrt(np.minimum(1.0, self.settings.loud * np.median(size) / np.maximum(size, 1e-30))))
 
     def down_weight(self, factors: Array) -> None:
         """Multiply the blocks of time by these factors (blocks,)."""
@@ -189,11 +190,13 @@ class Spectrum(LinearProblem):
 
 
 def transformed(
-    records: Sequence[Record], stacked: Array, *, without_mean: bool = False
+    records: Sequence[Record], stacked: Array, seconds: float, *, without_mean: bool = False
 ) -> tuple[Array, NDArray[np.intp], Array]:
-    """Cosine coefficients (K, L, Q) of the blocks of all records; the block and the frequency [Hz] of each (K,)."""
+    """Cosine coefficients (K, L, Q) of the blocks of about `seconds` of all records; of each (K,) the block and the
+    frequency [Hz].
+    """  # noqa: D205
     out = np.empty(stacked.shape)
-    cuts, block, hertz = blocks_of_time(records)
+    cuts, block, hertz = blocks_of_time(records, seconds)
     for own in cuts:
         part = stacked[own]
         part = part - part.mean(axis=0) if without_mean else part
@@ -202,13 +205,13 @@ def transformed(
 
 
 def side_by_side(
-    records: Sequence[Record], parts: Sequence[Array], axes: NDArray[np.intp]
+    records: Sequence[Record], parts: Sequence[Array], axes: NDArray[np.intp], seconds: float
 ) -> tuple[Array, NDArray[np.intp], Array]:
     """`transformed` of these axes of arrays (K, 6, .) side by side, which would be large twice. In memory every
     quantity lies in one piece, axis by axis: what is summed and multiplied are quantities.
     """  # noqa: D205
     ends = np.cumsum([0, *(part.shape[2] for part in parts)])
-    cuts, block, hertz = blocks_of_time(records)
+    cuts, block, hertz = blocks_of_time(records, seconds)
     shape = (int(ends[-1]), len(axes), len(block))
     rows = np.empty(shape) if 8 * np.prod(shape) < LARGE else empty_on_disk(shape, least=1)
     first = 0
@@ -224,15 +227,15 @@ def side_by_side(
     return rows.transpose(2, 1, 0), block, hertz
 
 
-def blocks_of_time(records: Sequence[Record]) -> tuple[list[slice], NDArray[np.intp], Array]:
-    """Samples of each block; of the coefficients (K,) the block, and the frequency [Hz]."""
+def blocks_of_time(records: Sequence[Record], seconds: float) -> tuple[list[slice], NDArray[np.intp], Array]:
+    """Samples of each block of about `seconds`; of the coefficients (K,) the block, and the frequency [Hz]."""
     cuts: list[slice] = []
     block: list[NDArray[np.intp]] = []
     hertz: list[Array] = []
     at = 0
     for record in records:
         n, dt = len(record), record.dt_kept
-        ends = np.linspace(0, n, max(1, round(n * dt / SECONDS)) + 1).astype(int)
+        ends = np.linspace(0, n, max(1, round(n * dt / seconds)) + 1).astype(int)
         for first, last in itertools.pairwise(ends):
             cuts.append(slice(at + first, at + last))
             hertz.append(np.arange(last - first) / (2 * (last - first) * dt))
@@ -241,7 +244,7 @@ def blocks_of_time(records: Sequence[Record]) -> tuple[list[slice], NDArray[np.i
     return cuts, np.concatenate(block), np.concatenate(hertz)
 
 
-def input_errors(data: Dataset, axes: NDArray[np.intp], block: NDArray[np.intp], hertz: Array) -> Array:
+def input_errors(data: Dataset, axes: NDArray[np.intp], hertz: Array, seconds: float) -> Array:
     """Squares (K, A) of the cosine coefficients that commands may err by (`learn.data.input_errors`), means aside."""
     sent = np.concatenate([r.commanded for r in data.records])[:, axes, None]
     if not any(r.input_error is not None for r in data.records):
@@ -249,7 +252,7 @@ def input_errors(data: Dataset, axes: NDArray[np.intp], block: NDArray[np.intp],
     nothing = np.zeros((len(EDGES) + 1, len(AXES)))
     shares = np.array([nothing if r.input_error is None else r.input_error for r in data.records])
     record = np.repeat(np.arange(len(shares)), [len(r) for r in data.records])
-    squares = transformed(data.records, sent, without_mean=True)[0][:, :, 0] ** 2
+    squares = transformed(data.records, sent, seconds, without_mean=True)[0][:, :, 0] ** 2
     return np.asarray(shares[record, np.digitize(hertz, EDGES)][:, axes] * squares)
 
 
@@ -258,12 +261,12 @@ def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:
     return np.stack([np.bincount(band, weights=x**2) for x in coefficients.T], axis=1) / np.bincount(band)[:, None]
 
 
-def leaking(power: Array, axes: NDArray[np.intp]) -> Array:
-    """`Spectrum.leak` (bands, axes) of the mean squares (bands, axes) of what the model leaves."""
+def leaking(power: Array, axes: NDArray[np.intp], share: float) -> Array:
+    """`Spectrum.leak` (bands, axes): this share of what the model leaves, of which these are the mean squares."""
     forces = axes < len(AXES) // 2
     out = np.empty(power.shape)
     for own in (forces, ~forces):
-        out[:, own] = LEAK**2 * power[:, own].sum(axis=1, keepdims=True)
+        out[:, own] = share**2 * power[:, own].sum(axis=1, keepdims=True)
     return out
 
 

@@ -1,8 +1,8 @@
 """The search over sets: with the noise's spectrum held fixed every set is a small solve, and thousands are tried.
 
-What is always there is eliminated once. All pairs are scored; then, as long as a better set is found, the best `WIDTH`
-sets are changed by one effect: one less, and instead of each or beside all those that promise most. There is no limit
-to their number but the evidence.
+What is always there is eliminated once. All pairs are scored; then, as long as a better set is found, the best few sets
+are changed by one effect: one less, and instead of each or beside all those that promise most. There is no limit to
+their number but the evidence.
 """
 
 from __future__ import annotations
@@ -23,24 +23,12 @@ from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Rows = NDArray[np.intp]
 
-WIDTH = 7
-"""Best sets that are changed further in each round."""
-PROMISING = 5
-"""Effects that are tried in the place of another, or beside the others."""
-ROUNDS = 30
-TOP = 30
-"""Best sets of a search that are scored with the spectrum unknown."""
-PLAIN = 4
-"""Plainest sets that are."""
-TRUSTED = 0.2
-"""Share of a fit that counts where the bend of effects may have taken the rest."""
 
-
-def with_fit_discounted(log_probability: float, prior: float) -> float:
+def with_fit_discounted(log_probability: float, prior: float, fit_counts: float) -> float:
     """The log probability of a set where straight lines are not to be trusted: what bends costs a plain set some of its
-    fit, and more effects than there are make up for it. Fits count `TRUSTED` therefore.
+    fit, and more effects than there are make up for it. Fits count only this share therefore.
     """  # noqa: D205
-    return prior + TRUSTED * (log_probability - prior)
+    return prior + fit_counts * (log_probability - prior)
 
 
 class SubsetSearch:
@@ -48,6 +36,7 @@ class SubsetSearch:
 
     def __init__(self, scorer: Scorer, variance: Array) -> None:
         self.scorer, self.space, self.variance = scorer, scorer.spectrum, variance
+        self.settings = scorer.spectrum.settings
         self.whole = self._whole()
         columns = scorer.spectrum.columns
         names = tuple(columns)
@@ -101,16 +90,16 @@ class SubsetSearch:
         accuracy = np.array([space.columns[k].accuracy for k in keys], dtype=float)
         return np.concatenate([np.zeros(0, np.intp), *parameters]), fixed, sizes, accuracy
 
-    def run(self) -> list[Keys]:
-        """All sets that were scored, best first."""
+    def run(self, rounds: int = 30) -> list[Keys]:
+        """All sets that were scored, best first; of `rounds` at most."""
         names = list(self.space.columns)
         for first, second in itertools.combinations(names, 2):
             self.score((first, second))
         for name in names:
             self.score((name,))
         changed: set[Keys] = set()
-        for _ in range(ROUNDS):
-            front = [keys for keys in self.best()[:WIDTH] if keys not in changed]
+        for _ in range(rounds):
+            front = [keys for keys in self.best()[: self.settings.beam] if keys not in changed]
             if not front:
                 break
             for keys in front:
@@ -124,7 +113,8 @@ class SubsetSearch:
 
     def plain(self) -> list[Keys]:
         """Sets that would be best if fits counted less (`with_fit_discounted`)."""
-        return sorted(self.best(), key=lambda k: -with_fit_discounted(self.scores[k], self.priors[k]))
+        counts = self.settings.fit_counts
+        return sorted(self.best(), key=lambda k: -with_fit_discounted(self.scores[k], self.priors[k], counts))
 
     def _change(self, keys: Keys) -> None:
         """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most and
@@ -150,7 +140,7 @@ class SubsetSearch:
         starts = np.cumsum([0, *(len(rows) for rows in others.values())])
         rows = np.concatenate(list(others.values()))
         gained = kernels.gains(self.whole, unknown, fixed, rows, starts, space.scale)
-        return [n for _, n in sorted(zip(-gained, others, strict=True))][:PROMISING]
+        return [n for _, n in sorted(zip(-gained, others, strict=True))][: self.settings.promising]
 
 
 S = TypeVar("S", bound=Scorer)
@@ -180,7 +170,7 @@ def search(scorer: Scorer, jobs: int = 1, rounds: int = 4) -> None:
     variance, last = scorer.variance, None
     for _ in range(rounds):
         found = SubsetSearch(scorer, variance)
-        scorer.many((*found.run()[:TOP], *found.plain()[:PLAIN]), jobs)
+        scorer.many((*found.run()[: found.settings.weighed], *found.plain()[: found.settings.plainest]), jobs)
         best = ordered(scorer)[0]
         if best.keys == last:
             break

@@ -5,10 +5,10 @@ mission leave less than the sensors' noise has over all frequencies, but several
 frequency and axis (`learn.posterior.spectrum`), b is the mean square that the model leaves on held-out time, a that of
 the named set, s that of the sensors' noise, d what the laws of the set may be off by at most
 (`learn.posterior.score.Scored.inexact`), D the mean of d over all frequencies, and e what any cause shows elsewhere: a
-share `LEAK` of all of the force, or torque, that the model leaves in the band, and on torques that of the force at one
+share `leak` of all of the force, or torque, that the model leaves in the band, and on torques that of the force at one
 radius of gyration, since a force attacks somewhere. A band is open where
 
-    a > ABOVE_SENSORS^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
+    a > structure^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
 
 the last since a law that bends what it is given is off at other frequencies too. One gust or touch is no verdict: the
 loudest tenth of the blocks of time, and one more, is left aside. A block `BENDS` times louder than the others has bent
@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
 from wrenchgap.learn.posterior.single_effects import ModelResidual
-from wrenchgap.learn.posterior.spectrum import LEAK, leaking, sensor_spectrum, transformed
+from wrenchgap.learn.posterior.spectrum import leaking, sensor_spectrum, transformed
 
 UNEXPLAINED = 0.4
 """Share of the rms in a band that a set which explains the band does not leave; in one band of many a law that is
@@ -58,7 +57,9 @@ def unexplained_bands(on: ModelResidual, found: Posterior, left: Array) -> tuple
     if on.data.answering:
         return ()
     axes = np.flatnonzero(on.data.measured_axes)
-    coefficients, block, hertz = transformed(on.data.records, np.stack((on.given, left), axis=2)[:, axes])
+    coefficients, block, hertz = transformed(
+        on.data.records, np.stack((on.given, left), axis=2)[:, axes], on.settings.block
+    )
     present, band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
     noise = sensor_spectrum(on.data, hertz, band)[:, axes]
     each = _by_block(coefficients[:, :, 1], block, band)
@@ -74,9 +75,10 @@ def unexplained_bands(on: ModelResidual, found: Posterior, left: Array) -> tuple
     inexact = found.best.scored_set.scored.inexact
     anywhere = np.average(inexact, axis=0, weights=kept)
     there = np.maximum(before - noise, 0.0)
-    off = inexact + leaking(there, axes) + _levers(there, axes, on.data.weights[axes])
+    off = inexact + leaking(there, axes, on.settings.leak)
+    off += _levers(there, axes, on.data.weights[axes], on.settings.leak)
     loud = after > np.maximum.reduce(
-        [ABOVE_SENSORS**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)]
+        [on.settings.structure**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)]
     )
     loud &= (after > np.minimum(each.max(axis=0) / BENDS**2, 4.0 * adds)) & (present > 0)[:, None]
     edges = (0.0, *EDGES, float(hertz.max()))
@@ -102,8 +104,8 @@ def _by_block(coefficients: Array, block: NDArray[np.intp], band: NDArray[np.int
     return np.asarray((np.stack(sums, axis=1) / count[:, None]).reshape(*size, -1))
 
 
-def _levers(power: Array, axes: NDArray[np.intp], weights: Array) -> Array:
-    """Mean squares (bands, axes) on torques of `LEAK` of all of the force at the length of the weights (axes,)."""
+def _levers(power: Array, axes: NDArray[np.intp], weights: Array, share: float) -> Array:
+    """Mean squares (bands, axes) on torques of this share of all of the force at the length of the weights (axes,)."""
     forces = axes < len(AXES) // 2
-    whole = LEAK**2 * power[:, forces].sum(axis=1, keepdims=True)
+    whole = share**2 * power[:, forces].sum(axis=1, keepdims=True)
     return np.asarray(np.where(forces, 0.0, whole / weights**2))

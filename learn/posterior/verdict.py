@@ -2,7 +2,7 @@
 
 What a verdict needs:
 
-    unknown   force or torque stay above `ABOVE_SENSORS` times the noise and above the share `UNEXPLAINED` of what they
+    unknown   force or torque stay above `structure` times the noise and above the share `UNEXPLAINED` of what they
               were, the worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of
               that depends on what was logged; or something is named, and a band of frequency of what is left is open
               (`learn.posterior.unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
@@ -27,7 +27,6 @@ from wrenchgap.learn.data.errors import energy, force_and_torque, rms, weighted
 from wrenchgap.learn.diagnose.relevance import Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.posterior.members import Member
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 
 
@@ -41,7 +40,7 @@ class Verdict(StrEnum):
 
 
 UNEXPLAINED = 0.25
-"""Structure is left where the rms of force or torque stays above `ABOVE_SENSORS` times the noise and above this share
+"""Structure is left where the rms of force or torque stays above `structure` times the noise and above this share
 of what it was."""
 PREDICTABLE = 0.3
 """Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
@@ -74,9 +73,9 @@ def open_axes(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
     some = usual(on.data, left)
     before, after = (rms(on.data.unanswered(r)[some]) for r in (on.given, left))
     noise = on.data.noise
-    loud = (after > ABOVE_SENSORS * noise) & (after > UNEXPLAINED * before)
+    loud = (after > on.settings.structure * noise) & (after > UNEXPLAINED * before)
     worse = force_and_torque(after) > np.maximum(
-        ABOVE_SENSORS * force_and_torque(noise), UNEXPLAINED * force_and_torque(before)
+        on.settings.structure * force_and_torque(noise), UNEXPLAINED * force_and_torque(before)
     )
     return np.asarray(loud & np.repeat(worse, 3))
 

@@ -12,7 +12,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.learn.posterior.posterior import SUREST
+from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
@@ -54,7 +54,7 @@ def parts(found: Changed) -> list[Part]:
 
 def outliers(found: Changed, given: str = "given") -> list[str]:
     """Flights that were `given` as healthy and are not."""
-    sure = [(o, share(min(SUREST, 1.0 / (1.0 + np.exp(-o.odds))))) for o in found.odd]
+    sure = [(o, share(min(CHANGES.certain, 1.0 / (1.0 + np.exp(-o.odds))))) for o in found.odd]
     return [f"{o.flight} was {given} as healthy and is not: {o.effect} (confidence {p})." for o, p in sure]
 
 

@@ -8,7 +8,7 @@ import pytest
 from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.posterior.explain import SEARCH_SECONDS, search_dataset
-from wrenchgap.learn.posterior.scored_sets import ABOVE_SENSORS
+from wrenchgap.learn.posterior.settings import DEFAULT
 
 TIMING = {"servo_lag", "command_delay", "motor_lag"}
 SOME = ("com_offset", "payload", "mass", "thrust_scale", "tether", "constant_wrench", "servo_lag", "arm_reaction")
@@ -116,7 +116,7 @@ def test_a_magnet_in_a_field_is_unknown_and_depends_on_heading(fly, hexarotor):
     assert found.oscillation is None
     assert found.depends.chosen[0].name == "heading"
     assert found.depends.explained > 0.7
-    assert found.left > 3 * ABOVE_SENSORS  # a rope takes some of it in its place, with no confidence
+    assert found.left > 3 * DEFAULT.structure  # a rope takes some of it in its place, with no confidence
 
 
 def test_one_bad_stretch_is_no_missing_physics(offset, hexarotor):

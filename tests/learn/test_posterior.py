@@ -23,8 +23,6 @@ from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.kernels import bounded, occam
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
 from wrenchgap.learn.posterior.posterior import (
-    FIRM,
-    SUREST,
     Posterior,
     equivalents_without_idle,
     exchanges,
@@ -33,9 +31,11 @@ from wrenchgap.learn.posterior.posterior import (
 )
 from wrenchgap.learn.posterior.relinearisation import column_beside, columns_hold
 from wrenchgap.learn.posterior.score import Scorer
-from wrenchgap.learn.posterior.scored_sets import Part, at_limit, scored_set, weights
+from wrenchgap.learn.posterior.scored_sets import at_limit, scored_set, weights
+from wrenchgap.learn.posterior.scored_sets import part as described_part
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import model_residual
-from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
+from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import with_fit_discounted
 from wrenchgap.plant.model import make_effect
 
@@ -227,7 +227,7 @@ def test_what_one_axis_shows_leaks_to_those_of_its_kind(made):
     """A force of 100 N in white noise: 2 N on each axis of force, nothing on the torques."""
     force = on_axis(0, 100.0 * np.random.default_rng(5).normal(size=len(made.noise)))
     leak = np.sqrt(made.spectrum({"mass": force}, force).leak)
-    np.testing.assert_allclose(leak[:, :3], LEAK * 100.0, rtol=0.3)
+    np.testing.assert_allclose(leak[:, :3], DEFAULT.leak * 100.0, rtol=0.3)
     np.testing.assert_allclose(leak[:, 3:], 0.0, atol=1e-12)
 
 
@@ -295,8 +295,8 @@ def test_a_plain_set_is_preferred_where_a_fit_counts_less():
     """Ten log odds of fit more for fifty of prior: better as it stands, worse where bends may have made the fit."""
     plain, rich = (100.0, -10.0), (110.0, -60.0)
     assert rich[0] > plain[0]
-    assert with_fit_discounted(*plain) > with_fit_discounted(*rich)
-    assert with_fit_discounted(7.0, 7.0) == 7.0
+    assert with_fit_discounted(*plain, 0.2) > with_fit_discounted(*rich, 0.2)
+    assert with_fit_discounted(7.0, 7.0, 0.2) == 7.0
 
 
 def test_a_payload_costs_as_much_as_a_mass_and_a_shift():
@@ -323,7 +323,9 @@ def test_a_parameter_at_zero_is_at_no_limit():
 
 
 def part(*names, size=1.0, evidence=3.0, trust=1.0, stuck=False):
-    return Part(names, np.zeros(1), size, stuck, evidence, trust)
+    high = np.array([size if stuck else 100.0 * size])
+    column = SimpleNamespace(names=names, scale=np.ones(1), low=np.zeros(1), high=high)
+    return described_part(column, np.array([size]), evidence, trust, DEFAULT)
 
 
 def named_set(weight, *parts):
@@ -357,7 +359,7 @@ def test_probability_is_the_weight_of_the_sets_that_name_it():
     assert found.probability(["motor_lag"]) == pytest.approx(0.95)  # in either form
     assert found.firm == ("motor_lag",)
     certain = Posterior((named_set(1.0, lag),), (), ())
-    assert FIRM < certain.probability(["motor_lag"]) == SUREST < 1.0
+    assert DEFAULT.firm < certain.probability(["motor_lag"]) == DEFAULT.certain < 1.0
 
 
 def test_sets_with_the_same_names_are_one():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.unexplained_bands import FAR, unexplained_bands
 
 FORCE_Y, TORQUE_X = 1, 3
@@ -45,7 +46,7 @@ EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 
 
 def bands(data, given, left, inexact=0.0):
-    return unexplained_bands(SimpleNamespace(data=data, given=given), found(data, inexact), left)
+    return unexplained_bands(SimpleNamespace(settings=DEFAULT, data=data, given=given), found(data, inexact), left)
 
 
 @pytest.mark.parametrize("seed", range(4))

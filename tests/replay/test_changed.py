@@ -1,6 +1,7 @@
 """`wrenchgap changed`: the command, its words, table, figure and the JSON of its schema."""
 
 from dataclasses import replace
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -82,7 +83,7 @@ def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monke
 
 def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved, monkeypatch):
     """Straight lines from another point are no proof, however well they fit."""
-    monkeypatch.setattr(search, "ROUNDS", 1)
+    monkeypatch.setattr(searching, "weigh", partial(search.weigh, rounds=1))
     monkeypatch.setattr(search, "FAR", 1e-6)
     again = compared(logs.train, logs.ideal)
     assert again.verdict is Verdict.CHANGED
