@@ -122,16 +122,18 @@ def main() -> None:
     parser.add_argument("--page", type=Path)
     parser.add_argument("--every", type=int, default=1, help="only every so many of the flights")
     asked = parser.parse_args()
-    rows = []
+    rows: list[dict[str, Any]] = json.loads(asked.json.read_text()) if asked.json and asked.json.exists() else []
+    done = {r["flight"] for r in rows}
     single = ((name, partial(wg.explain, opened, model)) for name, opened, model in flights(asked.seed))
     several = ((name, partial(wg.changed, one, others, model)) for name, one, others, model in comparisons(asked.seed))
     for name, ask in itertools.islice(itertools.chain(single, several), 0, None, asked.every):
-        rows.append(row(name, ask))
-        print(json.dumps(rows[-1]), flush=True)
+        if name not in done:
+            rows.append(row(name, ask))
+            print(json.dumps(rows[-1]), flush=True)
+            if asked.json:
+                asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     text = table(rows)
     print(text)
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     if asked.page:
         pages.renew(asked.page, {"limits": text})
 

@@ -36,6 +36,7 @@ from wrenchgap.replay.present.posterior import (
     settle_json,
     settle_lines,
     turbulence,
+    unproven,
     with_values,
 )
 from wrenchgap.replay.present.tables import (
@@ -110,7 +111,8 @@ def summary(found: Explanation) -> str:
     names = " and ".join(members)
     residual = largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        return " ".join(filter(None, (nothing_missing(found), nearest(found), turbulence(found), residual)))
+        words = (nothing_missing(found), nearest(found), turbulence(found), unproven(found), residual)
+        return " ".join(filter(None, words))
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
         if short(found) and not names:
@@ -121,7 +123,7 @@ def summary(found: Explanation) -> str:
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"Explained by {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
-    return " ".join(filter(None, (*first, turbulence(found), residual)))
+    return " ".join(filter(None, (*first, turbulence(found), unproven(found), residual)))
 
 
 def what_next(

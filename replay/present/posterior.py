@@ -14,6 +14,7 @@ from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -73,7 +74,7 @@ def nothing_missing(found: Explanation) -> str:
     none = sum(s.weight for s in sets if not s.names)
     likeliest = next((s for s in sets if s.names), None)
     if none >= 0.5 or likeliest is None:
-        return "Nothing is missing that these logs can show."
+        return "Nothing is established." if unproven(found) else "Nothing is missing that these logs can show."
     small = "something" if found.open.any() else "something small"
     names = " + ".join(likeliest.names)
     return (
@@ -87,7 +88,8 @@ def turbulence(found: Explanation, most: float = 0.05) -> str:
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
     if not axes:
         return ""
-    words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
+    words = "more than noise is left, as turbulence leaves it"
+    words += "." if unproven(found) else ": nothing that was logged predicts it."
     force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
     of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
     if of_weight > most:
@@ -95,6 +97,29 @@ def turbulence(found: Explanation, most: float = 0.05) -> str:
             f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
         )
     return f"Open: on {', '.join(axes)} {words}"
+
+
+def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str:
+    """Of axes on which commands answer the motion: the candidate that takes most off them and has no name.
+
+    It takes more than the share `most` of the error energy off each, with a t above `t_least`. What a controller does
+    about a disturbance can look like it.
+    """
+    answering = [k for k in found.answering if np.isfinite(found.rms_before[k])]
+    named = {family(n) for m in found.members for n in (m.name, *(n for r in m.alike for n in r.names))}
+    best, axes = None, []
+    for c in found.ranking:
+        own = [k for k in answering if c.reduction[k] > 1.0 - np.sqrt(1.0 - most)]
+        fair = c.significance > t_least and not c.implausible and family(c.name) not in named
+        if fair and sum(c.reduction[own]) > sum(c.reduction[axes] if best else ()):
+            best, axes = c, own
+    if best is None:
+        return ""
+    listed = ", ".join(f"{share(best.reduction[k])} of {AXES[k]}" for k in axes)
+    return (
+        f"Not established: {with_values(best.fit, found.model, best.name)} alone takes off {listed}, where commands "
+        "answer the motion; what a controller does about a disturbance can look the same."
+    )
 
 
 def largest_residual(found: Explanation) -> str:

@@ -145,6 +145,25 @@ def test_where_most_of_the_weight_names_something_it_is_not_said_that_nothing_is
     assert all(words in summary(torn) for words in ("40 %", "mass (60 %)"))
 
 
+def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_established(nothing, named):
+    """A rate loop that answers gusts looks like a late command: 70 % of the rms of a torque is 91 % of its energy."""
+    (offset,) = (c for c in named.ranking if c.name == "com_offset")
+    off = np.array([0.0, 0.0, 0.0, 0.7, 0.1, 0.0])
+    late = replace(offset, reduction=off, significance=16.0)
+    loud = replace(nothing, ranking=(late,), answering=(3, 4, 5), open=np.arange(6) > 2)
+    assert summary(loud).startswith("Nothing is established.")
+    assert "Not established: com_offset (" in summary(loud)
+    assert "alone takes off 70 % of torque_x, where commands answer the motion" in summary(loud)
+    assert "nothing that was logged predicts it" not in summary(loud)
+    for other in (
+        replace(loud, answering=()),
+        replace(loud, ranking=(replace(late, significance=2.0),)),
+        replace(loud, ranking=(replace(late, reduction=0.4 * off),)),
+    ):
+        assert "Not established" not in summary(other)
+        assert summary(other).startswith("Nothing is missing that these logs can show.")
+
+
 def test_a_few_seconds_of_flight_are_called_too_short(nothing):
     (flown,) = nothing.flights
     some = replace(flown, records=(window(flown.records[0], 0, 200),))
