@@ -38,8 +38,8 @@ from wrenchgap.flight.formats.reader import (
     Places,
     Reader,
     Wanted,
+    decompressed,
     normalised_type,
-    plain_payload,
 )
 
 Buffer = bytes | memoryview
@@ -180,7 +180,7 @@ class McapReader(Reader):
             if channel is None or log_time_ns > LAST_TIME:
                 self._orphans += 1
                 return
-            payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
+            payload = decompressed(body[_MESSAGE.size :]) if wanted(channel) else b""
             yield from gathered.add(channel, log_time_ns, payload)
         elif opcode == Opcode.SCHEMA:
             self.account.take(len(body) + LIMITS.mcap_record, "schemas")

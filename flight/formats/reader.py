@@ -138,7 +138,7 @@ def one_line(error: Exception, limit: int = 120) -> str:
     return text if len(text) <= limit else f"{text[:limit]}..."
 
 
-def plain_payload(payload: bytes) -> bytes:
+def decompressed(payload: bytes) -> bytes:
     """A CDR message, decompressed if `ros2 bag record --compression-mode message` compressed it.
 
     No CDR message begins with zstd's magic bytes: its first is 0.

@@ -34,9 +34,9 @@ from wrenchgap.flight.formats.reader import (
     Places,
     Reader,
     Wanted,
+    decompressed,
     normalised_type,
     one_line,
-    plain_payload,
 )
 
 PIECE = 2**16
@@ -119,7 +119,7 @@ class Rosbag2SqliteReader(Reader):
             self._broken += 1
             return
         try:
-            payload = plain_payload(payload) if wanted(channel) else b""
+            payload = decompressed(payload) if wanted(channel) else b""
         except zstandard.ZstdError:
             self._broken += 1
             return

@@ -72,6 +72,7 @@ CASES = {
     "compare LOG HEXA --json nowhere/out.json": "nowhere | does not exist",
     "inspect LOG --topic /imu": "ROLE=/TOPIC",
     "inspect LOG --topic imu=/nope --json out.json": "/nope | /imu",
+    "learn LOG HEXA --restarts 99999999999999999999 -o out.gp": "--restarts | 1000",
     "learn LOG HEXA --outputs torque_w -o out.gp": "torque_w | torque_x",
     "learn LOG HEXA --mean physics -o out.gp": "--mean physics | tilt_hexarotor | wrenchgap explain | --mean zero",
     "learn LOG HEXA --mean cubic -o out.gp": "cubic | physics | zero",

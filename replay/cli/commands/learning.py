@@ -71,7 +71,9 @@ Searching = Annotated[
     Search, typer.Option("--search", help="Of the hyperparameters: closed-form, or GPy's, the paper's; slower.")
 ]
 Scaling = Annotated[Scale, typer.Option("--scale", help="Inputs of k-medoids; raw is the paper's.")]
-Restarts = Annotated[int, typer.Option("--restarts", metavar="N", min=0, help="Random starts of the likelihood.")]
+Restarts = Annotated[
+    int, typer.Option("--restarts", metavar="N", min=0, max=1000, help="Random starts of the likelihood.")
+]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of k-medoids and restarts.")]
 NoGuard = Annotated[
     bool, typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs.")
