@@ -18,6 +18,8 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+import drone_models  # noqa: F401  before scipy, whose arrays it chooses
+
 import wrenchgap as wg
 from benchmarks import pages
 from benchmarks.autopilot_logs.engine import QUAD, Case, fly

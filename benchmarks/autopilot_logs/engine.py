@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from drone_models.first_principles import dynamics
 from scipy.spatial.transform import Rotation
 
 from benchmarks.field.vehicles import GRAVITY, vehicle
@@ -133,6 +132,8 @@ def references(cases: list[Case], time: Array) -> tuple[Array, Array, Array]:
 
 def fly(cases: list[Case]) -> list[Flight]:
     """All of these flights, as readers of their logs would return them."""
+    from drone_models.first_principles import dynamics  # here: it wants to be imported before scipy is
+
     # Long because a tick reads as one paragraph: what is seen, what is asked for, what happens, what is logged.
     F, dt = len(cases), 1.0 / RATE
     time = np.arange(round(max(c.seconds for c in cases) * RATE)) * dt

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import drone_models  # noqa: F401  before scipy, whose arrays it chooses
+
 from benchmarks import pages
 from benchmarks.autopilot_logs.__main__ import ANYWAY, HIDDEN, explained
 from benchmarks.autopilot_logs.engine import Case, Laws, fly
