@@ -62,12 +62,6 @@ class SignificanceThresholds:
 
 
 SIGNIFICANCE = SignificanceThresholds()
-INDISTINCT, LEAST_EVIDENCE, LARGE_EVIDENCE = (
-    SIGNIFICANCE.indistinct,
-    SIGNIFICANCE.least_evidence,
-    SIGNIFICANCE.large_evidence,
-)
-"""As `learn.posterior` asks for them."""
 
 
 def significant(t: float, *, large: bool = False) -> bool:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, common_variance, needed, paired_t, significant
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.held_out_flights import FittedSet
 from wrenchgap.learn.posterior.score import Keys, Scorer
@@ -222,7 +222,10 @@ class Injections:
             t = self.significance(scorer, rest)
             if key != self.key:
                 out += [] if significant(t, large=True) else [key]
-            elif not needed(t, float(gain.sum())) or gain[~silent[scorer.spectrum.axes]].sum() <= LEAST_EVIDENCE:
+            elif (
+                not needed(t, float(gain.sum()))
+                or gain[~silent[scorer.spectrum.axes]].sum() <= SIGNIFICANCE.least_evidence
+            ):
                 out.append(key)
         return out
 

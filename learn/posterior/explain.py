@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.candidates import Candidates, Lack, Untried, candidates
 from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -131,7 +131,7 @@ class Explanation(Result):
             return ()
         shown = ~self.open if self.verdict is Verdict.UNKNOWN else np.ones(6, dtype=bool)
         sure = [m for m in self.members if not m.alike and m.name not in self.fit.stuck]
-        named = {family(m.name) for m in sure if m.by_axis[shown].sum() > LEAST_EVIDENCE}
+        named = {family(m.name) for m in sure if m.by_axis[shown].sum() > SIGNIFICANCE.least_evidence}
         return tuple(n for n in self.posterior.firm if n in named)
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import (
-    INDISTINCT,
+    SIGNIFICANCE,
     contrast,
     evidence,
     needed,
@@ -50,7 +50,7 @@ class Rival:
     @property
     def alike(self) -> bool:
         """Whether these logs cannot tell the two apart."""
-        return self.separation < INDISTINCT
+        return self.separation < SIGNIFICANCE.indistinct
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
@@ -226,7 +226,8 @@ def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
     than the least for a name, and more than this share of it.
     """  # noqa: D205
     columns = {" + ".join(p.names): p for p in heavy.parts}
-    doubted = [k for k in heavy.keys if share * LEAST_EVIDENCE < columns[k].evidence <= LEAST_EVIDENCE]
+    least = SIGNIFICANCE.least_evidence
+    doubted = [k for k in heavy.keys if share * least < columns[k].evidence <= least]
     return [rest for gone in doubted if (rest := tuple(k for k in heavy.keys if k != gone))]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import quadratic
@@ -44,7 +44,7 @@ def part(column: Column, theta: Array, evidence: float, trust: float, settings: 
     """What is said of a candidate at these parameters (P,), with this evidence and trust."""
     stuck = at_limit(theta, column.low, column.high)
     size = float(np.max(np.abs(theta) / column.scale))
-    trust, enough, least = trust, LEAST_EVIDENCE, 0.5
+    enough, least = SIGNIFICANCE.least_evidence, 0.5
     if stuck:
         trust, enough, least = trust * settings.at_limit, settings.evident, 0.5 * settings.at_limit
     named = size >= MATERIAL and evidence > enough and trust > least
@@ -118,7 +118,8 @@ def without_idle(scorer: Scorer, keys: Keys, bends: Mapping[str, Array], many: i
         """Without each member that hardly shows, the likeliest first."""
         left = by_axis(scorer, scorer(some).left)
         rests = {gone: tuple(k for k in some if k != gone) for gone in some}
-        found = [r for g, r in rests.items() if _evidence(left, _without(scorer, r, g, bends)) <= LEAST_EVIDENCE]
+        least = SIGNIFICANCE.least_evidence
+        found = [r for g, r in rests.items() if _evidence(left, _without(scorer, r, g, bends)) <= least]
         return sorted(found, key=lambda rest: -scorer(rest).log_probability)
 
     leaves = pruned(scorer(keys).keys, idle, many)
