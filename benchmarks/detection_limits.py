@@ -117,6 +117,17 @@ def table(rows: list[dict[str, Any]]) -> str:
     return pages.markdown(heads, lines, said)
 
 
+def by_effect(rows: list[dict[str, Any]]) -> str:
+    """In Markdown: how many limits of each effect hold, by vehicle."""
+    injected = [(r["flight"].split(".")[0], i) for r in rows for i in r["injected"] if i["share"] == 1.0]
+    cells: dict[str, list[str]] = {}
+    for effect in sorted({i["effect"] for _, i in injected}):
+        for vehicle in THERE:
+            own = [i["firm"] for v, i in injected if v == vehicle and i["effect"] == effect]
+            cells.setdefault(effect, []).append(f"{sum(own)}/{len(own)}" if own else "-")
+    return pages.markdown(("effect, firm at its limit", *THERE), [(n, *own) for n, own in cells.items()], "").strip()
+
+
 def main() -> None:
     """Fly, explain, inject; write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -135,10 +146,10 @@ def main() -> None:
             print(json.dumps(rows[-1]), flush=True)
             if asked.json:
                 asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    text = table(rows)
-    print(text)
+    text = {"limits": table(rows), "by effect": by_effect(rows)}
+    print("\n\n".join(text.values()))
     if asked.page:
-        pages.renew(asked.page, {"limits": text})
+        pages.renew(asked.page, text)
 
 
 if __name__ == "__main__":

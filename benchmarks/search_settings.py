@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks import pages
 from benchmarks.hidden_effects import cases
-from benchmarks.hidden_effects.engine import Truth, fly
+from benchmarks.hidden_effects.engine import fly
 from benchmarks.hidden_effects.judge import judge
 from wrenchgap import open_flights
 from wrenchgap.learn.data.candidates import candidates
@@ -47,7 +47,7 @@ def sample(seed: int, every: int) -> list[cases.Case]:
     return flown[::every]
 
 
-def answers(case: cases.Case) -> tuple[Callable[[SearchSettings], dict[str, Any]], Truth]:
+def answers(case: cases.Case) -> Callable[[SearchSettings], dict[str, Any]]:
     """What is said of one flight with given settings."""
     model = model_file.load("tilt_hexarotor")
     recorded, truth = fly(
@@ -68,7 +68,7 @@ def answers(case: cases.Case) -> tuple[Callable[[SearchSettings], dict[str, Any]
             "wrong": [n for n in firm if n not in expected],
         }  # fmt: skip
 
-    return answer, truth
+    return answer
 
 
 def remembered(compute: Callable[..., Any]) -> Callable[..., Any]:
@@ -90,7 +90,7 @@ def run(case: cases.Case) -> dict[str, Any]:
     searching.single_effects = remembered(compute)  # type: ignore[assignment]
     searching.detection_limits = lambda *a: ()  # which would take half of the time
     try:
-        answer, _ = answers(case)
+        answer = answers(case)
         row = {"case": case.name, "as set": answer(DEFAULT)}
         for f in fields(SearchSettings):
             row |= {f"{f.name} x{factor:g}": answer(varied(f.name, factor)) for factor in (0.5, 2.0)}

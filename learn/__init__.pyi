@@ -9,6 +9,7 @@ from .identify.add import Addition as Addition
 from .identify.learning import Learnt as Learnt
 from .identify.trend import Trend as Trend
 from .posterior.explain import Explanation as Explanation
+from .posterior.settings import SearchSettings as SearchSettings
 from .posterior.verdict import Verdict as Verdict
 from .process.gp import FitSettings as FitSettings
 from .process.gp import GaussianProcess as GaussianProcess

@@ -34,6 +34,7 @@ from wrenchgap.learn.identify.add import Addition, labels, model_of
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.posterior import explain as explaining
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
@@ -131,16 +132,17 @@ def explain(
     names: Sequence[str] = (),
     validate: Flights = (),
     injections: int = 0,
+    settings: SearchSettings = DEFAULT,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Explanation:
     """Which effects the model is missing, with what confidence, what is indistinguishable, what would have been shown.
 
     Among `names`, by default the whole catalogue; `validate` flights are not fitted but tested on. So many `injections`
-    of effects at the limits of what would have been shown check these, each as long as the search itself. `jobs`
-    processes, by default one for each core.
+    of effects at the limits of what would have been shown check these, each as long as the search itself. `settings`
+    are the numbers that the search decides by. `jobs` processes, by default one for each core.
     """
-    asked: Any = {"names": names, "validation": listed(validate), "injections": injections}
+    asked: Any = {"names": names, "validation": listed(validate), "injections": injections, "settings": settings}
     return explaining.explain(listed(flights), model_of(model), **asked, jobs=jobs, progress=progress)
 
 

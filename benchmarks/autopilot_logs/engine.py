@@ -75,14 +75,18 @@ class Case:
 
 
 def curve(at_hover: float, linear: Sequence[float]) -> Array:
-    """Coefficients (3, F, 1) of what is `at_hover` at the hover speed, of which these shares (F,) are linear in it."""
+    """Coefficients (3, F, 1) of powers of the speed [rpm]: of what is `at_hover` [N or Nm] at the hover speed these
+    shares (F,) are linear.
+    """  # noqa: D205
     hover = QUAD.hover_speed / RPM
     share = np.array(linear)[:, None]
     return at_hover * np.stack((0.0 * share, share / hover, (1.0 - share) / hover**2))
 
 
 def motors_follow(case: Case) -> list[float]:
-    """drone-models' coefficients (4,) of motors that speed up, linear and squared, and of motors that slow down."""
+    """drone-models' coefficients (4,) of motors that speed up and of motors that slow down, each of the difference of
+    speeds [1/s] and of that of squared speeds [1/(rpm s)].
+    """  # noqa: D205
     if case.laws.squared is None:
         return [1.0 / case.lag, 0.0, 1.0 / case.lag, 0.0]
     up, down = (0.5 * RPM / (QUAD.hover_speed * lag) for lag in case.laws.squared)
@@ -132,7 +136,7 @@ def references(cases: list[Case], time: Array) -> tuple[Array, Array, Array]:
 
 def fly(cases: list[Case]) -> list[Flight]:
     """All of these flights, as readers of their logs would return them."""
-    from drone_models.first_principles import dynamics  # here: it wants to be imported before scipy is
+    from drone_models.first_principles import dynamics  # here: curves are tested without it; programs load it first
 
     # Long because a tick reads as one paragraph: what is seen, what is asked for, what happens, what is logged.
     F, dt = len(cases), 1.0 / RATE

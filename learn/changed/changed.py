@@ -125,7 +125,7 @@ class Changed(Result):
         return tuple(r.flight for r in self.rows if r.role == "healthy")
 
     def confidence(self, name: str) -> float:
-        """Weight of the sets that name the effect, or another form of it; never above what is stated at most."""
+        """Weight of the sets that name the effect, or another form of it; never above `SearchSettings.certain`."""
         named = [s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names}]
         return min(CHANGES.certain, sum(named))
 

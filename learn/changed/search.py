@@ -2,7 +2,7 @@
 
 A change of the mean of a flight can always be said to be trim. What a set is worth is therefore the log odds in all,
 trims and their prior included, and not what it takes off what is left, which trims would take off as well. Two sets are
-one class where they differ by few standard errors of everything that is always there.
+one class where they differ by less than `indistinct` standard errors of everything that is always there.
 """
 
 from __future__ import annotations
@@ -91,10 +91,9 @@ class Weighed:
 def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds: int = 6) -> Weighed:
     """Weigh sets of changes on these flights of a pool that was calibrated on the others.
 
-    What is far from where it was linearised after so many `rounds` of search and new derivatives is not established.
-
     Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
-    lags that are each half right make up for what their lines lack), and everything beside the best set.
+    lags that are each half right make up for what their lines lack), and everything beside the best set; what is then,
+    after so many `rounds`, still far from there is not established.
     """
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(rounds):

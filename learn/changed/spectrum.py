@@ -16,9 +16,6 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.bias_and_trim import Trim
-from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.settings import CHANGES, SearchSettings
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
 EXCITED = 0.1
@@ -30,16 +27,7 @@ CALMER = 0.34
 class ChangeSpectrum(Spectrum):
     """Products of everything linear, by band and axis; band 0 is the mean over blocks of time."""
 
-    def __init__(
-        self,
-        data: Dataset,
-        base: Array,
-        columns: Sequence[Column],
-        trim: Trim,
-        known: Sequence[Column] = (),
-        settings: SearchSettings = CHANGES,
-    ) -> None:
-        super().__init__(data, base, columns, trim, known, settings)
+    def _arrange(self, data: Dataset) -> None:
         sensor = np.concatenate((self.sensor[:1], self.sensor))
         self.band = self.band + 1
         self.band[self.starts] = 0

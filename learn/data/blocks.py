@@ -69,11 +69,14 @@ def significant(t: float, *, large: bool = False) -> bool:
     return t > (SIGNIFICANCE.large if large else SIGNIFICANCE.alone)
 
 
-def needed(t: float, evidence: float) -> bool:
-    """Whether a gain is beyond chance and large enough to matter, from its paired t and its evidence."""
-    if evidence > SIGNIFICANCE.overwhelming:
-        return t > SIGNIFICANCE.unsteady
+def beyond_chance(t: float, evidence: float) -> bool:
+    """Whether evidence is enough for a name, and its paired t beyond chance."""
     return evidence > SIGNIFICANCE.least_evidence and significant(t, large=evidence > SIGNIFICANCE.large_evidence)
+
+
+def needed(t: float, evidence: float) -> bool:
+    """Whether a gain is beyond chance and matters; of an overwhelming one a few blocks may have nearly all."""
+    return t > SIGNIFICANCE.unsteady if evidence > SIGNIFICANCE.overwhelming else beyond_chance(t, evidence)
 
 
 def by_block(block: NDArray[np.intp], values: Array) -> Array:

@@ -68,7 +68,7 @@ def with_clock(found: Posterior, clock: LateClock | None, vehicle: Vehicle) -> P
         sets = both(one.sets)
         listed = checks_between(sets, vehicle)
         classes.append(EquivalenceClass(one.weight, sets, (check, *listed) if len(sets) > len(one.sets) else listed))
-    return Posterior(both(found.sets), tuple(classes), (check, *found.settle))
+    return replace(found, sets=both(found.sets), classes=tuple(classes), settle=(check, *found.settle))
 
 
 def _delayed(one: NamedSet, clock: LateClock, vehicle: Vehicle) -> bool:

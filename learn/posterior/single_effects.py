@@ -10,7 +10,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
-from wrenchgap.learn.data.blocks import SIGNIFICANCE, contrast, evidence, significant
+from wrenchgap.learn.data.blocks import beyond_chance, contrast, evidence
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.air import companions
@@ -52,7 +52,7 @@ class Candidate:
     @property
     def beyond_chance(self) -> bool:
         """Whether held-out blocks are predicted better than luck would have it, by enough to be worth a name."""
-        return worth_it(self.evidence, self.significance)
+        return beyond_chance(self.significance, self.evidence)
 
     @property
     def values(self) -> tuple[Value, ...]:
@@ -183,15 +183,9 @@ def _attempt(
         columns.append(line)
         gained = evidence(best.residual, both.residual)
         t = contrast(on.data, best.residual, both.residual).t
-        if worth_it(gained, t) and not both.implausible:
+        if beyond_chance(t, gained) and not both.implausible:
             best = both
     return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
-
-
-def worth_it(gained: float, t: float) -> bool:
-    """Whether evidence is enough for a name, and beyond chance by its paired t."""
-    large = gained > SIGNIFICANCE.large_evidence
-    return gained > SIGNIFICANCE.least_evidence and significant(t, large=large)
 
 
 def _candidate(on: ModelResidual, added: tuple[str, ...], starts: Starts | None) -> tuple[Candidate, Column]:

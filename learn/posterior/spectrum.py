@@ -74,6 +74,10 @@ class Spectrum(LinearProblem):
         self._silence(data)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
+        self._arrange(data)
+
+    def _arrange(self, data: Dataset) -> None:
+        """What a kind of spectrum does with its coefficients before anything is asked of it."""
 
     @cached_property
     def products(self) -> Array:

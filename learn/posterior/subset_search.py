@@ -91,7 +91,7 @@ class SubsetSearch:
         return np.concatenate([np.zeros(0, np.intp), *parameters]), fixed, sizes, accuracy
 
     def run(self, rounds: int = 30) -> list[Keys]:
-        """All sets that were scored, best first; of `rounds` at most."""
+        """All sets that were scored, best first; sets are changed in so many `rounds` at most."""
         names = list(self.space.columns)
         for first, second in itertools.combinations(names, 2):
             self.score((first, second))

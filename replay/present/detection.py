@@ -23,7 +23,7 @@ def sentences(
 ) -> list[str]:
     """What would have been shown, what could not be, and what would show more; then what injections say of that.
 
-    The lines name so many effects at most of each; the table has all.
+    The lines name so many effects at most of each; report and JSON have all.
     """
     by_effect = _by_effect(found.limits)
     if not by_effect:

@@ -118,7 +118,7 @@ def summary(found: Explanation) -> str:
         if short(found) and not names:
             return " ".join(filter(None, ("Too short to tell what is missing.", nearest(found, at_all=True), residual)))
         none = "Something is missing, but no effect of the catalogue explains it."
-        return " ".join(filter(None, (partly or none, residual_in_words(found), residual)))
+        return " ".join(filter(None, (partly or none, residual_in_words(found), unproven(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"Explained by {names}."

@@ -13,6 +13,7 @@ from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
@@ -105,17 +106,16 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
     It takes more than the share `most` of the error energy off each, with a t above `t_least`. What a controller does
     about a disturbance can look like it.
     """
-    answering = [k for k in found.answering if np.isfinite(found.rms_before[k])]
     named = {family(n) for m in found.members for n in (m.name, *(n for r in m.alike for n in r.names))}
-    best, axes = None, []
-    for c in found.ranking:
-        own = [k for k in answering if c.reduction[k] > 1.0 - np.sqrt(1.0 - most)]
-        fair = c.significance > t_least and not c.implausible and family(c.name) not in named
-        if fair and sum(c.reduction[own]) > sum(c.reduction[axes] if best else ()):
-            best, axes = c, own
-    if best is None:
+    fair = [c for c in found.ranking if c.significance > t_least and not c.implausible and family(c.name) not in named]
+
+    def axes(c: Candidate) -> list[int]:
+        return [k for k in found.answering if c.reduction[k] > 1.0 - np.sqrt(1.0 - most)]
+
+    best = max(fair, key=lambda c: float(sum(c.reduction[axes(c)])), default=None)
+    if best is None or not axes(best):
         return ""
-    listed = ", ".join(f"{share(best.reduction[k])} of {AXES[k]}" for k in axes)
+    listed = ", ".join(f"{share(best.reduction[k])} of the rms of {AXES[k]}" for k in axes(best))
     return (
         f"Not established: {with_values(best.fit, found.model, best.name)} alone takes off {listed}, where commands "
         "answer the motion; what a controller does about a disturbance can look the same."

@@ -19,6 +19,7 @@ from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.posterior import single_effects
+from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.unexplained_bands import OpenBand
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant.effects import find
@@ -117,6 +118,14 @@ def test_where_nothing_is_established_what_takes_off_much_is_told_as_such(nothin
     assert "Nearest" not in summary(replace(near, open=np.ones(6, dtype=bool)))
 
 
+def test_settings_reach_the_search(logs, named):
+    """Where every effect costs more than any fit is worth, none is named, and something is missing all the same."""
+    flights = wg.open_flights(logs.train, MODEL)
+    dear = wg.explain(flights, MODEL, names=("com_offset", "mass"), settings=SearchSettings(price=1e9), jobs=1)
+    assert (dear.effects, dear.verdict) == ((), Verdict.UNKNOWN)
+    assert "com_offset" in named.effects
+
+
 def test_a_flight_too_short_is_no_gap_in_the_catalogue(logs):
     (flight,) = wg.open_flights(logs.train, MODEL, between=(5.0, 7.0))
     found = wg.explain(flight, MODEL, names=("com_offset", "mass"), jobs=1)
@@ -153,8 +162,9 @@ def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_estab
     loud = replace(nothing, ranking=(late,), answering=(3, 4, 5), open=np.arange(6) > 2)
     assert summary(loud).startswith("Nothing is established.")
     assert "Not established: com_offset (" in summary(loud)
-    assert "alone takes off 70 % of torque_x, where commands answer the motion" in summary(loud)
+    assert "alone takes off 70 % of the rms of torque_x, where commands answer the motion" in summary(loud)
     assert "nothing that was logged predicts it" not in summary(loud)
+    assert "Not established: com_offset (" in summary(replace(loud, verdict=Verdict.UNKNOWN))
     for other in (
         replace(loud, answering=()),
         replace(loud, ranking=(replace(late, significance=2.0),)),
