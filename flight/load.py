@@ -18,7 +18,7 @@ from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.columns import Rows, Slope, best_frame, empty_columns, in_other_axes, slope_of, sound_rows, vector
 from wrenchgap.flight.command_units import with_units
-from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import (
     AXES,
@@ -118,7 +118,7 @@ def _stamped(table: Table, source: Source) -> Table:
         return table
     scaled = np.round(table.header_ns * source.meaning.stamp)
     if np.any(np.abs(scaled) >= 2.0**63):
-        raise LogError(f"{source}: stamps of {np.abs(scaled).max():.3g} ns; expected a unit in which they are times")
+        raise UsageError(f"{source}: stamps of {np.abs(scaled).max():.3g} ns; expected a unit in which they are times")
     return replace(table, header_ns=scaled.astype(np.int64))
 
 

@@ -47,7 +47,7 @@ def _folder(process: int) -> str:
     sweep(Path(tempfile.gettempdir()))
     found = tempfile.mkdtemp(prefix=FOLDER)
     _locks[process] = (Path(found) / LOCK).open("xb")
-    _lock(_locks[process])
+    lock(_locks[process])
     atexit.register(_leave, found, process)
     return found
 
@@ -69,7 +69,7 @@ def sweep(place: Path) -> None:
             if time.time() - os.fstat(number).st_mtime < YOUNG:
                 continue
             with os.fdopen(os.open(LOCK, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=number), "rb+") as file:
-                _lock(file)
+                lock(file)
                 shutil.rmtree(found, ignore_errors=True)
 
 
@@ -86,8 +86,8 @@ def _own_folder(path: Path) -> Iterator[int]:
         os.close(number)
 
 
-def _lock(file: IO[bytes]) -> None:
-    """Raises BlockingIOError where another process has it."""
+def lock(file: IO[bytes]) -> None:
+    """Lock a file until it is closed, or this process ends. Raises BlockingIOError where another process has it."""
     if fcntl is not None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 

@@ -63,8 +63,8 @@ def _keys(table: dict[str, Any]) -> str:
 
 
 def _positive(value: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
-    """The tolerance as an array of one of these shapes; an error of the file where it is none, or not positive."""
-    wrong = rule_error(f"tolerance: got {value!r}, expected {words}, positive")
+    """The tolerance as an array of one of these shapes; an error of the file where it is none, or out of `BOUNDS`."""
+    wrong = rule_error(f"tolerance: got {value!r}, expected {words}, positive, from 1e-15 to 1e12")
     flat = value if isinstance(value, list) else [value]
     entries = [x for row in flat for x in (row if isinstance(row, list) else [row])]
     if any(isinstance(x, bool) or not isinstance(x, int | float) for x in entries):
@@ -73,7 +73,7 @@ def _positive(value: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Ar
         values = np.array(value, dtype=float)
     except ValueError:
         raise wrong from None
-    if values.shape not in shapes or not np.all(np.isfinite(values)) or not np.all(values > 0.0):
+    if values.shape not in shapes or not np.all((values >= BOUNDS.smallest) & (values <= BOUNDS.largest)):
         raise wrong
     return values
 

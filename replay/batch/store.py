@@ -14,6 +14,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -28,6 +29,7 @@ from wrenchgap._escaping import storable
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.budget import default_memory
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.work_files import lock
 from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.replay.batch.sources import opened, reached
 from wrenchgap.replay.present.stored_fit import from_fit_json
@@ -91,6 +93,28 @@ class Store:
                 raise UsageError(f"--output {self.url}: is not empty and holds no run; choose another folder")
             self._write(f"{root}/run.json", json.dumps(dict(identity), indent=1).encode())
         return False
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep others from writing to this run meanwhile; raises UsageError where somebody does. Not in object stores.
+
+        The lock is the system's, on run.json: it goes with the process, however that ends.
+        """
+        if not self._local:
+            yield
+            return
+        _, root = self._at
+        with os.fdopen(os.open(f"{root}/run.json", os.O_RDWR | os.O_NOFOLLOW), "rb+") as file:
+            try:
+                lock(file)
+            except BlockingIOError:
+                raise UsageError(
+                    f"--output {self.url}: another `wrenchgap batch` writes there now; run the same command when it "
+                    "has ended, or choose another folder"
+                ) from None
+            except OSError:  # a file system without locks
+                pass
+            yield
 
     @property
     def _local(self) -> bool:

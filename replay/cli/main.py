@@ -13,6 +13,7 @@ import os
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -21,7 +22,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from wrenchgap._escaping import printable
-from wrenchgap._kernels import removed_kernels
+from wrenchgap._kernels import refused_setting, removed_kernels
 from wrenchgap.replay.cli.commands import (
     analysis,
     batch,
@@ -65,6 +66,7 @@ class Commands(TyperGroup):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run, and leave with the exit code."""
         kwargs["standalone_mode"] = False
+        warnings.filterwarnings("error", "Environment variable 'NUMBA_", RuntimeWarning)  # could not be parsed
         try:
             code = super().main(*args, **kwargs)
         except BaseException as error:
@@ -125,12 +127,12 @@ def report(error: BaseException) -> int:
     if isinstance(error, OSError) and error.errno is not None:
         say(f"a file could not be written or read: {error.strerror}; see the free space and the limits")
         return 2
-    if (removed := removed_kernels(error)) is not None:
-        say(removed)
+    if (said := removed_kernels(error) or refused_setting(error)) is not None:
+        say(said)
         return 2
     if isinstance(error, MemoryError):
-        say("out of memory; use fewer or shorter logs")
-        return 1
+        say("out of memory; use fewer or shorter logs, or raise the limit that `ulimit -a` shows")
+        return 2
     return _fault(error)
 
 

@@ -134,7 +134,13 @@ Lead = Annotated[
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write the result as JSON as well (docs/json.md), - to standard output alone.",
+        dir_okay=False,
+        allow_dash=True,
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]

@@ -79,6 +79,9 @@ class Run:
 
     def __post_init__(self) -> None:
         self.inputs: list[Mapping[str, Any]] = []
+        self._piped = self.json == Path("-")
+        if self._piped:  # nothing else goes to standard output
+            self.json, self.quiet = None, True
         self._outputs: dict[str, Path | None] = {}
         self._logs: list[tuple[OpenFlight, str]] = []
 
@@ -207,7 +210,7 @@ class Run:
 
     def write(self, command: str, body: Mapping[str, Any], **files: Any) -> None:
         """Write the JSON of a command with what went in, where it is asked for; say which files were written."""
-        if self.json is not None:
+        if self.json is not None or self._piped:
             from wrenchgap.replay.present.documents import document, write_json
 
             write_json(self.json, document(command, body, self.read), force=self.force)

@@ -135,5 +135,10 @@ def parse_room(text: str | None) -> tuple[float, float, float] | None:
 
 
 def parse_names(text: str | None) -> tuple[str, ...]:
-    """`"a,b"` as `("a", "b")`."""
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+    """`"a,b"` as `("a", "b")`; raises UsageError for a text that names nothing, or one thing twice."""
+    names = tuple(part.strip() for part in (text or "").split(",") if part.strip())
+    if text is not None and not 0 < len(set(names)) == len(names):
+        raise usage_error(
+            f"{text!r}: names nothing, or one twice; expected names divided by commas, e.g. mass,com_offset"
+        )
+    return names

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -68,6 +69,8 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
     for option, path in outputs.items():
         if path is None:
             continue
+        if str(path) == "-":
+            raise UsageError(f"{option} -: --json alone writes to standard output; expected the name of a file")
         resolved = path.resolve()
         if resolved in read or (path.exists() and folders & set(resolved.parents)):
             raise UsageError(f"{option} {path}: is one of the inputs; choose another name")
@@ -112,11 +115,15 @@ def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[
     return plain({**head, **content})  # type: ignore[no-any-return]
 
 
-def write_json(path: Path, result: Mapping[str, Any], *, force: bool) -> None:
-    """Write a `document`, all of it or nothing."""
+def write_json(path: Path | None, result: Mapping[str, Any], *, force: bool) -> None:
+    """Write a `document`, all of it or nothing; to standard output where there is no path."""
+    text = json_text(result, indent=1) + "\n"
+    if path is None:
+        sys.stdout.buffer.write(text.encode())
+        return
     claim({"--json": path}, force=force)
     with atomic(path) as partial:
-        partial.write_text(json_text(result, indent=1) + "\n", encoding="utf-8")
+        partial.write_text(text, encoding="utf-8")
 
 
 def plain(value: Any) -> Any:

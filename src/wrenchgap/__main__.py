@@ -8,6 +8,9 @@ from pathlib import Path
 
 from wrenchgap import _safe_path, _signals
 
+LEAST = 7 * 10**8
+"""Bytes of address space that `compare` needs with one thread of BLAS: it passes with 0.65 GB."""
+
 
 def open_streams() -> None:
     """Give standard streams that are closed (`>&-`) their descriptors back, before another file takes them."""
@@ -25,6 +28,27 @@ def working_folder() -> None:
         sys.exit(2)
 
 
+def address_space() -> None:
+    """Leave with one line where the limit of address space is too small: OpenBLAS waits for ever for memory then.
+
+    Of each thread it takes 80 MB more; where there is a limit it has one, unless the user says otherwise.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if limit < LEAST:
+        sys.stderr.write(
+            f"wrenchgap: the limit of address space is {limit // 1024} kB; expected {LEAST // 1024} kB at least; raise "
+            "it, `ulimit -v unlimited`\n"
+        )
+        sys.exit(2)
+
+
 def main() -> None:
     """Run one command, and end the process with its exit code.
 
@@ -37,6 +61,7 @@ def main() -> None:
     try:
         _signals.catch()
         working_folder()
+        address_space()
         _safe_path.leave_working_folder()
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 

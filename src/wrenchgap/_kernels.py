@@ -1,14 +1,33 @@
-"""Compiled functions that numba keeps on the disk: what a loss of power, or a full disk, left of them."""
+"""What numba and matplotlib meet outside of a command: compiled functions on the disk, settings in the environment."""
 
 from __future__ import annotations
 
+import os
 import traceback
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+SETTINGS = {"numba": "NUMBA_", "matplotlib": "MPL"}
+"""How the names of variables begin that a library obeys."""
+
+
+def refused_setting(error: BaseException) -> str | None:
+    """One line where a library failed that variables of the environment change, naming them; else None."""
+    passed = {
+        str(frame.f_globals.get("__name__")).partition(".")[0] for frame, _ in traceback.walk_tb(error.__traceback__)
+    }
+    for library in sorted(passed & SETTINGS.keys()):
+        if found := [f"{name}={value}" for name, value in os.environ.items() if name.startswith(SETTINGS[library])]:
+            said = (str(error).splitlines() or [""])[0] or type(error).__name__
+            return (
+                f"{library} does not work with {', '.join(found)} in the environment ({said}); unset it and try again"
+            )
+    return None
+
 
 def removed_kernels(error: BaseException) -> str | None:
-    """One line where numba could not read back what it had compiled, whose index is then removed; else None.
+    """One line where numba could not read back what it had compiled, whose indices are then all removed; else None.
 
     numba compiles again what has no index. Its frames are looked at, as it raises whatever unpickling raises; an
     OSError says by itself what is wrong.
@@ -19,8 +38,16 @@ def removed_kernels(error: BaseException) -> str | None:
         if frame.f_globals.get("__name__") != "numba.core.caching":
             continue
         if (folder := getattr(frame.f_locals.get("self"), "cache_path", None)) is not None:
-            for index in Path(folder).glob("*.nbi"):
+            for index in _indices(Path(folder)):
                 with suppress(OSError):
                     index.unlink()
             return f"{folder}: kernels that were compiled before could not be read and were removed; try again"
     return None
+
+
+def _indices(folder: Path) -> Iterator[Path]:
+    """Those in this folder of numba's and in all others: beside our modules, or beside the folder in numba's cache."""
+    places = [folder, *folder.parent.iterdir()]
+    if folder.name == "__pycache__":
+        places = [folder, *(Path(place) for place, _, _ in os.walk(Path(__file__).parent, followlinks=True))]
+    return (index for place in places for index in place.glob("*.nbi"))

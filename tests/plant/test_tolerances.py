@@ -90,6 +90,7 @@ def test_tolerances_survive_writing_from_code():
     ("old", "new", "message"),
     [
         ("tolerance = 0.005", "tolerance = 0.0", r"vehicle.mass: tolerance: got 0.0, expected one number, positive"),
+        ("tolerance = 0.005", "tolerance = 1e308", r"vehicle.mass: tolerance: got 1e\+308, .* from 1e-15 to 1e12"),
         ("tolerance = 0.005", "tolerance = [1.0, 2.0]", r"vehicle.mass: tolerance: got \[1.0, 2.0\]"),
         (
             "tolerance = 0.005",

@@ -86,7 +86,7 @@ def test_a_run_goes_on_where_it_was_and_rows_are_named_by_content(batch, tmp_pat
     assert (tried["done_now"], tried["failed"]) == (1, 1)
 
 
-def test_compare_has_the_numbers_of_compare_and_trend_follows_its_rows(batch, result_of, tmp_path, logs):
+def test_compare_has_the_numbers_of_compare_and_trend_follows_its_rows(batch, result_of, refused, tmp_path, logs):
     out = tmp_path / "out"
     body = batch("compare", *MODELS, "--fit", "com_offset", "-o", out)
     row = next(r for r in body["rows"] if r["log"].endswith("alpha/flight1.mcap"))
@@ -98,6 +98,8 @@ def test_compare_has_the_numbers_of_compare_and_trend_follows_its_rows(batch, re
     (tmp_path / "result.json").unlink()
     found = result_of("trend", out, "-m", "crazyflie", "--vehicle", "alpha")
     assert found["flights"] == ["flight0", "flight1", "flight2"]
+    line = refused("trend", out, "-m", "crazyflie", "--vehicle", "alpha", "--cutoff", "5")
+    assert "--cutoff 5.0: does nothing with rows of `batch compare`" in line
     for a, b in zip(apart["parameters"], found["parameters"], strict=True):
         np.testing.assert_allclose(a["values"], b["values"], rtol=1e-9)
         np.testing.assert_allclose(a["std"], b["std"], rtol=1e-9)
@@ -198,6 +200,21 @@ def test_the_output_of_another_run_is_left_alone(batch, refused, cluster, logs, 
     line = refused("batch", "compare", logs, "-m", "crazyflie", "-o", out)
     assert "holds another run (its command" in line
     assert "rows of `batch inspect`" in refused("trend", out, "-m", "crazyflie")
+
+
+def test_a_second_run_into_one_folder_is_refused_while_the_first_lives(batch, refused, cluster, logs, tmp_path):
+    out = tmp_path / "out"
+    batch("inspect", "-o", out)
+    code = (
+        "import sys\nfrom wrenchgap.replay.batch.store import Store\n"
+        "with Store(sys.argv[1]).alone():\n    print(1, flush=True)\n    input()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, out], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == b"1\n"
+        line = refused("batch", "inspect", logs, "-o", out, "--scheduler", cluster.scheduler_address)
+        assert f"--output {out}: another `wrenchgap batch` writes there now" in line
+        other.kill()
+    assert batch("inspect", "-o", out)["done_before"] == 6
 
 
 def test_a_store_that_lets_nobody_in_is_one_line(monkeypatch):

@@ -19,6 +19,7 @@ from wrenchgap.plant.effect_values import with_values
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.plant.trajectory.maneuvers import Moves, Tilt
+from wrenchgap.replay.cli.main import report
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,6 +99,11 @@ CASES = {
     "view LOG HEXA --save-to=": "--save-to: is empty",
     "inspect LOG --topic imu=/imu[0:99999999999]": "columns '0:99999999999' | numbers below 100,000",
     "inspect LOG -m @columns.toml": "selects more than 256 columns",
+    "inspect LOG --topic imu=/imu:stamp*1e12 --json out.json": "/imu:stamp*1e12 | a unit in which they are times",
+    "compare LOG HEXA --csv -": "--csv -: --json alone writes to standard output",
+    "explain LOG HEXA --effects-only ,": "',': names nothing, or one twice",
+    "trend LOG TRAIN HEXA --fit mass,mass": "'mass,mass': names nothing, or one twice",
+    "trend LOG TRAIN HEXA --vehicle alpha": "--vehicle alpha: does nothing with logs",
     "compare LOG HEXA --topic imu=/imu:stamp*1e12": "/imu:stamp*1e12 | a unit in which they are times",
     "simulate HEXA -t hover --hide com_offset=x:0.001,x:0.002 -o out.mcap": "a parameter is given twice",
     "simulate HEXA -t hover --duration 1e-9 -o out.mcap": "two control periods, 0.01 s",
@@ -234,6 +240,61 @@ def test_a_working_folder_that_is_gone_is_told(tmp_path):
     done = subprocess.run(["sh", "-c", said], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "wrenchgap: the working folder cannot be used: No such file or directory; go to another one\n"
+
+
+def real(said, folder):
+    """A real process, started by a shell so that it has an environment and limits of its own."""
+    command = ["sh", "-c", said]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+
+
+@pytest.mark.parametrize(
+    "setting", ["NUMBA_DISABLE_JIT=1", "NUMBA_NUM_THREADS=0", "NUMBA_NUM_THREADS=many", "MPLBACKEND=nonsense"]
+)
+def test_a_setting_that_a_library_refuses_is_named(setting, logs, tmp_path):
+    done = real(f"{setting} {sys.executable} -m wrenchgap compare {logs.test} -m {MODEL} -q --figure f.png", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert f"does not work with {setting} in the environment" in done.stderr
+    assert "unset it" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="macOS knows no limit of address space")
+def test_too_little_address_space_is_told_and_not_waited_for(tmp_path):
+    done = real(f"ulimit -v 400000; {sys.executable} -m wrenchgap inspect gone.mcap", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert re.search(r"limit of address space is 400000 kB; expected \d+ kB .*`ulimit -v unlimited`", done.stderr)
+
+
+def test_running_out_of_memory_is_no_fault_of_the_program(capsys):
+    assert report(MemoryError()) == 2
+    assert capsys.readouterr().err.startswith("wrenchgap: out of memory; use fewer or shorter logs, or raise the limit")
+
+
+def test_json_to_standard_output_is_all_that_is_there(logs, tmp_path):
+    for words in (f"inspect {logs.test}", f"compare {logs.test} -m {MODEL} --figure f.png", f"model show {MODEL}"):
+        done = real(f"{sys.executable} -m wrenchgap {words} --json -", tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert json.loads(done.stdout)["schema"].startswith(f"wrenchgap.{words.split()[0]}/")
+    assert [path.name for path in tmp_path.iterdir()] == ["f.png"]
+
+
+def test_one_run_removes_damaged_kernels_of_every_folder(tmp_path):
+    code = "from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}_kernel.py").write_text(code, encoding="utf-8")
+    (tmp_path / "both.py").write_text(
+        "import sys\nsys.path += ['first', 'second']\nimport first_kernel, second_kernel\n"
+        "from wrenchgap.replay.cli.main import report\n"
+        "try:\n    print(first_kernel.twice(2), second_kernel.twice(3))\n"
+        "except Exception as error:\n    sys.exit(report(error))\n"
+    )
+    said = f"NUMBA_CACHE_DIR={tmp_path}/kernels {sys.executable} both.py"
+    assert real(said, tmp_path).stdout == "4 6\n"
+    for index in (tmp_path / "kernels").rglob("*.nbi"):
+        index.write_bytes(b"")
+    assert real(said, tmp_path).returncode == 2
+    assert real(said, tmp_path).stdout == "4 6\n"
 
 
 def test_kernels_that_cannot_be_read_back_are_removed_and_the_next_command_compiles_them(tmp_path):

@@ -92,7 +92,7 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
     store = Store(output)
     found = sources.logs_named(logs, where.vehicle)
     store.claim(plan.identity)
-    with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
+    with store.alone(), run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
         report(0.0, "starting workers")
         with driver.client(where.scheduler, where.workers, where.memory, most=len(found)) as client:
             driver.agree(client, store)

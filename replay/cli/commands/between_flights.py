@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
-from wrenchgap.replay.cli.values import parse_effects
+from wrenchgap.replay.cli.values import parse_effects, usage_error
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.identify.trend import Trend
+    from wrenchgap.plant.model import Model
 
 Suspects = Annotated[
     list[Path],
@@ -95,7 +99,6 @@ def trend(
 
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
-    from wrenchgap.flight.extras import needed_for
     from wrenchgap.replay import api_flights
     from wrenchgap.replay.present import trend as words
     from wrenchgap.replay.present.documents import write_parquet
@@ -108,12 +111,9 @@ def trend(
     base = run.model(model)
     with run.progress("following") as report:
         if len(logs) == 1 and (logs[0] / "run.json").is_file():
-            with needed_for("rows of a batch", extra="batch"):
-                from wrenchgap.replay.batch.fleet import trend_of_rows
-                from wrenchgap.replay.batch.store import Store
-
-            found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
-            run.note_input(logs[0] / "run.json", "batch")
+            found = _of_rows(run, logs[0], base, names, vehicle)
+        elif vehicle is not None:
+            raise usage_error(f"--vehicle {vehicle}: does nothing with logs; leave it out")
         else:
             flights, _ = run.open(reading.options, logs, base)
             found = api_flights.trend(flights, base, names, progress=report)
@@ -124,3 +124,18 @@ def trend(
     if page is not None:
         write_page(trend_page(found, run.command_line()), page)
     run.write("trend", found.to_json(), figure=figure, table=table, page=page)
+
+
+def _of_rows(run: Run, folder: Path, base: Model, names: tuple[str, ...], vehicle: str | None) -> Trend:
+    """The trend of rows of `batch compare`; raises UsageError for options of how logs are read."""
+    from wrenchgap.flight.extras import needed_for
+
+    if idle := run.common_options("own").strip():
+        raise usage_error(f"{idle}: does nothing with rows of `batch compare`, whose logs are read; leave it out")
+    with needed_for("rows of a batch", extra="batch"):
+        from wrenchgap.replay.batch.fleet import trend_of_rows
+        from wrenchgap.replay.batch.store import Store
+
+    found = trend_of_rows(Store(str(folder)), base, names, vehicle)
+    run.note_input(folder / "run.json", "batch")
+    return found
