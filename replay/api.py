@@ -15,6 +15,7 @@ from typing import Any
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
@@ -54,11 +55,13 @@ from wrenchgap.replay.report import Report
 Progress = Callable[[float, str], None]
 
 
+@check_arguments
 def load_model(name_or_path: str | Path) -> Model:
     """A model file (.toml), or a shipped model by its name. Raises ModelError, in one line, for what is no model."""
     return model_file.load(name_or_path)
 
 
+@check_arguments
 def save_model(
     model: Model | Addition, path: str | Path, *, before: Model | None = None, command: str = "", force: bool = False
 ) -> Model:
@@ -77,6 +80,7 @@ def save_model(
     return model_file.save(versioned, path, force=force)
 
 
+@check_arguments
 def open_flights(
     logs: str | Path | Flight | Sequence[str | Path | Flight],
     model: Model | Addition,
@@ -92,6 +96,7 @@ def open_flights(
     return open_every(every, model_of(model), (options or ReadOptions()).changed(**more))
 
 
+@check_arguments
 def inspect(
     log: str | Path,
     model: Model | Addition | None = None,
@@ -106,6 +111,7 @@ def inspect(
     return model_checks.inspect(log, known, (options or ReadOptions()).changed(**more))
 
 
+@check_arguments
 def compare(
     flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
 ) -> Comparison:
@@ -118,6 +124,7 @@ def compare(
     return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))
 
 
+@check_arguments
 def where(
     flights: Flights, model: Model | Addition, *, gp: GaussianProcess | None = None, progress: Progress | None = None
 ) -> Where:
@@ -125,6 +132,7 @@ def where(
     return examine(listed(flights), model_of(model), gp, progress)
 
 
+@check_arguments
 def explain(
     flights: Flights,
     model: Model | Addition,
@@ -146,6 +154,7 @@ def explain(
     return explaining.explain(listed(flights), model_of(model), **asked, jobs=jobs, progress=progress)
 
 
+@check_arguments
 def report(
     flights: Flights,
     model: Model | Addition,
@@ -161,6 +170,7 @@ def report(
     )
 
 
+@check_arguments
 def add(
     model: Model | Addition,
     effects: str | Sequence[str] | Explanation,
@@ -179,6 +189,7 @@ def add(
     return adding.add(model_of(model), names, opened, progress=progress)
 
 
+@check_arguments
 def learn_gp(
     flights: Flights,
     model: Model | Addition,
@@ -207,16 +218,19 @@ def learn_gp(
     )
 
 
+@check_arguments
 def load_gp(path: str | Path) -> GaussianProcess:
     """A process of `save_gp` or `wrenchgap learn`. Raises FitError for what is none."""
     return store.load(path)
 
 
+@check_arguments
 def save_gp(gp: GaussianProcess | Learnt, path: str | Path, *, force: bool = False) -> None:
     """Write a process: arrays and JSON in a zip, no code. Raises UsageError where the file exists without `force`."""
     store.save(gp_of(gp), path, force=force)
 
 
+@check_arguments
 def design(
     effects: Sequence[str],
     model: Model | Addition,
@@ -239,6 +253,7 @@ def design(
     return designing.design(effects, base, flights=listed(flights), progress=progress, **how)
 
 
+@check_arguments
 def compensator(
     gp: GaussianProcess | Learnt,
     model: Model | Addition,
@@ -253,6 +268,7 @@ def compensator(
     return compensators.compensator(gp_of(gp), model_of(model), settings, lead=lead)
 
 
+@check_arguments
 def replay_compensation(
     flight: OpenFlight,
     model: Model | Addition,
@@ -272,6 +288,7 @@ def replay_compensation(
     )
 
 
+@check_arguments
 def counterfactual(
     flight: OpenFlight,
     model: Model | Addition,
@@ -311,6 +328,7 @@ def counterfactual(
     return resimulating.counterfactual(recording, base, asked, progress=progress)
 
 
+@check_arguments
 def simulate(
     model: Model | Addition,
     trajectory: str,
@@ -332,6 +350,7 @@ def simulate(
     return fly(plan, name=name, progress=progress)
 
 
+@check_arguments
 def save_log(flight: Flight, path: str | Path, *, force: bool = False) -> Path:
     """Write a flight as MCAP with ROS 2 messages. Raises UsageError where the file exists without `force`."""
     return write(flight, Path(path), force=force)

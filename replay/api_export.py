@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from wrenchgap.compensate import Combined, Compensator, Settings
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.learning import Learnt
@@ -21,6 +22,7 @@ from wrenchgap.replay.export.folder import checked, write_folder
 from wrenchgap.replay.export.observer import Asked, ObserverSettings
 
 
+@check_arguments
 def combined(
     gp: GaussianProcess | Learnt,
     model: Model | Addition,
@@ -40,6 +42,7 @@ def combined(
     return combined_of(process, known, settings or Settings(dt=1.0 / known.controller.rate_hz), lead=lead)
 
 
+@check_arguments
 def export_compensator(
     gp: GaussianProcess | Learnt | None,
     model: Model | Addition,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.opening import Flights, listed
@@ -14,6 +15,7 @@ from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.model import Model
 
 
+@check_arguments
 def changed(
     suspects: Flights,
     healthy: Flights,
@@ -34,6 +36,7 @@ def changed(
     return changing.changed(listed(suspects), listed(healthy), model_of(model).without_tolerances, **asked)
 
 
+@check_arguments
 def trend(
     flights: Flights,
     model: Model | Addition,

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.budget import Budget
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
@@ -21,6 +22,7 @@ from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source,
 from wrenchgap.plant.model import Model
 
 
+@check_arguments
 def draft_model(
     source: str | Path | None,
     *,
@@ -50,11 +52,13 @@ def draft_model(
     return Sheet(model_file.loads(text_of(found, headline)), tuple(assumptions(found)), found.notes)
 
 
+@check_arguments
 def save_draft(drawn: Sheet, path: str | Path, *, force: bool = False) -> Sheet:
     """Write the model file of a draft; raises UsageError where it exists without `force`."""
     return replace(drawn, model=model_file.save(drawn.model, Path(path), force=force))
 
 
+@check_arguments
 def calibrate(
     flights: Flights,
     model: Model | Addition,

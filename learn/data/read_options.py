@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
@@ -111,6 +112,9 @@ class ReadOptions:
     accept: Sequence[str] = ()
     keep: Sequence[str] = ()
     budget: Budget | str | None = None
+
+    def __post_init__(self) -> None:
+        check_types(ReadOptions, vars(self))
 
     def changed(self, **options: Any) -> ReadOptions:
         """The same with other `options`, by name. Raises TypeError, with all names, for one that there is not."""

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
@@ -202,6 +203,7 @@ class FlownExport(Result):
         return [_deviation(self.flown[k], self.made[k]) for k in np.flatnonzero(~self.agrees)[:most]]
 
 
+@check_arguments
 def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | None = None) -> FlownExport:
     """Step the exported C in `folder` again from the records in `log`, and compare.
 

@@ -1,0 +1,94 @@
+"""Arguments of another type than a public function takes are one clear line, which names function and argument."""
+
+import inspect
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.errors import UsageError
+
+FUNCTIONS = [one for name in sorted(wg.__all__) if inspect.isfunction(one := getattr(wg, name))]
+
+
+@check_arguments
+def fly(
+    path: str | Path,
+    *others: str,
+    hz: float = 8.0,
+    count: int = 1,
+    names: Sequence[str] = (),
+    values: Mapping[str, float] | None = None,
+    between: tuple[float, float] | None = None,
+    kind: Literal["a", "b"] = "a",
+    force: bool = False,
+    told: Callable[[float], None] | None = None,
+    **more: Any,
+) -> str:
+    """Says that it has flown."""
+    return "flown"
+
+
+def test_what_fits_passes():
+    assert fly(Path("a"), "b", hz=np.float32(3), count=np.int64(2), names=["x"], values={"x": 1}) == "flown"
+    assert (
+        fly("a", hz=5, between=[1, 2], kind="b", force=np.bool_(True), told=print, names=(n for n in "ab")) == "flown"
+    )
+    assert fly("a", between=np.array([1.0, 2.0]), weather=3) == "flown"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"hz": "8"}, "fly: hz: got str '8'; expected float"),
+        ({"hz": True}, "fly: hz: got bool True; expected float"),
+        ({"count": 1.5}, "fly: count: got float 1.5; expected int"),
+        ({"names": "mass"}, r"fly: names: got str 'mass'; expected Sequence\[str\]"),
+        ({"names": ["mass", 3]}, r"fly: names: got list \['mass', 3\]"),
+        ({"values": {"x": "1"}}, r"fly: values: got dict {'x': '1'}; expected Mapping\[str, float\] \| None"),
+        ({"between": 3.0}, "fly: between: got float 3.0"),
+        ({"kind": "c"}, "fly: kind: got str 'c'; expected Literal"),
+        ({"told": 3}, "fly: told: got int 3"),
+    ],
+)
+def test_what_does_not_fit_is_named(given, said):
+    with pytest.raises(UsageError, match=said):
+        fly("a", **given)
+
+
+def test_the_first_argument_and_repeated_ones_are_looked_at_too():
+    with pytest.raises(UsageError, match=r"fly: path: got NoneType None; expected str \| Path"):
+        fly(None)
+    with pytest.raises(UsageError, match="fly: others: got int 3; expected str"):
+        fly("a", "b", 3)
+
+
+def test_a_missing_argument_stays_what_python_says_of_it():
+    with pytest.raises(TypeError, match=r"fly\(\) missing 1 required positional argument: 'path'"):
+        fly()
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda one: one.__name__)
+def test_every_public_function_looks_at_its_first_argument(function):
+    _, *others = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
+    given = [None for p in others if p.kind is p.POSITIONAL_OR_KEYWORD]
+    with pytest.raises(UsageError, match=rf"^{function.__name__}: \w+: got ellipsis Ellipsis; expected"):
+        function(..., *given)
+    assert pickle.loads(pickle.dumps(function)) is function
+
+
+def test_options_of_reading_are_looked_at_where_they_enter():
+    model = wg.load_model("crazyflie")
+    for option, value in {
+        "cutoff_hz": "8",
+        "keep": "saturation",
+        "shifts": {"imu": "0.1"},
+        "between": ("1", "2"),
+    }.items():
+        with pytest.raises(UsageError, match=f"ReadOptions: {option}: got "):
+            wg.open_flights("gone.mcap", model, **{option: value})
