@@ -366,13 +366,11 @@ ATTACKS = (
         "a data folder with a module of every name of the standard library and of what is installed; `explain`",
         "none of them runs",
         in_data_folder(SCRIPT, *EXPLAIN),
-        slow=True,
     ),
     Attack(
         "the same; `python -m wrenchgap changed`",
         "none runs but those that Python itself imports to find `wrenchgap`",
         in_data_folder(MODULE, *CHANGED, logs=2),
-        slow=True,
     ),
     Attack("the same; `batch compare`", "none of them runs", in_data_folder(SCRIPT, *BATCH), slow=True),
     Attack(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bz2
 import json
+import re
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -84,6 +85,42 @@ def parquet_text(path: Path, size: int) -> None:
         else {"time_s": np.arange(size) * 0.01, "gyro_x": np.zeros(size), "note": word}
     )
     pa.parquet.write_table(table, path, compression="zstd", store_schema=False)
+
+
+def parquet_page(path: Path, size: int) -> None:
+    """Ten samples of two columns; the header of the second's page claims `size` bytes and as many values.
+
+    Headers are Thrift's compact protocol: `size` is written where the statistics stood, which are left out.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    table = pa.table({"time_s": np.arange(10) * 0.01, "gyro_x": np.zeros(10)})
+    pa.parquet.write_table(table, path, compression="snappy", use_dictionary=False)
+    column = pa.parquet.ParquetFile(path).metadata.row_group(0).column(1)
+    found = path.read_bytes()
+    start, stop = column.data_page_offset, column.data_page_offset + column.total_compressed_size
+    fields = re.match(
+        rb"\x15\x00\x15([\x80-\xff]*.)\x15([\x80-\xff]*.)\x2c\x15\x14(\x15.\x15.\x15.)", found[start:stop], re.DOTALL
+    )
+    assert fields is not None, "pyarrow writes another header: kind, sizes, ten values, encodings"
+    packed = int.from_bytes(fields[2], "little") // 2  # zigzag; one byte, since it is small
+    claim, rest = b"", 2 * size
+    while rest > 127:
+        claim, rest = claim + bytes([rest & 127 | 128]), rest >> 7
+    claim = b"\x15" + claim + bytes([rest])
+    page = (
+        b"\x15\x00"
+        + claim
+        + b"\x15"
+        + fields[2]
+        + b"\x2c"
+        + claim
+        + fields[3]
+        + b"\x00\x00"
+        + found[stop - packed : stop]
+    )
+    path.write_bytes(found[:start] + page.ljust(stop - start, b"\x00") + found[stop:])
 
 
 def _mcap(schemas: Sequence[tuple[str, str, bytes]], topics: Sequence[tuple[int, str, str]]) -> structured.Records:
@@ -358,6 +395,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "dataflash-instances": (dataflash_instances, "a.bin", 100_000, 20),
     "parquet-rows": (parquet_rows, "a.parquet", 50_000_000, 20),
     "parquet-text": (parquet_text, "a.parquet", 100_000, 2),
+    "parquet-page": (parquet_page, "a.parquet", 2**31 - 1, 2**31 - 1),
     "mcap-channels": (mcap_channels, "a.mcap", 65_534, 10),
     "mcap-imus": (mcap_imus, "a.mcap", 65_534, 5),
     "mcap-schemas": (mcap_schemas, "a.mcap", 65_534, 10),
