@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,7 @@ from wrenchgap.compensate.physics import Fixed, PhysicsMismatch, Sum
 from wrenchgap.compensate.reach import Reach, reach_of
 from wrenchgap.compensate.state_row import IMPLAUSIBLE, looked_at, state_row
 from wrenchgap.compensate.uncertainty import default_filter
+from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
@@ -82,8 +83,7 @@ class Settings:
     max_dt: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        if self.solver not in get_args(Solver):
-            raise UsageError(f"compensate: solver is {self.solver!r}, expected one of {', '.join(get_args(Solver))}")
+        check_types(type(self), vars(self))
         positive = {"dt": self.dt, "decay_time": self.decay_time, "accept": self.accept, "kappa": self.kappa}
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):

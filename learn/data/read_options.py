@@ -114,7 +114,7 @@ class ReadOptions:
     budget: Budget | str | None = None
 
     def __post_init__(self) -> None:
-        check_types(ReadOptions, vars(self))
+        check_types(type(self), vars(self))
 
     def changed(self, **options: Any) -> ReadOptions:
         """The same with other `options`, by name. Raises TypeError, with all names, for one that there is not."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import pushes_along_z_only
@@ -60,6 +61,7 @@ class Limits:
     speed: float = 2.0
 
     def __post_init__(self) -> None:
+        check_types(type(self), vars(self))
         if min(self.room) <= 0 or not np.all(np.isfinite(self.room)):
             raise UsageError(f"room: got {self.room}, expected three positive lengths in metres")
         if not 0.0 < self.tilt <= np.pi:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from wrenchgap.flight.arguments import check_types
+
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -71,6 +73,9 @@ class SearchSettings:
     """Accuracy beyond which the form of a law is an assumption."""
     off: float = 3.0
     """Such a law may have made what another member makes up to so many times its accuracy."""
+
+    def __post_init__(self) -> None:
+        check_types(type(self), vars(self))
 
 
 DEFAULT = SearchSettings()

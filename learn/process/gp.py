@@ -31,6 +31,7 @@ from typing import Literal
 
 import numpy as np
 
+from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process.sparse import JITTER
@@ -148,6 +149,7 @@ class FitSettings:
     search: Search = "closed-form"
 
     def __post_init__(self) -> None:
+        check_types(type(self), vars(self))
         object.__setattr__(self, "inputs", mismatch_inputs.ordered_groups(self.inputs))
         if self.blind:
             output_indices(self.blind)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.parallel import few_threads
 from wrenchgap.learn.process import calibration, likelihood, sparse
 from wrenchgap.learn.process.calibration import Mask
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance, Search
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, MeanKind, Provenance
 from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import Indices, subsample, thin
 from wrenchgap.learn.process.support import HeldOut
@@ -255,10 +255,6 @@ def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitS
     output_indices(tuple(names))
     if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
         raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
-    for what, kind in (("mean", MeanKind), ("inference", Inference), ("search", Search)):
-        value, known = getattr(settings, what), get_args(kind)
-        if value not in known:
-            raise UsageError(f"fit: unknown {what} {value!r}; available: {', '.join(known)}")
     if settings.points < 2 or settings.restarts < 0:
         raise UsageError(f"fit: got {settings.points} points, {settings.restarts} restarts; expected >= 2 and >= 0")
     if len(inputs) < 2 * inputs.shape[1]:

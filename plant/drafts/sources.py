@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
@@ -35,6 +36,9 @@ class Given:
     arm: float | None = None
     radius: float | None = None
     thrust_max: float | None = None
+
+    def __post_init__(self) -> None:
+        check_types(type(self), vars(self))
 
 
 def draft_of_source(source: Path | None, user: Given, budget: Budget | str | None = None) -> Draft:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, cast
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -108,8 +108,6 @@ def export(
     Raises UsageError for effects that cannot be exported, by name, and for a precision that is none.
     """
     # Long because an `Export` has as many fields, one a line.
-    if precision not in get_args(Precision):
-        raise UsageError(f"export: precision is {precision!r}, expected one of {', '.join(get_args(Precision))}")
     kept, left_out = _without(process, model, leave_out)
     asked = replace(settings or Settings(max_evaluations=EVALUATIONS), solver="onboard")
     if asked.regulariser > 0.0:

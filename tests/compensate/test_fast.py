@@ -237,6 +237,6 @@ def test_what_cannot_be_compiled_goes_by_the_reference():
     assert Compensator(odd).step(HOVER).correction[3:] == pytest.approx(-OFFSET, abs=1e-5)
     with pytest.raises(UsageError, match="solver onboard"):
         Compensator(physics(0.05, asymmetric_motor_lag=[0.02, 0.05]), Settings(solver="onboard"))
-    with pytest.raises(UsageError, match="solver is 'simplex'"):
+    with pytest.raises(UsageError, match="Settings: solver: got str 'simplex'"):
         Settings(solver="simplex")
     assert AXES[3:] == TORQUES

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.compensate import Settings
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn import SearchSettings
+from wrenchgap.learn.design.manoeuvres import Limits
+from wrenchgap.learn.process.gp import FitSettings
 
 FUNCTIONS = [one for name in sorted(wg.__all__) if inspect.isfunction(one := getattr(wg, name))]
 
@@ -80,6 +84,22 @@ def test_every_public_function_looks_at_its_first_argument(function):
     with pytest.raises(UsageError, match=rf"^{function.__name__}: \w+: got ellipsis Ellipsis; expected"):
         function(..., *given)
     assert pickle.loads(pickle.dumps(function)) is function
+
+
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [(Settings, "dt"), (FitSettings, "points"), (SearchSettings, "block"), (Limits, "tilt"), (wg.Given, "mass")],
+)
+def test_settings_look_at_their_fields(settings, name):
+    with pytest.raises(UsageError, match=f"{settings.__name__}: {name}: got str '1'; expected"):
+        settings(**{name: "1"})
+
+
+def test_a_mean_that_there_is_not_is_refused_with_those_that_there_are():
+    with pytest.raises(
+        UsageError, match=r"FitSettings: mean: got str 'cubic'; expected .*'zero', 'constant', 'linear'"
+    ):
+        FitSettings(mean="cubic")
 
 
 def test_options_of_reading_are_looked_at_where_they_enter():

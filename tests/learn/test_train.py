@@ -154,7 +154,6 @@ def broken(**change):
         (broken(inputs=np.full((60, 6), np.nan)), FitError, "60 of 60 inputs are not finite"),
         (broken(inputs=np.ones((60, 6))), FitError, "the command never changes"),
         (broken(inputs=np.ones((5, 6)), outputs=np.ones((5, 3))), FitError, "5 samples, expected at least 12"),
-        (broken(settings=FitSettings(mean="cubic")), UsageError, "available: zero, constant, linear"),
         (broken(settings=FitSettings(points=1)), UsageError, "got 1 points"),
     ],
 )

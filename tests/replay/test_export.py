@@ -168,7 +168,7 @@ def test_what_cannot_be_exported_is_refused_by_name(tmp_path, flown):
     assert "asymmetric_motor_lag is not in it: left out as asked" in str(left)
     for words, how in (
         ("no such effect", {"without": ["wind"]}),
-        ("precision is 'half'", {"precision": "half"}),
+        ("precision: got str 'half'", {"precision": "half"}),
         ("regulariser", {"settings": Settings(regulariser=1.0)}),
     ):
         with pytest.raises(UsageError, match=words):
