@@ -21,6 +21,7 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.errors import UsageError
@@ -103,6 +104,7 @@ def _packed(found: Flight) -> dict[str, Any]:
     about: dict[str, Any] = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
     about |= {"mapping": found.mapping, "checks": None if found.checks is None else [asdict(c) for c in found.checks]}
     about["left_out"] = [asdict(one) for one in found.left_out]
+    about["autopilot"] = None if found.autopilot is None else asdict(found.autopilot)
     text = json.dumps({**about, "notes": found.notes, "unmeasured": found.unmeasured, "roles": roles})
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
 
@@ -121,6 +123,7 @@ def _unpacked(file: Path, path: Path) -> Flight:
     known = {key: about[key] for key in ("name", "content_hash", "start_ns", "mapping")}
     known["checks"] = None if about["checks"] is None else tuple(Check(**one) for one in about["checks"])
     known["left_out"] = tuple(TimeLeftOut(**one) for one in about["left_out"])
+    known["autopilot"] = None if about["autopilot"] is None else Autopilot(**about["autopilot"])
     return Flight(path=path, notes=tuple(about["notes"]), unmeasured=about["unmeasured"], **known, **series)
 
 

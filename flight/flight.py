@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.check import Check, TimeLeftOut
 
 GRAVITY = 9.80665
@@ -161,7 +162,7 @@ class Flight:
     (`flight.compared_signals.shifted`). `unmeasured` are axes that were not measured, with the reason
     (`flight.unmeasured`). `mapping` is where each part comes from, as in an override (`flight.roles`), empty where no
     file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
-    times without samples that can be true.
+    times without samples that can be true; `autopilot` is None where none wrote the log.
     """
 
     name: str
@@ -181,6 +182,7 @@ class Flight:
     checks: tuple[Check, ...] | None = None
     left_out: tuple[TimeLeftOut, ...] = ()
     unmeasured: dict[str, str] = field(default_factory=dict)
+    autopilot: Autopilot | None = None
 
     def __repr__(self) -> str:
         roles = ", ".join(f"{role} {len(series.time):,}" for role, series in self.series().items())

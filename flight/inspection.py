@@ -19,7 +19,7 @@ from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Relation, one_clock, relation, without_jumps
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.formats import Table, read_log
+from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.load import assigned, build
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import Stamps, Steps
@@ -88,7 +88,13 @@ def inspect(
 
     Raises LogError where the file is no log or cannot be read, UsageError where `topics` is not understood.
     """
-    log, assignment = assigned(path, topics, preferred, budget)
+    return inspected(*assigned(path, topics, preferred, budget), unmeasured, accept)
+
+
+def inspected(
+    log: Log, assignment: Assignment, unmeasured: Sequence[str] = (), accept: Sequence[str] = ()
+) -> Inspection:
+    """The same of a log that is read and whose roles are assigned; its columns are given away."""
     flight: Flight | None = None
     known: dict[str, Relation] = {}
     try:

@@ -104,6 +104,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         odometry=builder.odometry(),
         reference=builder.reference(),
         battery=builder.one("battery", 0),
+        autopilot=log.autopilot,
     )
     builder.parts.clear()
     give_back(max((len(series.time) for series in flight.series().values()), default=0))

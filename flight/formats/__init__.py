@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import ardupilot, px4
@@ -57,6 +58,7 @@ class Log:
     content_hash: str
     tables: dict[str, Table]
     notes: tuple[str, ...] = ()
+    autopilot: Autopilot | None = None
 
 
 def reader_of(path: Path) -> Reader:
@@ -93,15 +95,16 @@ def read_log(path: Path, selection: Selection, budget: Budget | str | None = Non
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
         raise LogError(f"{path}: the {reader.name} holds no message{detail}")
+    autopilot: Autopilot | None = getattr(reader, "autopilot", None)
     for derived in (px4.derived, ardupilot.derived):
-        made, said = derived(tables, getattr(reader, "parameters", {}))
+        made, said = derived(tables, {} if autopilot is None else autopilot.parameters)
         tables, notes = tables | made, notes + said
     tables = dict(sorted(tables.items()))
     give_back(max(map(len, tables.values())))
     if (after := _sizes(files)) != before:
         notes.append(f"{path.name} grew from {before} to {after} bytes while it was read: its end is missing here.")
     size = before
-    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes))
+    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes), autopilot)
 
 
 def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], list[str]]:

@@ -7,14 +7,16 @@ in its frames and units; what plays a role is made of them by `flight.formats.ar
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
@@ -54,23 +56,24 @@ NUMBERED = frozenset({"IMU", "ACC", "GYR", "ESC", "BAT", "XKQ", "XKF1", "NKQ", "
 
 @dataclass
 class DataflashReader(TableReader):
-    """Reads one dataflash log. `parameters` are known once the tables are."""
+    """Reads one dataflash log. `autopilot` is known once the tables are."""
 
     name: ClassVar[str] = "ArduPilot dataflash"
     expected: ClassVar[str] = "ArduPilot dataflash (.bin)"
     magic: ClassVar[bytes] = b"\xa3\x95\x80"
 
-    parameters: Mapping[str, float | int] = field(default_factory=dict)
+    autopilot: Autopilot | None = None
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """All messages that have a time, by topic; raises LogError where nothing can be read."""
         raw, strange = _messages(self.path, self.account)
         if strange:
             self.notes.append(f"{strange} bytes of {self.path.name} belong to no whole message: left out.")
-        self.parameters = _parameters(raw.get("PARM", {}))
         found = {table.topic: table for name, columns in raw.items() for table in _instances(name, columns, self.notes)}
-        if (lost := found.get("DSF")) is not None and np.max(lost.columns.get("Dp", np.zeros(1)), initial=0) > 0:
-            self.notes.append(f"The logger dropped {int(np.max(lost.columns['Dp']))} blocks of messages.")
+        dropped = int(np.max(found["DSF"].columns.get("Dp", np.zeros(1)), initial=0)) if "DSF" in found else 0
+        if dropped > 0:
+            self.notes.append(f"The logger dropped {dropped} blocks of messages.")
+        self.autopilot = _autopilot(raw, dropped)
         return found
 
 
@@ -89,6 +92,16 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
         return {}
     pairs = zip(names.tolist(), values.tolist(), strict=True)
     return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
+
+
+def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:
+    """Of the texts that the firmware logs at its start: its version, the board, the frame."""
+    texts = raw.get("MSG", {}).get("Message", np.zeros(0, "S1"))
+    said = [text.decode(errors="replace").strip() for text in texts.tolist()] if texts.dtype.kind == "S" else []
+    firmware = next((text for text in said if re.match(r"(Ardu|APM:)\w* .*\d", text)), "")
+    frame = next((text.partition(":")[2].strip() for text in said if text.startswith("Frame:")), "")
+    board = next((text for text in said if re.search(r" [0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}$", text)), "")
+    return Autopilot("ArduPilot", firmware, board.partition(" ")[0], frame, _parameters(raw.get("PARM", {})), dropped)
 
 
 def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
@@ -27,21 +28,21 @@ LATEST = 2**63 // 1000 - 1
 
 @dataclass
 class UlogReader(TableReader):
-    """Reads one PX4 log. `parameters` are known once the tables are."""
+    """Reads one PX4 log. `autopilot` is known once the tables are."""
 
     name: ClassVar[str] = "PX4 ULog"
     expected: ClassVar[str] = "PX4 ULog (.ulg)"
     magic: ClassVar[bytes] = b"ULog\x01\x12\x35"
 
-    parameters: Mapping[str, float | int] = field(default_factory=dict)
+    autopilot: Autopilot | None = None
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """All messages by topic; raises LogError where nothing can be read."""
         log = _opened(self.path, self.account)
-        self.parameters = _parameters(log)
         if log.file_corruption:
             self.notes.append(f"{self.path.name} is damaged: what could be read around the damage was.")
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
+        self.autopilot = _autopilot(log, lost)
         if log.dropouts:
             self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
         found = []
@@ -67,6 +68,13 @@ def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str
 
 def _parameters(log: Any) -> dict[str, float | int]:
     return {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
+
+
+def _autopilot(log: Any, lost: float) -> Autopilot:
+    said = log.msg_info_dict
+    firmware = log.get_version_info_str() or str(said.get("ver_sw", ""))[:10]
+    hardware, name = str(said.get("ver_hw", "")), str(said.get("sys_name", "PX4"))
+    return Autopilot(name, firmware, hardware, "", _parameters(log), len(log.dropouts), lost)
 
 
 def _opened(path: Path, account: Account) -> Any:

@@ -1,0 +1,93 @@
+"""What an autopilot's log says of the autopilot itself: firmware, board, parameters, messages that its logger lost.
+
+Parameters of logs are compared as they were at the end of each, in the precision of the autopilots, which is single.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """The autopilot that wrote a log; texts are empty where it does not say.
+
+    `name` is "PX4" or "ArduPilot", `frame` what it calls its vehicle. `dropouts` are gaps (PX4), or blocks (ArduPilot),
+    that the logger lost, `lost` their length in all [s], None where it is not logged.
+    """
+
+    name: str
+    firmware: str = ""
+    hardware: str = ""
+    frame: str = ""
+    parameters: Mapping[str, float | int] = field(default_factory=dict)
+    dropouts: int = 0
+    lost: float | None = None
+
+
+COUNTERS = {
+    r"STAT_.*|SYS_NUM_RESETS|LND_FLIGHT_T_.*|COM_FLIGHT_UUID": "counts flights, starts or hours",
+    r"BARO\d*_GND_.*|GND_ABS_PRESS\d*|GND_TEMP": "is the air pressure of the day",
+    r"INS_GYR\d*_?OFFS_.*": "is calibrated anew at every start",
+    r"MIS_TOTAL": "counts waypoints",
+}
+"""Parameters that differ between any two flights and say nothing of the vehicle, and why."""
+
+
+CALIBRATIONS = r"CAL_.*|COMPASS_(OFS|DIA|ODI|MOT|SCALE).*|INS_(ACC|GYR).*|RC\d+_.*"
+"""Parameters of sensors and radio, which differ wherever one was calibrated: listed last."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter with its `values` in the order of the logs, None in those that lack it."""
+
+    name: str
+    values: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class ParameterDifferences:
+    """How the parameters of several logs differ.
+
+    `logs` are those with parameters and `without` those that have none. `differ` are parameters that all of `logs`
+    have. Besides, so many are `ignored` (`COUNTERS`), and so many are not in all logs (`not_in_all`): of another
+    firmware.
+    """
+
+    logs: tuple[str, ...]
+    without: tuple[str, ...]
+    differ: tuple[Parameter, ...] = ()
+    ignored: tuple[str, ...] = ()
+    not_in_all: int = 0
+
+
+def parameter_differences(logs: Iterable[tuple[str, Autopilot | None]]) -> ParameterDifferences:
+    """Which parameters differ between logs, by their names and autopilots."""
+    listed = list(logs)
+    known = [(name, one.parameters) for name, one in listed if one is not None and one.parameters]
+    names = tuple(name for name, _ in known)
+    without = tuple(name for name, one in listed if one is None or not one.parameters)
+    if len(known) < 2:
+        return ParameterDifferences(names, without)
+    every = set.union(*(set(found) for _, found in known))
+    shared = set.intersection(*(set(found) for _, found in known))
+    differ = [key for key in shared if len({_single(found[key]) for _, found in known}) > 1]
+    differ.sort(key=lambda key: (re.fullmatch(CALIBRATIONS, key) is not None, key))
+    counters = tuple(key for key in differ if why_ignored(key) is not None)
+    values = (Parameter(key, tuple(found[key] for _, found in known)) for key in differ if key not in counters)
+    return ParameterDifferences(names, without, tuple(values), counters, len(every) - len(shared))
+
+
+def why_ignored(name: str) -> str | None:
+    """Why a difference in this parameter means nothing; None where it may mean something."""
+    return next((why for pattern, why in COUNTERS.items() if re.fullmatch(pattern, name)), None)
+
+
+def _single(value: float) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))
