@@ -167,7 +167,9 @@ def _values(one: OpenFlight, model: Model, names: tuple[str, ...], answering: Se
 
 def followed_flight(one: OpenFlight) -> FollowedFlight:
     """A flight without its samples."""
-    bare = Flight(one.records[0].flight, one.flight.path, one.flight.content_hash, one.flight.start_ns)
+    whole = one.flight
+    about = one.records[0].flight, whole.path, whole.content_hash, whole.start_ns
+    bare = Flight(*about, autopilot=whole.autopilot)
     noise = np.asarray(np.sum([r.noise for r in one.records], axis=0))
     return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz)
 

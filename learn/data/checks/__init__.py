@@ -58,7 +58,13 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     return tuple(found)
 
 
-def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True, faster: float = 2.5) -> tuple[Check, ...]:
+RATE_OVER_CUTOFF = 2.5
+"""How many times the cut-off of a filter readings must come, so that its band is in them (Shannon: 2)."""
+
+
+def rates(
+    flight: Flight, cutoff_hz: float, *, rotors: bool = True, faster: float = RATE_OVER_CUTOFF
+) -> tuple[Check, ...]:
     """Whether motion and commands come fast enough for a filter of `cutoff_hz`; `rotors`: the model uses actuators.
 
     Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors by

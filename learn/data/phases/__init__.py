@@ -21,9 +21,9 @@ from wrenchgap.flight.flight import Array, Gap, Samples
 from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
-from wrenchgap.learn.data.phases.ground import contact, crashes, ground, spikes
+from wrenchgap.learn.data.phases.ground import clearance, contact, crashes, ground, spikes
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs, used_samples
-from wrenchgap.learn.data.phases.signals import SIGNALS, command_scale, signals, sizes
+from wrenchgap.learn.data.phases.signals import SIGNALS, Signals, command_scale, signals, sizes
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
@@ -59,6 +59,11 @@ def phases_of(
 def _grounded(parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle) -> list[Phase]:
     """On the ground, taking off, landing, crashed; the signals that tell are gone when this returns."""
     seen = [one for samples, commands, _ in parts if (one := signals(samples, commands, vehicle)) is not None]
+    return grounded(seen, clearance(vehicle))
+
+
+def grounded(seen: Sequence[Signals], clear: float) -> list[Phase]:
+    """Contact with the ground, take-offs, landings, impacts and crashes of stretches; `clear` is of `clearance`."""
     found: list[Phase] = []
     if seen:
         scale = command_scale(seen)
@@ -67,7 +72,7 @@ def _grounded(parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle) 
         usual = 0.0 if len(air) == 0 else float(np.percentile(air, 25.0))
         for part, flags in zip(seen, on, strict=True):
             lost = crashes(part, flags, scale, usual)
-            found += [p for p in ground(part, flags, vehicle) if not _within(p, lost)] + lost
+            found += [p for p in ground(part, flags, clear) if not _within(p, lost)] + lost
     return found
 
 

@@ -93,12 +93,16 @@ def _idle(part: Signals, scale: float) -> Flags:
     return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
 
 
-def ground(part: Signals, on: Flags, vehicle: Vehicle) -> list[Phase]:
-    """Ground, take-offs and landings of a stretch, of the contact (N,) in it."""
-    clear = CONTACT.least_clearance
-    if vehicle.has_rotors:
-        radius = vehicle.geometry()[1].radius
-        clear = max(clear, CONTACT.radii * float(np.nan_to_num(radius).max(initial=0.0)))
+def clearance(vehicle: Vehicle) -> float:
+    """Height above the ground [m] from which on it has no effect."""
+    if not vehicle.has_rotors:
+        return CONTACT.least_clearance
+    radius = vehicle.geometry()[1].radius
+    return max(CONTACT.least_clearance, CONTACT.radii * float(np.nan_to_num(radius).max(initial=0.0)))
+
+
+def ground(part: Signals, on: Flags, clear: float) -> list[Phase]:
+    """Ground, take-offs and landings of a stretch, of the contact (N,) in it; `clear` is that of `clearance`."""
     still = stands(part)
     out = []
     for a, b in runs(on):

@@ -1,0 +1,161 @@
+"""The health of a vehicle as its logs show it, without a model: what a flight engineer looks at first.
+
+A log is read once; its flight with its checks is that of `flight.inspect`, the autopilot's own messages come besides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.autopilot import Autopilot, ParameterDifferences, parameter_differences
+from wrenchgap.flight.check import Check, accepted_names
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.formats import Log
+from wrenchgap.flight.inspection import Inspection, inspected
+from wrenchgap.flight.load import assigned
+from wrenchgap.flight.result import Result
+from wrenchgap.flight.unmeasured import axis_names
+from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
+from wrenchgap.learn.health.battery import Battery, battery_of
+from wrenchgap.learn.health.estimator import Estimator, estimator_of
+from wrenchgap.learn.health.motors import Motors, motors_of
+from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
+from wrenchgap.learn.health.recorded import Recorded
+from wrenchgap.learn.health.rotors import thrusts_of
+from wrenchgap.learn.health.vibration import Vibration, vibration_of
+from wrenchgap.plant.model import Model
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A role and the topic that plays it: messages a second, gaps, the longest of them, and that in flight [s]."""
+
+    role: str
+    topic: str
+    hz: float
+    gaps: int
+    longest_gap: float
+    in_flight: float
+
+
+@dataclass(frozen=True, eq=False)
+class LogHealth:
+    """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases."""
+
+    inspection: Inspection
+    autopilot: Autopilot | None
+    phases: FlightPhases
+    motors: Motors | None
+    vibration: Vibration | None
+    battery: Battery | None
+    estimator: Estimator | None
+    rates: tuple[Rate, ...]
+    answers: tuple[Answer, ...]
+    settings: tuple[Setting, ...]
+
+    @property
+    def name(self) -> str:
+        """The file's."""
+        return self.inspection.path.name
+
+    @property
+    def bad(self) -> tuple[Check, ...]:
+        """Checks of the log that make its numbers doubtful."""
+        return tuple(c for c in self.inspection.checks if c.level == "bad" and not c.accepted and c.name != "roles")
+
+
+@dataclass(frozen=True, repr=False)
+class Health(Result):
+    """What `wrenchgap check` finds in logs, and which parameters of the autopilot differ between them.
+
+    `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one.
+    """
+
+    logs: tuple[LogHealth, ...]
+    parameters: ParameterDifferences
+    model: str = ""
+
+
+def check(
+    logs: Sequence[str | Path],
+    model: Model | None = None,
+    options: ReadOptions | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> Health:
+    """Look at logs without a model, or with the rotors and topics of one.
+
+    Raises LogError for what is no log, UsageError for no log at all, and for options that are not understood.
+    """
+    if not logs:
+        raise UsageError("check: got no logs; expected one at least")
+    found = []
+    for number, path in enumerate(logs):
+        if progress is not None:
+            progress(number / len(logs), Path(path).name)
+        found.append(examined(Path(path), model, options or ReadOptions()))
+    names = [log.name for log in found]
+    named = [log.name if names.count(log.name) == 1 else str(log.inspection.path) for log in found]
+    differences = parameter_differences(zip(named, (log.autopilot for log in found), strict=True))
+    said = "" if model is None else str(model.path or model.name)
+    return Health(tuple(found), differences, said)
+
+
+def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth:
+    """The health of one log."""
+    absent = axis_names([*axis_names(options.unmeasured), *(() if model is None else model.unmeasured)])
+    preferred = None if model is None else model.topics
+    log, assignment = assigned(path, options.topics, preferred, options.budget)
+    names = [name for topic, table in log.tables.items() for name in (topic, *table.columns)]
+    tables = {topic: replace(table, columns=dict(table.columns)) for topic, table in log.tables.items()}
+    seen = inspected(replace(log, tables=tables), assignment, absent, accepted_names(options.accept))
+    recorded = _recorded(log, seen)
+    rest: dict[str, Any] = _nothing()
+    if seen.flight is not None:
+        rest = _of_flight(seen.flight, recorded, model)
+    settings = settings_of(log.autopilot, rest["answers"], names)
+    return LogHealth(seen, log.autopilot, settings=settings, **rest)
+
+
+def _recorded(log: Log, seen: Inspection) -> Recorded:
+    return Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
+
+
+def _nothing() -> dict[str, Any]:
+    """Of a log in which no topic plays a role."""
+    alone: Mapping[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
+    return {**alone, "phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}
+
+
+def _of_flight(flight: Flight, recorded: Recorded, model: Model | None) -> dict[str, Any]:
+    thrusts = thrusts_of(flight, model)
+    phases = phases_of(flight, thrusts)
+    battery = battery_of(flight, recorded, phases)
+    rotors = () if thrusts is None else tuple(rotor.name for rotor in thrusts.rotors)
+    vibration = vibration_of(flight, recorded, phases, rotors)
+    air = phases.named(*AIRBORNE)
+    start, stop = (air[0].start, air[-1].stop) if air else (0.0, 0.0)
+    rates = (
+        Rate(
+            *(role, s.topic, 1.0 / s.period, len(s.gaps)),
+            *(max((g.stop - g.start for g in s.gaps if a < g.stop and g.start < b), default=0.0) for a, b in spans),
+        )
+        for spans in [((-np.inf, np.inf), (start, stop))]
+        for role, s in flight.series().items()
+        if len(s.time) > 2 and s.period > 0.0
+    )
+    return {
+        "phases": phases,
+        "motors": motors_of(thrusts, phases),
+        "vibration": vibration,
+        "battery": battery,
+        "estimator": estimator_of(flight.autopilot, recorded, phases),
+        "rates": tuple(rates),
+        "answers": answers_of(flight, thrusts, phases, battery, vibration),
+    }

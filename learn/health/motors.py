@@ -1,0 +1,185 @@
+"""How evenly the motors work in hover, and how long they are at the ends of their range.
+
+In hover the commanded thrusts balance weight and torques. What they deviate by from their mean has a shape: two
+neighbours against the opposite two balance a centre of mass that is off; motors of one turning direction against those
+of the other balance a yaw torque; a motor alone makes up for a propeller or motor that is weak.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from wrenchgap.flight.check import Level
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases
+from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
+
+
+@dataclass(frozen=True)
+class MotorThresholds:
+    """From when on motors are said to work unevenly, or to be at their ends too long."""
+
+    uneven: float = 0.1
+    """Deviation of a motor's thrust from the mean, beyond which it is worth a word: a centre of mass 7 % of the arm
+    off the middle makes it in a quadrotor, and propellers of one kind differ by a few per cent."""
+    bad: float = 0.25
+    """The same, beyond which little is left for control: half of the reserve at a hover with half of the thrust."""
+    shape: float = 0.8
+    """Share of the squared deviations that one shape explains, from which on the others are not needed."""
+    saturated: float = 0.01
+    """Share of the time in the air at the largest command that is worth a word."""
+    often: float = 0.1
+    """The same, that is bad."""
+    idle: float = 0.05
+    """Share of the time in the air at the smallest command that is worth a word: fast descents touch it."""
+    briefest: float = 3.0
+    """Time [s] of hover, or of flight, below which nothing is said of the balance."""
+
+
+MOTORS = MotorThresholds()
+
+
+class Shape(StrEnum):
+    """What uneven thrusts balance."""
+
+    EVEN = "even"
+    YAW = "yaw"
+    COM = "centre of mass"
+    ONE = "one motor"
+    MIXED = "mixed"
+    UNKNOWN = "places of the rotors unknown"
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor: `deviation` of its commanded thrust from what its place asks for, in the time of `Motors.condition`.
+
+    A vehicle whose rotors stand evenly about its centre of mass asks for the mean of all, as one of unknown places.
+
+    `at_most` and `at_least` are shares of the time in the air at the ends of its range; None where these are not known.
+    """
+
+    rotor: RotorPlace
+    deviation: float
+    at_most: float | None
+    at_least: float | None
+
+
+@dataclass(frozen=True)
+class Motors:
+    """All motors of a flight.
+
+    `condition` is "hover", or "flight" where there was too little of it, for `seconds` in all. `centre` is where the
+    thrust is centred (x forward, y left; in distances of the farthest rotor), `yaw` the excess of the motors that turn
+    counter-clockwise over the mean; None where the places are not known.
+    """
+
+    motors: tuple[Motor, ...]
+    condition: str
+    seconds: float
+    shape: Shape
+    centre: tuple[float, float] | None
+    yaw: float | None
+
+    @property
+    def hardest(self) -> Motor:
+        """The motor that is commanded most."""
+        return max(self.motors, key=lambda motor: motor.deviation)
+
+    @property
+    def unevenness(self) -> float:
+        """The largest deviation, of either sign."""
+        return max(abs(motor.deviation) for motor in self.motors)
+
+    @property
+    def at_most(self) -> float | None:
+        """Share of the time in the air of the motor that is longest at its largest command."""
+        return max((m.at_most for m in self.motors if m.at_most is not None), default=None)
+
+    @property
+    def at_least(self) -> float | None:
+        """The same of the smallest command."""
+        return max((m.at_least for m in self.motors if m.at_least is not None), default=None)
+
+    @property
+    def balance_level(self) -> Level:
+        """How bad the imbalance is."""
+        if self.unevenness < MOTORS.uneven or self.condition != "hover":  # moving flight loads motors unevenly
+            return "ok"
+        return "bad" if self.unevenness > MOTORS.bad else "warn"
+
+    @property
+    def saturation_level(self) -> Level:
+        """How bad the saturation is."""
+        most, least = self.at_most or 0.0, self.at_least or 0.0
+        if most <= MOTORS.saturated and least <= MOTORS.idle:
+            return "ok"
+        return "bad" if most > MOTORS.often else "warn"
+
+
+def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
+    """The motors; None where the log has no command for each, or too little time in the air."""
+    if thrusts is None or not phases.phases:
+        return None
+    flown = phases.within(thrusts.time, *AIRBORNE)
+    hovering = phases.seconds("hover") >= MOTORS.briefest
+    used = phases.within(thrusts.time, "hover") if hovering else flown
+    seconds = phases.seconds("hover") if hovering else phases.seconds(*AIRBORNE)
+    if seconds < MOTORS.briefest or used.sum() < 2 or not thrusts.share[used].mean() > 0.0:
+        return None
+    mean = thrusts.share[used].mean(axis=0)
+    deviation = mean / mean.mean() - _asked(thrusts.rotors)
+    low, high = (None, None) if thrusts.limits is None else (limit[flown].mean(axis=0) for limit in thrusts.limits)
+    motors = tuple(
+        Motor(rotor, float(value), None if high is None else float(high[k]), None if low is None else float(low[k]))
+        for k, (rotor, value) in enumerate(zip(thrusts.rotors, deviation, strict=True))
+    )
+    shape, centre, yaw = _shape(thrusts.rotors, deviation)
+    return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw)
+
+
+def _shape(rotors: tuple[RotorPlace, ...], deviation: Array) -> tuple[Shape, tuple[float, float] | None, float | None]:
+    """What deviations (R,) balance, where the thrust is centred, and the excess by turning direction."""
+    places = _places(rotors)
+    if places is None:
+        even = np.abs(deviation).max() < MOTORS.uneven
+        return (Shape.EVEN if even else Shape.UNKNOWN), None, None
+    arms, spin = places[:, :2], places[:, 2]
+    centre = (float(np.mean(deviation * arms[:, 0])), float(np.mean(deviation * arms[:, 1])))
+    yaw = float(deviation[spin > 0].mean()) if (spin > 0).any() else None
+    if np.abs(deviation).max() < MOTORS.uneven:
+        return Shape.EVEN, centre, yaw
+    explained = {
+        Shape.ONE: _explained(deviation, np.eye(len(rotors))[:, [int(np.argmax(deviation))]]),
+        Shape.YAW: _explained(deviation, spin[:, None]),
+        Shape.COM: _explained(deviation, arms),
+    }
+    best = max(explained, key=lambda shape: explained[shape])
+    return (best if explained[best] > MOTORS.shape else Shape.MIXED), centre, yaw
+
+
+def _places(rotors: tuple[RotorPlace, ...]) -> Array | None:
+    """Places and turning directions (R, 3); None where they are not all known, or of fewer than three rotors."""
+    places = [(rotor.x, rotor.y, rotor.spin) for rotor in rotors]
+    known = [place for place in places if None not in place]
+    return np.array(known, dtype=float) if len(known) == len(rotors) > 2 else None
+
+
+def _asked(rotors: tuple[RotorPlace, ...]) -> Array:
+    """Thrusts (R,) of mean 1 that make no torque, the least even ones of all that do not."""
+    places = _places(rotors)
+    if places is None:
+        return np.ones(len(rotors))
+    balance = np.column_stack((np.ones(len(rotors)), places)).T
+    found = np.linalg.pinv(balance, rcond=1e-6) @ np.array([float(len(rotors)), 0.0, 0.0, 0.0])
+    return np.asarray(found / found.mean())
+
+
+def _explained(deviation: Array, columns: Array) -> float:
+    """Share of the squares of deviations (R,) that columns (R, C), without their means, explain."""
+    columns = columns - columns.mean(axis=0)
+    left = deviation - columns @ np.linalg.lstsq(columns, deviation, rcond=None)[0]
+    return 1.0 - float(left @ left) / max(float(deviation @ deviation), 1e-30)

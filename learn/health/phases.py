@@ -1,0 +1,200 @@
+"""Phases of a flight without a model: on the ground, take-off, hover, moving flight, landing, impact, crash.
+
+`learn.data.phases` compares commanded and measured force in shares of the weight. Without a mass the unit of the
+command is its size per measured specific force while it is large: in the air the two are in proportion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import GRAVITY, Array, Flight, Samples, WrenchSeries, WrenchUnit
+from wrenchgap.flight.resample import resample
+from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.learn.data.measurement import low_pass
+from wrenchgap.learn.data.phases import grounded
+from wrenchgap.learn.data.phases.ground import CONTACT
+from wrenchgap.learn.data.phases.phase import Phase, closed, runs
+from wrenchgap.learn.data.phases.signals import SIGNALS, Signals
+from wrenchgap.learn.health.rotors import Thrusts
+
+
+@dataclass(frozen=True)
+class HoverThresholds:
+    """What counts as hover; all signals behind a low-pass of `SIGNALS.slow_hz`."""
+
+    rate_hz: float = 50.0
+    """Clock [Hz] on which phases are found: impacts last some 20 ms."""
+    turning: float = 0.35
+    """Rate [rad/s] up to which a vehicle hovers: 20 deg/s, a slow turn in yaw."""
+    force: float = 0.1
+    """Distance of the specific force from g, in shares of g: a thrust that changes the balance of motors by as much."""
+    speed: float = 1.0
+    """Speed [m/s]: below, the drag of common multirotors is below 0.03 g."""
+    tilt: float = 0.26
+    """Tilt [rad] where the speed is not known, 15 deg: more is not held without drifting away or a strong wind."""
+    joined: float = 0.5
+    """Interruptions up to so long [s] do not end a hover."""
+    briefest: float = 1.0
+    """A shorter hover [s] is moving flight."""
+    off: float = 0.01
+    """Share of full thrust up to which no motor runs: autopilots send zero, and noise of the logged precision."""
+
+
+HOVER = HoverThresholds()
+AIRBORNE = ("hover", "moving")
+
+
+class NoPhases(StrEnum):
+    """Why nothing is said of the phases of a flight."""
+
+    COMMANDS = "no topic is read as commands of thrust"
+    POWER = "the motors never ran"
+    MOTION = "neither an IMU nor an odometry goes with the commands"
+    DOUBT = "the log is not what it seems"
+
+
+@dataclass(frozen=True)
+class FlightPhases:
+    """Every phase of a flight in order of time; hover and moving flight are named so.
+
+    `lack` says why there is none. Where the speed is not known (`speed_known`), steady flight counts as hover.
+    """
+
+    phases: tuple[Phase, ...] = ()
+    lack: NoPhases | None = None
+    speed_known: bool = False
+
+    def seconds(self, *names: str) -> float:
+        """Time [s] in the phases of these names."""
+        return float(sum(p.stop - p.start for p in self.phases if p.name in names))
+
+    def within(self, time: Array, *names: str) -> NDArray[np.bool_]:
+        """Which of the times (N,) [s] lie in phases of these names."""
+        inside = np.zeros(len(time), dtype=bool)
+        for phase in self.phases:
+            if phase.name in names:
+                inside |= (time >= phase.start) & (time <= phase.stop)
+        return inside
+
+    def named(self, *names: str) -> tuple[Phase, ...]:
+        """The phases of these names."""
+        return tuple(p for p in self.phases if p.name in names)
+
+
+SPEAKS_OF_OTHERS = ("roles", "clipped", "velocity", "odometry-scale", "odometry-rate")
+"""Bad checks that leave the forces, of which phases are made, as they are."""
+
+
+def doubtful(flight: Flight) -> bool:
+    """Whether a check calls the log bad in what phases are made of: a wrong unit looks like a crash."""
+    return any(c.stops and c.name not in SPEAKS_OF_OTHERS for c in flight.checks or ())
+
+
+def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
+    """The phases of a flight."""
+    if doubtful(flight):
+        return FlightPhases(lack=NoPhases.DOUBT)
+    force = _commanded_force(flight, thrusts)
+    if force is None:
+        return FlightPhases(lack=NoPhases.COMMANDS)
+    if not (lengths(force.wrench_B[:, :3]) > (HOVER.off if force.unit == "normalised" else 0.0)).any():
+        return FlightPhases(lack=NoPhases.POWER)
+    played = replace(flight, commanded=force, actuators=None, desired=None, reference=None, battery=None)
+    try:
+        stretches = resample(played, HOVER.rate_hz, ("commanded",) if flight.imu is None else ("commanded", "imu"))
+    except LogError:
+        return FlightPhases(lack=NoPhases.MOTION)
+    long = [samples for samples in stretches.samples if len(samples) >= SIGNALS.fewest]
+    unit = _unit(long)
+    if unit is None:
+        return FlightPhases(lack=NoPhases.MOTION)
+    known = [(samples, _signals(samples, unit)) for samples in long]
+    found = grounded([signals for _, signals in known], CONTACT.least_clearance)
+    airborne = [phase for samples, signals in known for phase in _in_the_air(samples, signals, found)]
+    every = tuple(sorted([*found, *airborne], key=lambda p: (p.start, p.stop)))
+    return FlightPhases(every, speed_known=all(signals.speed is not None for _, signals in known))
+
+
+def _commanded_force(flight: Flight, thrusts: Thrusts | None) -> WrenchSeries | None:
+    """A commanded force in any unit: the logged one in newtons, else the thrust of all rotors, along z."""
+    sent = flight.commanded
+    if thrusts is None or (sent is not None and sent.unit == "N"):
+        return sent
+    assert flight.actuators is not None
+    force = np.zeros((len(thrusts.time), 6))
+    force[:, 2] = thrusts.share.sum(axis=1)
+    unit: WrenchUnit = "N" if thrusts.limits is None else "normalised"
+    return WrenchSeries(flight.actuators.topic, thrusts.time, force, gaps=flight.actuators.gaps, unit=unit)
+
+
+def _force(samples: Samples) -> Array:
+    """Commanded force (N, 3) in its own unit."""
+    assert samples.wrench_cmd_B is not None
+    return samples.wrench_cmd_B[:, :3]
+
+
+def _unit(stretches: Sequence[Samples]) -> float | None:
+    """The commanded force that carries the weight: per measured one, while it is large; None where none ever is."""
+    pushed = np.concatenate([lengths(_force(s)) for s in stretches] or [np.zeros(0)])
+    felt = np.concatenate([lengths(s.specific_force_B) for s in stretches] or [np.zeros(0)]) / GRAVITY
+    if not len(pushed) or not np.isfinite(pushed).all():
+        return None
+    busy: NDArray[np.bool_] = np.asarray(pushed > SIGNALS.pushing * np.percentile(pushed, 90.0))
+    known: NDArray[np.bool_] = busy & np.isfinite(felt) & (felt > SIGNALS.scales[0])
+    if not known.any():
+        return None
+    unit = float(np.median(pushed[known] / felt[known]))
+    return unit if unit > 0.0 else None
+
+
+def _signals(samples: Samples, unit: float) -> Signals:
+    """Commanded and measured force in shares of the weight."""
+    dt, slow = samples.dt, min(SIGNALS.slow_hz, SIGNALS.of_nyquist / samples.dt)
+    pushed = _force(samples) / unit
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(samples.specific_force_B).all(axis=0))
+    felt = np.where(known, np.nan_to_num(samples.specific_force_B) / GRAVITY, pushed)
+    return Signals(
+        time=samples.time,
+        dt=dt,
+        pushed=pushed,
+        felt=felt,
+        slow_pushed=low_pass(pushed, dt, slow),
+        slow_felt=low_pass(felt, dt, slow),
+        turning=lengths(low_pass(np.nan_to_num(samples.omega_B), dt, slow)),
+        height=None if samples.position_E is None else samples.position_E[:, 2],
+        speed=None if samples.velocity_E is None else lengths(samples.velocity_E),
+        vertical=bool(known[2]),
+    )
+
+
+def _in_the_air(samples: Samples, signals: Signals, others: Sequence[Phase]) -> list[Phase]:
+    """Hover and moving flight, in what of a stretch is in no other phase."""
+    free = np.ones(len(samples), dtype=bool)
+    for phase in others:
+        free &= (samples.time < phase.start) | (samples.time > phase.stop)
+    still = (signals.turning < HOVER.turning) & (np.abs(lengths(signals.slow_felt) - 1.0) < HOVER.force)
+    if signals.speed is not None:
+        still &= signals.speed < HOVER.speed
+    elif samples.quat_EB is not None:
+        up = so3.rotate_inverse(samples.quat_EB, np.tile([0.0, 0.0, 1.0], (len(samples), 1)))
+        still &= up[:, 2] > np.cos(HOVER.tilt)
+    hover = closed(still & free, signals.samples(HOVER.joined)) & free
+    for a, b in runs(hover):
+        hover[a:b] = (b - a) * signals.dt >= HOVER.briefest
+    return [
+        Phase(name, float(samples.time[a]), float(samples.time[b - 1]), why, left_out=False)
+        for name, flags, why in (
+            ("hover", hover, "neither turns, moves nor is accelerated"),
+            ("moving", free & ~hover, "in the air, and no hover"),
+        )
+        for a, b in runs(flags)
+        if b - a > 1
+    ]

@@ -1,0 +1,144 @@
+"""Where the rotors are, and what share of the thrust each of them is commanded, as far as the log alone tells.
+
+Rotors come from the model where one is given, else from the autopilot's parameters (`plant.drafts`). Thrust is that of
+a command as the autopilot takes it, f u^2 + (1 - f) u, or the square of a speed; its size in newtons is not needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import LogError, ModelError
+from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
+from wrenchgap.flight.formats.standard_topics import are_pulses
+from wrenchgap.plant.command_curve import as_speeds
+from wrenchgap.plant.drafts import ardupilot, px4
+from wrenchgap.plant.drafts.draft import RotorDraft
+from wrenchgap.plant.model import Model
+
+
+@dataclass(frozen=True)
+class RotorPlace:
+    """A rotor: its name, where it is from the centre of mass (x forward, y left; in distances of the farthest rotor).
+
+    It turns counter-clockwise (`spin` 1) or clockwise (-1), seen from above. None where nothing tells.
+    """
+
+    name: str
+    x: float | None = None
+    y: float | None = None
+    spin: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Thrusts:
+    """Commanded thrusts: N times (N,) [s], shares (N, R) of full thrust, or relative ones where `limits` is None.
+
+    `limits` are where (N, R) a command is at its smallest and at its largest value; None where these are not known.
+    """
+
+    time: Array
+    share: Array
+    rotors: tuple[RotorPlace, ...]
+    limits: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+
+
+USUAL_PULSES = (1000.0, 2000.0)
+"""Pulse widths [us] of no and of full throttle where no parameter tells them: those of all radio-control servos."""
+
+
+@dataclass(frozen=True)
+class CommandEnds:
+    """From when on a command is at an end of its range."""
+
+    margin: float = 0.01
+    """Share of the range: autopilots log single precision and whole microseconds, 0.001 of it at best."""
+
+
+ENDS = CommandEnds()
+
+
+def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
+    """The commanded thrusts of a flight; None where its log has no command for each rotor."""
+    sent = flight.actuators
+    if sent is None or not sent.rotor_speed.shape[1]:
+        return None
+    rotors = rotors_of(flight, model)
+    if model is not None and model.vehicle.has_rotors and model.vehicle.geometry()[1].c_f.size == len(rotors):
+        try:
+            known = as_speeds(flight, model.command, model.vehicle, model.name).actuators
+        except LogError:
+            known = None
+        if known is not None and known.unit == "rad/s":
+            return _of_speeds(known, rotors, model)
+    if sent.unit == "rad/s":
+        return Thrusts(sent.time, sent.rotor_speed**2, rotors)
+    (low, high), factor, assumed = _curve(flight, sent)
+    u = (sent.rotor_speed - low) / (high - low)
+    limits = None if assumed else (u <= ENDS.margin, u >= 1.0 - ENDS.margin)
+    return Thrusts(sent.time, curve_of(u, factor), rotors, limits)
+
+
+def curve_of(u: Array, factor: float) -> Array:
+    """Shares of full thrust at commands u; below zero there is none."""
+    u = np.maximum(u, 0.0)
+    return np.asarray(factor * u**2 + (1.0 - factor) * u)
+
+
+def _of_speeds(sent: ActuatorSeries, rotors: tuple[RotorPlace, ...], model: Model) -> Thrusts:
+    """Thrusts of speeds (N, R) [rad/s] with the limits of a model."""
+    known = model.vehicle.geometry()[1]
+    u = sent.rotor_speed / np.where(np.isfinite(known.speed_max), known.speed_max, np.inf)
+    limits = (u <= ENDS.margin, u >= 1.0 - ENDS.margin) if np.isfinite(known.speed_max).all() else None
+    return Thrusts(sent.time, known.c_f * sent.rotor_speed**2, rotors, limits)
+
+
+def _curve(flight: Flight, sent: ActuatorSeries) -> tuple[tuple[float, float], float, bool]:
+    """Ends of the commands, the factor of their curve, and whether the ends are assumed: no parameter tells them."""
+    autopilot = flight.autopilot
+    parameters = {} if autopilot is None else autopilot.parameters
+    if autopilot is not None and autopilot.name == "ArduPilot" and sent.unit == "pwm":
+        keys = ardupilot.command_of(parameters).keys
+    elif parameters and sent.unit in ("pwm", "normalised"):
+        keys = px4.command_of(parameters, sent.unit).keys
+    elif sent.unit == "normalised":
+        return (0.0, 1.0), 1.0, False
+    else:
+        return (USUAL_PULSES if are_pulses(sent.rotor_speed).all() else (0.0, 65535.0)), 1.0, True
+    low, high = keys["range"].value if "range" in keys else (0.0, 1.0)
+    assumed = not low < high or ("range" in keys and keys["range"].assumed)
+    return (USUAL_PULSES if not low < high else (float(low), float(high))), float(keys["factor"].value), assumed
+
+
+def rotors_of(flight: Flight, model: Model | None = None) -> tuple[RotorPlace, ...]:
+    """The rotors that a log commands, by the model or by the autopilot's parameters; else their names alone."""
+    assert flight.actuators is not None
+    count = flight.actuators.rotor_speed.shape[1]
+    unknown = tuple(RotorPlace(f"M{number + 1}") for number in range(count))
+    if model is not None and model.vehicle.has_rotors:
+        arms, rotors = model.vehicle.geometry()
+        names = [model.vehicle.named("rotor", k) or f"rotor_{k}" for k in range(len(rotors))]
+        places = [tuple(map(float, arms.position_B[arm] - model.vehicle.body.com_B)) for arm in rotors.arm]
+        known = list(zip(names, places, np.sign(rotors.spin).astype(int).tolist(), strict=True))
+    else:
+        known = [(r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in _drafts(flight)]
+    reach = max((float(np.hypot(place[0], place[1])) for _, place, _ in known), default=0.0)
+    if len(known) != count or reach == 0.0:
+        return unknown
+    return tuple(RotorPlace(name, p[0] / reach, p[1] / reach, int(spin) or None) for name, p, spin in known)
+
+
+def _drafts(flight: Flight) -> tuple[RotorDraft, ...]:
+    """Rotors by the parameters of the autopilot, one unit from the middle where these name a frame without a size."""
+    autopilot = flight.autopilot
+    if autopilot is None:
+        return ()
+    try:
+        if autopilot.name == "ArduPilot":
+            return ardupilot.rotors_from(autopilot.parameters, 1.0, flight.path.name)
+        return px4.rotors_of(autopilot.parameters, flight.path.name)
+    except ModelError:  # a frame that is not in the table
+        return ()

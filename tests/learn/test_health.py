@@ -1,0 +1,146 @@
+"""What motors, spectra and parameters say, against closed forms."""
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight.autopilot import Autopilot, parameter_differences
+from wrenchgap.flight.flight import Flight, ImuSeries
+from wrenchgap.learn.data.phases.phase import Phase
+from wrenchgap.learn.health.motors import Shape, motors_of
+from wrenchgap.learn.health.phases import FlightPhases
+from wrenchgap.learn.health.recorded import Recorded
+from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
+from wrenchgap.learn.health.vibration import VIBRATION, vibration_of
+
+QUAD = tuple(
+    RotorPlace(f"M{k + 1}", np.cos(a), np.sin(a), spin)
+    for k, (a, spin) in enumerate(zip(np.radians([-45.0, 135.0, 45.0, -135.0]), (1, 1, -1, -1), strict=True))
+)
+HEXA = tuple(
+    RotorPlace(f"M{k + 1}", np.cos(a), np.sin(a), (-1) ** k) for k, a in enumerate(np.radians(np.arange(6) * 60.0))
+)
+HOVER = FlightPhases((Phase("hover", 0.0, 20.0, ""),), speed_known=True)
+
+
+def balance(rotors, com=(0.0, 0.0), yaw=0.0):
+    """Thrusts (R,) of mean 1 whose torque about `com` is zero, and whose drag torques sum to `yaw`: the least ones."""
+    x, y, spin = (np.array([getattr(r, key) for r in rotors], dtype=float) for key in ("x", "y", "spin"))
+    rows = np.stack((np.ones(len(x)), x - com[0], y - com[1], spin))
+    return np.linalg.pinv(rows) @ [len(x), 0.0, 0.0, yaw * len(x)]
+
+
+def motors(rotors, thrusts):
+    time = np.arange(0.0, 20.0, 0.02)
+    return motors_of(Thrusts(time, np.tile(thrusts, (len(time), 1)), rotors), HOVER)
+
+
+@pytest.mark.parametrize("rotors", [QUAD, HEXA])
+@pytest.mark.parametrize("com", [(0.2, 0.0), (0.0, -0.15), (-0.12, 0.12)])
+def test_the_thrust_is_centred_where_the_centre_of_mass_is(rotors, com):
+    found = motors(rotors, balance(rotors, com))
+    assert found.shape is Shape.COM
+    assert found.centre == pytest.approx(com, abs=1e-9)
+
+
+@pytest.mark.parametrize("rotors", [QUAD, HEXA])
+@pytest.mark.parametrize("yaw", [0.2, -0.3])
+def test_a_yaw_torque_loads_the_rotors_of_one_turning_direction(rotors, yaw):
+    found = motors(rotors, balance(rotors, yaw=yaw))
+    assert found.shape is Shape.YAW
+    assert found.yaw == pytest.approx(yaw)
+    assert found.centre == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("weak", range(4))
+def test_a_weak_propeller_is_told_its_thrust_back(weak):
+    """A rotor that makes 70 % of what it is commanded is commanded 1 / 0.7 of what hover needs."""
+    commanded = np.ones(4)
+    commanded[weak] /= 0.7
+    found = motors(QUAD, commanded)
+    assert found.shape is Shape.ONE
+    assert found.hardest.rotor is QUAD[weak]
+    assert found.hardest.deviation == pytest.approx(commanded[weak] / commanded.mean() - 1.0)
+
+
+def test_numbers_of_motors_do_not_matter():
+    rng = np.random.default_rng(5)
+    commanded = balance(QUAD, (0.1, 0.05), 0.1)
+    order = rng.permutation(4)
+    found, other = motors(QUAD, commanded), motors(tuple(QUAD[k] for k in order), commanded[order])
+    assert other.shape is found.shape
+    assert other.hardest.rotor is found.hardest.rotor
+    assert other.centre == pytest.approx(found.centre)
+
+
+def test_rotors_that_stand_unevenly_are_not_blamed_for_it():
+    """Front arms twice as long carry half as much: that is the vehicle, and no fault."""
+    uneven = tuple(RotorPlace(r.name, r.x * (1.0 if r.x > 0 else 0.5), r.y, r.spin) for r in QUAD)
+    commanded = balance(uneven)
+    assert np.ptp(commanded) > 0.5
+    found = motors(uneven, commanded)
+    assert found.shape is Shape.EVEN
+    assert found.unevenness < 1e-9
+    assert motors(uneven, np.ones(4)).balance_level != "ok"
+
+
+def test_without_places_no_shape_is_told_and_nothing_of_moving_flight():
+    alone = tuple(RotorPlace(r.name) for r in QUAD)
+    assert motors(alone, balance(QUAD, (0.2, 0.0))).shape is Shape.UNKNOWN
+    time = np.arange(0.0, 20.0, 0.02)
+    thrusts = Thrusts(time, np.tile(balance(QUAD, (0.2, 0.0)), (len(time), 1)), QUAD)
+    moving = motors_of(thrusts, FlightPhases((Phase("moving", 0.0, 20.0, ""),)))
+    assert moving.condition == "flight"
+    assert moving.balance_level == "ok"
+    assert motors_of(thrusts, FlightPhases((Phase("hover", 0.0, 1.0, ""),))) is None
+
+
+def shaken(tones, rate, seconds=20.0, noise=0.02, seed=0):
+    """A flight whose accelerometer reads sines along x: (amplitude [m/s^2], frequency [Hz]), and white noise."""
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    force = np.random.default_rng(seed).normal((0.0, 0.0, 9.81), noise, (len(time), 3))
+    force[:, 0] += sum((a * np.sin(2.0 * np.pi * f * time) for a, f in tones), np.zeros(len(time)))
+    return Flight("log", None, "", 0, imu=ImuSeries("/imu", time, np.zeros((len(time), 3)), force))
+
+
+def spectrum(flight):
+    return vibration_of(flight, Recorded({}, 0), HOVER, ())
+
+
+def test_a_peak_has_the_root_mean_square_of_its_sine():
+    found = spectrum(shaken([(2.0, 80.0)], 400.0))
+    (peak,) = found.peaks
+    assert peak.hz == pytest.approx(80.0, abs=0.5)
+    assert peak.rms == pytest.approx(2.0 / np.sqrt(2.0), rel=0.03)
+    assert found.rms[0] == pytest.approx(2.0 / np.sqrt(2.0), rel=0.03)
+    assert not peak.harmonic
+
+
+def test_two_peaks_of_one_thing_that_turns_are_harmonics():
+    peaks = spectrum(shaken([(2.0, 70.0), (1.0, 140.0)], 400.0)).peaks
+    assert [peak.harmonic for peak in peaks] == [True, True]
+    assert not any(peak.harmonic for peak in spectrum(shaken([(2.0, 70.0), (1.0, 115.0)], 400.0)).peaks)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_has_no_peak(seed):
+    seconds = 4.6 if seed % 2 else 20.0  # eight pieces that overlap by half are the least
+    assert spectrum(shaken([], 250.0, seconds, noise=0.5, seed=seed)).peaks == ()
+
+
+def test_the_vehicles_own_motion_is_no_vibration():
+    assert spectrum(shaken([(3.0, 0.5 * VIBRATION.slow_hz)], 250.0)).peaks == ()
+
+
+def test_parameters_are_compared_as_the_autopilots_hold_them():
+    """0.1 in double and in single precision are one value; a parameter that a log lacks is no difference."""
+    one = Autopilot("PX4", parameters={"A": 0.1, "B": 1, "C": 3.0, "STAT_BOOTCNT": 1, "ONLY": 1})
+    two = Autopilot("PX4", parameters={"A": float(np.float32(0.1)), "B": 2, "C": 3, "STAT_BOOTCNT": 9})
+    found = parameter_differences([("a", one), ("b", two), ("c", None)])
+    assert [(entry.name, entry.values) for entry in found.differ] == [("B", (1, 2))]
+    assert (found.logs, found.without, found.ignored, found.not_in_all) == (("a", "b"), ("c",), ("STAT_BOOTCNT",), 1)
+    assert parameter_differences([("a", one)]).differ == ()
+
+
+def test_calibrations_stand_last():
+    one, two = (Autopilot("PX4", parameters={"CAL_ACC0_XOFF": k, "ZZZ": k}) for k in (1, 2))
+    assert [entry.name for entry in parameter_differences([("a", one), ("b", two)]).differ] == ["ZZZ", "CAL_ACC0_XOFF"]
