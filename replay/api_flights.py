@@ -1,18 +1,64 @@
-"""Public functions that ask what differs between flights; the others are in `replay.api`."""
+"""Public functions that look at logs without a model, and ask what differs; the others are in `replay.api`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.opening import Flights, listed
+from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.health import health as checking
+from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify import trend as trending
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.model import Model
+
+
+@check_arguments
+def check(
+    logs: str | Path | Sequence[str | Path],
+    model: Model | Addition | None = None,
+    options: ReadOptions | None = None,
+    *,
+    progress: Callable[[float, str], None] | None = None,
+    **more: Any,
+) -> Health:
+    """What a flight engineer looks at first, without a model: phases, motors, vibration, battery, estimator, rates.
+
+    Of several logs also which parameters of the autopilot differ.
+
+    Parameters
+    ----------
+    logs
+        One log or several, in any format that is read.
+    model
+        Its rotors and topics are used, where the log does not say where its rotors are; nothing else of it.
+    options, more
+        How the logs are read, as of `open_flights`.
+    progress
+        Called with the fraction done and the name of the log that is read.
+
+    Returns
+    -------
+    Health
+        One `LogHealth` for each log: deviations of thrust from the mean of all rotors [1], levels of vibration
+        [m/s^2], voltages [V], times [s] from the first message.
+
+    Raises
+    ------
+    LogError
+        For what is no log, or cannot be read.
+    UsageError
+        For no log at all, or options that are not understood.
+    """
+    every = [logs] if isinstance(logs, str | Path) else list(logs)
+    known = None if model is None else model_of(model)
+    return checking.check(every, known, (options or ReadOptions()).changed(**more), progress)
 
 
 @check_arguments

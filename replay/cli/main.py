@@ -40,7 +40,7 @@ from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
-    *(analysis.inspect, learning.calibrate, analysis.compare, analysis.where, analysis.explain),
+    *(analysis.check, analysis.inspect, learning.calibrate, analysis.compare, analysis.where, analysis.explain),
     *(between_flights.changed, between_flights.trend, model.add, model.remove, model.history),
     *(learning.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
     *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),

@@ -31,6 +31,7 @@ MODULES = {
     "Explanation": "explanation",
     "Export": "export",
     "FlownExport": "flown",
+    "Health": "health",
     "Learnt": "learning",
     "LogReport": "inspection",
     "Replay": "replay",

@@ -14,7 +14,7 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
-from wrenchgap.replay.present import detection, timing, what_to_inspect
+from wrenchgap.replay.present import detection, parameters, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
@@ -49,6 +49,7 @@ def parts(found: Changed) -> list[Part]:
         heads, rows, left = by_flight(found)
         out.append(plain("what changed, on each flight by itself", heads, rows, left))
     out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
+    out += parameters.parts(parameters.of_flights(one.flight for one in found.flights))
     return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
 
 
@@ -268,6 +269,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         "sensitivity": detection.to_json(found),
         "unmeasured": unmeasured(found.scatter),
         "timing": [timing.to_json(one) for one in found.timing],
+        "autopilot_parameters": parameters.to_json(parameters.of_flights(one.flight for one in found.flights)),
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
         "notes": of_flights(found.flights),
     }

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 FORMATS = {"--figure": ".png"}
 """Endings of files that are written in one format only, by option."""
 VERSIONS = {
+    "check": 1,
     "inspect": 2,
     "simulate": 1,
     "compare": 1,

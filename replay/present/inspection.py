@@ -18,6 +18,7 @@ from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, bare, note_lines, styled, table
 
@@ -25,14 +26,14 @@ COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 
 def parts(seen: LogReport) -> list[Part]:
-    """Topics, checks, phases, timing, notes."""
-    out: list[Part] = [topics(seen.inspection), *_more(seen.inspection)]
-    out.append(checks((*seen.inspection.checks, *seen.model_checks)))
+    """Checks, topics, phases, timing, notes."""
+    out: list[Part] = [checks((*seen.inspection.checks, *seen.model_checks))]
+    out += [topics(seen.inspection), *_more(seen.inspection)]
     if seen.phases:
         out += [Line(), phases(seen.phases)]
     if seen.timing is not None:
         out += timing.parts(seen.timing)
-    out += note_lines(seen.notes)
+    out += note_lines(grouped(seen.notes))
     unused = {part: t for t in seen.inspection.topics for part in t.could_play if not t.plays}
     if unused:
         others = ", ".join(f"--topic {part}={t.topic}" for part, t in unused.items())
@@ -93,9 +94,9 @@ def _words(check: Check) -> str:
     return f"{said}: accepted." if check.accepted else "; ".join(filter(None, (said, check.remedy)))
 
 
-def phases(found: Sequence[Phase], most: int = 4) -> Table:
+def phases(found: Sequence[Phase], most: int = 4, title: str = "phases besides flight") -> Table:
     """What is no ordinary flight; phases of one kind in one line where there are more than `most`."""
-    out = table("phases besides flight", "phase", "time [s]", "length [s]", "analysis", "why", left=5)
+    out = table(title, "phase", "time [s]", "length [s]", "analysis", "why", left=5)
     groups: dict[tuple[str, bool], list[Phase]] = {}
     for phase in found:
         groups.setdefault((phase.name, phase.left_out), []).append(phase)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -19,6 +20,15 @@ def sentences(notes: Iterable[object]) -> list[str]:
     """All of them, each once; what checks found and times left out are `warnings`."""
     told = (note for note in notes if not isinstance(note, Finding | TimeLeftOut))
     return list(dict.fromkeys(sentence(note) for note in told))
+
+
+def grouped(said: Iterable[str]) -> list[str]:
+    """Sentences that differ by names and numbers alone as one, with their count: a damaged log says one forty times."""
+    groups: dict[str, list[str]] = {}
+    for text in dict.fromkeys(said):
+        start, mark, rest = text.partition(": ")
+        groups.setdefault(re.sub(r"[\d.,]+", "0", rest if mark and " " not in start else text), []).append(text)
+    return [many[0] + (f" ({len(many) - 1} more like it.)" if len(many) > 1 else "") for many in groups.values()]
 
 
 def of_flights(flights: Iterable[Any]) -> list[str]:

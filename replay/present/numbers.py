@@ -16,6 +16,14 @@ from wrenchgap.plant.vehicle import Vehicle
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
 
+DIRECTIONS = ("front", "front left", "left", "back left", "back", "back right", "right", "front right")
+"""Sectors about the vehicle's z, from 0 deg in steps of 45."""
+
+
+def direction(degrees: float) -> str:
+    """A direction in the body from its angle from x towards y [deg]."""
+    return DIRECTIONS[round(degrees / 45.0) % 8]
+
 
 def number(value: float | None, digits: int = 3) -> str:
     """Significant digits, without exponent where a reader expects none; "-" for what is not a number."""

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.autopilot import ParameterDifferences
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
+from wrenchgap.replay.present import parameters
 from wrenchgap.replay.present.documents import check_tables
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
@@ -48,7 +50,12 @@ def parts(found: Trend) -> list[Part]:
     if changes := [p for p in found.changed if p.course.steps]:
         out.append(steps(found, changes))
     out += [Line(LEGEND, "dim"), Line(), values(found)]
-    return [*out, *note_lines(notes(found))]
+    return [*out, *parameters.parts(autopilot_parameters(found)), *note_lines(notes(found))]
+
+
+def autopilot_parameters(found: Trend) -> ParameterDifferences:
+    """Which parameters of the autopilot differ between the flights; of rows of a batch none are known."""
+    return parameters.of_flights(one.flight for one in found.flights)
 
 
 def summary(found: Trend) -> list[str]:
@@ -191,6 +198,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "effects_left_out": [
             entries(one, "effect=reason.effect", "flight", "reason=reason.reason") for one in found.left_out
         ],
+        "autopilot_parameters": parameters.to_json(autopilot_parameters(found)),
         "cutoff_hz": found.flights[0].cutoff_hz,
         "notes": notes(found),
     }

@@ -21,6 +21,7 @@ from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     UNIT_HEADS,
     by_axis,
+    direction,
     entries,
     reasons_json,
     row,
@@ -29,9 +30,6 @@ from wrenchgap.replay.present.numbers import (
     yes_no,
 )
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
-
-DIRECTIONS = ("front", "front left", "left", "back left", "back", "back right", "right", "front right")
-"""Sectors of the tilt direction, from 0 deg in steps of 45."""
 
 
 def parts(result: Where) -> list[Part]:
@@ -128,7 +126,7 @@ def span(name: str, low: float, high: float) -> str:
     if not np.isfinite(low):
         return "level" if name == "direction" else "elsewhere"
     if name == "direction":
-        return DIRECTIONS[round(0.5 * (low + high) / 45.0) % 8]
+        return direction(0.5 * (low + high))
     digits = 3
     while digits < 6 and abs(high - low) < 0.02 * max(abs(low), abs(high)) * 10.0 ** (3 - digits):
         digits += 1

@@ -7,7 +7,7 @@ from typing import Literal
 from typing_extensions import TypedDict
 
 from scripts.json_documents.explanation import Class, Sensitivity, Settle
-from scripts.json_documents.parts import Document, Number, Six, Timing, Untried
+from scripts.json_documents.parts import AutopilotParameters, Document, Number, Six, Timing, Untried
 
 
 class ChangedParameter(TypedDict):
@@ -123,4 +123,6 @@ class Changed(Document):
     unmeasured: list[str]
     """Axes that were not measured (docs/logs.md); in lists of six they are null."""
     timing: list[Timing]
+    autopilot_parameters: AutopilotParameters
+    """Which parameters of the autopilot differ between the flights."""
     cutoff_hz: float

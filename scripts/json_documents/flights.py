@@ -6,7 +6,7 @@ from typing import NotRequired
 
 from typing_extensions import TypedDict
 
-from scripts.json_documents.parts import Check, Document, Fitted, LeftOut, Level, Number, Six, Three, Timing
+from scripts.json_documents.parts import CheckResult, Document, Fitted, LeftOut, Level, Number, Six, Three, Timing
 
 
 class Topic(TypedDict):
@@ -51,8 +51,8 @@ class Log(TypedDict):
     topics: list[Topic]
     mapping: dict[str, str]
     """Which topic plays each role, in the syntax of `--topic`."""
-    checks: list[Check]
-    model_checks: list[Check]
+    checks: list[CheckResult]
+    model_checks: list[CheckResult]
     """With `--model`."""
     notes: list[str]
     shift_s: dict[str, float]

@@ -7,7 +7,17 @@ from typing import Any, Literal, NotRequired
 from typing_extensions import TypedDict
 
 from scripts.json_documents.comparison import Comparison
-from scripts.json_documents.parts import Absorption, Document, Fitted, HeldOut, Number, Observer, Six, Three
+from scripts.json_documents.parts import (
+    Absorption,
+    AutopilotParameters,
+    Document,
+    Fitted,
+    HeldOut,
+    Number,
+    Observer,
+    Six,
+    Three,
+)
 from wrenchgap.learn.identify.calibrate import Fate
 
 
@@ -245,6 +255,8 @@ class Trend(Document):
     rms: list[Six]
     unmeasured: list[str]
     effects_left_out: list[NotFitted]
+    autopilot_parameters: AutopilotParameters
+    """Which parameters of the autopilot differ between the flights."""
     cutoff_hz: float
 
 

@@ -27,7 +27,7 @@ class Input(TypedDict):
     vehicle: NotRequired[str | None]
 
 
-class Check(TypedDict):
+class CheckResult(TypedDict):
     flight: NotRequired[str]
     name: str
     level: Level
@@ -55,13 +55,35 @@ class Head(TypedDict):
     inputs: list[Input]
     notes: NotRequired[list[str]]
     """Sentences that a user should read: what was assumed, repaired or left out."""
-    checks: NotRequired[list[Check]]
+    checks: NotRequired[list[CheckResult]]
     """What was asked of each log (docs/checks.md)."""
 
 
 class Document(Head):
     left_out: NotRequired[list[LeftOut]]
     """Times that are not used."""
+
+
+class AutopilotParameter(TypedDict):
+    name: str
+    values: list[Number]
+    """In the order of `logs`."""
+
+
+class IgnoredParameter(TypedDict):
+    name: str
+    reason: str
+
+
+class AutopilotParameters(TypedDict):
+    logs: list[str]
+    """Those with parameters of an autopilot."""
+    without: list[str]
+    differ: list[AutopilotParameter]
+    ignored: list[IgnoredParameter]
+    """They differ, and say nothing of the vehicle."""
+    not_in_all: int
+    """Parameters that only some of the logs have."""
 
 
 class Value(TypedDict):

@@ -27,6 +27,7 @@ from .replay.api_export import combined as combined
 from .replay.api_export import export_compensator as export_compensator
 from .replay.api_export import prove_flown as prove_flown
 from .replay.api_flights import changed as changed
+from .replay.api_flights import check as check
 from .replay.api_flights import trend as trend
 from .replay.api_models import calibrate as calibrate
 from .replay.api_models import draft_model as draft_model

@@ -14,7 +14,7 @@ from tests.replay.autopilot_logs import HIDDEN, ROOT, every, write_dataflash, wr
 from wrenchgap.viewer import page
 from wrenchgap.viewer.page import Page
 
-STEPS = ["inspect", "model", "inspect", "compare", "calibrate", "explain", "report", "view"]
+STEPS = ["check", "model", "inspect", "compare", "calibrate", "explain", "report", "view"]
 
 
 def commands(page, log):
@@ -90,7 +90,7 @@ def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
     """The same in short: frame, order of motors and curve are of the log's parameters."""
     write_dataflash(flights[0], tmp_path / "flight.bin")
     asked = commands("ardupilot.md", "flight.bin")
-    assert [words[0] for words in asked] == ["inspect", "model", "compare", "calibrate", "explain"]
+    assert [words[0] for words in asked] == ["check", "model", "compare", "calibrate", "explain"]
     for words in asked:
         ran(run, words, tmp_path)
     judged(tmp_path, write_dataflash(flights[1], tmp_path / "later.bin"))

@@ -1,4 +1,4 @@
-"""`wrenchgap inspect`, `compare`, `where`, `explain`, `report`: what logs say about a model."""
+"""`wrenchgap check`, `inspect`, `compare`, `where`, `explain`, `report`: what logs say about a model."""
 
 from __future__ import annotations
 
@@ -12,6 +12,46 @@ from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.completion import complete_models
 from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
+
+
+def check(
+    logs: o.Logs,
+    model: o.OptionalModel = None,
+    details: Annotated[bool, typer.Option("--details", help="The long tables: motors, phases, rates, checks.")] = False,
+    figure: o.Figure = None,
+    page: o.Page = None,
+    *,
+    reading: Annotated[Reading, Omit("between", "shift", "cutoff", "keep")],
+    run: Run,
+) -> None:
+    """What to look at first, without a mass and without a model: one screen about a vehicle and its logs.
+
+    Flight phases, motor balance, saturation, vibration, battery, estimator, rates, and what the log can answer. Several
+    logs stand side by side, with the parameters of the autopilot that differ. MODEL, if given, says where the rotors
+    are and which topics play the roles.
+
+    Example: `wrenchgap check flight.ulg`
+    """
+    from wrenchgap._lazy import uncollected
+
+    with uncollected():
+        from wrenchgap.replay import api_flights
+        from wrenchgap.replay.present.report.page import check as check_page
+        from wrenchgap.replay.present.report.page import health_page, write_page
+
+    run.claim({"--figure": figure, "--page": page}, *logs, model)
+    check_page(page)
+    known = None if model is None else run.model(model)
+    with run.progress("checking") as report:
+        found = api_flights.check(logs, known, reading.options, progress=report)
+    run.inputs[:0] = [
+        {"role": "log", "file": str(log.inspection.path), "sha256": log.inspection.content_hash} for log in found.logs
+    ]
+    run.result(found, details=details)
+    run.draw(found, figure)
+    if page is not None:
+        write_page(health_page(found, run.command_line()), page)
+    run.write("check", found.to_json(), figure=figure, page=page)
 
 
 def inspect(

@@ -1,4 +1,4 @@
-"""Web pages: the report of a search, and what `changed` and `trend` found in several flights.
+"""Web pages: the report of a search, and what `check`, `changed` and `trend` found in several flights.
 
 Nothing is fetched, every image is inside, and they are readable on paper.
 
@@ -18,22 +18,25 @@ from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
 from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.autopilot import ParameterDifferences
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify.steps_and_drift import Verdict as Course
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART
-from wrenchgap.replay.present import changed, explanation, staircase, trend, what_to_inspect
+from wrenchgap.replay.present import changed, explanation, health, parameters, staircase, trend, what_to_inspect
 from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
-from wrenchgap.replay.present.notes import findings, warnings
+from wrenchgap.replay.present.notes import findings, grouped, warnings
 from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, quantity, row, unit
 from wrenchgap.replay.present.posterior import classes_in_words
 from wrenchgap.replay.present.report.elements import Image, Table
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
+from wrenchgap.replay.present.statements import statements
 from wrenchgap.replay.report import Report
 
 
@@ -115,6 +118,7 @@ BOXES = {Verdict.CHANGED: "effect", Verdict.NOTHING: "nothing", Verdict.UNKNOWN:
 
 def changed_page(found: Changed, command: str = "") -> str:
     """The whole page."""
+    differences = parameters.of_flights(one.flight for one in found.flights)
     figure = style.figure_of(changed.picture(found))
     caption = (
         "Left: what the given model leaves on average of each flight, in what healthy flights differ by. Middle: each "
@@ -130,9 +134,9 @@ def changed_page(found: Changed, command: str = "") -> str:
         caveat=" ".join(s[0].upper() + s[1:] for s in (changed.baseline(found), *changed.feedback(found))),
         chart=Image.of(figure, "Flights, changes, and the vehicle from above.", caption, "svg"),
         view=None,
-        tables=list(_changed_tables(found)),
+        tables=[*_changed_tables(found), *_differences(differences)],
         inspect=what_to_inspect.sentences(found),
-        notes=[*changed.not_compared(found), *changed.notes(found)],
+        notes=[*changed.not_compared(found), *parameters.sentences(differences), *changed.notes(found)],
         command=command,
     )
 
@@ -149,6 +153,40 @@ def _changed_tables(found: Changed) -> Iterator[Table]:
     if any(r.values for r in found.rows):
         heads, rows, left = changed.by_flight(found)
         yield Table(heads, rows, left=left, caption="What changed, on each flight by itself.")
+
+
+def health_page(found: Health, command: str = "") -> str:
+    """The whole page of `check`."""
+    figure = style.figure_of(health.picture(found))
+    levels = {one.level for log in found.logs for one in statements(log)}
+    tables = [Table(("", *(log.name for log in found.logs)), health.rows(found), left=1 + len(found.logs))]
+    tables += _differences(found.parameters)
+    notes = [text for log in found.logs for text in grouped(log.inspection.notes)]
+    caption = "Left: commanded thrust of each motor. Right: power spectral density of the logged specific force."
+    files = [[str(k + 1), log.name, log.inspection.content_hash] for k, log in enumerate(found.logs)]
+    return flights_page(
+        "check",
+        (),
+        title=", ".join(log.name for log in found.logs),
+        vehicle="as its logs show it, without a model",
+        verdict="effect" if "bad" in levels else "unknown" if levels else "nothing",
+        summary=[text for text, _ in health.answer(found)],
+        caveat="",
+        chart=Image.of(figure, "Thrust of the motors, and spectrum of the vibration, by log.", caption, "svg"),
+        view=None,
+        tables=tables,
+        inspect=[f"{log.name}: {one.words}" for log in found.logs for one in statements(log)],
+        notes=[*parameters.sentences(found.parameters), *notes],
+        command=command,
+        files=Table(("", "log", "SHA-256"), files, left=3, code=(2,), caption="Logs."),
+    )
+
+
+def _differences(found: ParameterDifferences) -> list[Table]:
+    """Which parameters of the autopilot differ; no table where none does."""
+    rows = [parameters.row(found, k) for k in range(len(found.differ))]
+    left = 1 if len(found.logs) <= parameters.COLUMNS else 2
+    return [Table(parameters.heads(found), rows, left, caption="Parameters that differ.")] if rows else []
 
 
 def trend_page(found: Trend, command: str = "") -> str:
@@ -168,8 +206,11 @@ def trend_page(found: Trend, command: str = "") -> str:
         caveat=trend.CAVEAT if found.changed else "",
         chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
         view=_view(found),
-        tables=[_parameters(found), *([_steps(found)] if found.changed else []), _trend_values(found)],
-        notes=trend.notes(found),
+        tables=[
+            *(_parameters(found), *([_steps(found)] if found.changed else []), _trend_values(found)),
+            *_differences(trend.autopilot_parameters(found)),
+        ],
+        notes=[*parameters.sentences(trend.autopilot_parameters(found)), *trend.notes(found)],
         command=command,
     )
 

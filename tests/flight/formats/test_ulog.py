@@ -254,11 +254,11 @@ def test_without_pyulog_one_line_names_the_extra(log, tmp_path, monkeypatch):
 
 
 def test_the_commands_of_the_page_do_what_it_says(log, tmp_path, monkeypatch):
-    """Those of docs/start/px4.md that read, and need no model: `inspect` and `convert`."""
+    """Those of docs/start/px4.md that read, and need no model: `check` and `convert`."""
     monkeypatch.chdir(tmp_path)
     log.save(tmp_path / "flight.ulg")
     page = (Path(__file__).resolve().parents[3] / "docs" / "start" / "px4.md").read_text(encoding="utf-8")
-    lines = re.findall(r"^wrenchgap ((?:inspect|convert) (?!.* -m ).*)$", page, re.MULTILINE)
+    lines = re.findall(r"^wrenchgap ((?:check|inspect|convert) (?!.* -m ).*)$", page, re.MULTILINE)
     assert len(lines) >= 2
     for line in lines:
         done = CliRunner().invoke(app, shlex.split(line, comments=True), prog_name="wrenchgap")

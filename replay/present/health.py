@@ -1,0 +1,227 @@
+"""How the health of a vehicle reads: the answer in eight lines, then a row a quantity and a column a log."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.check import Level
+from wrenchgap.learn.health.health import Health, LogHealth
+from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
+from wrenchgap.replay.present import inspection, parameters
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.health_rows import ROWS
+from wrenchgap.replay.present.notes import grouped
+from wrenchgap.replay.present.numbers import entries, number, share
+from wrenchgap.replay.present.statements import LEVELS, Statement, rotor, setting, statements
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, styled, table
+
+LINES = 8
+"""Lines of the answer, all told."""
+LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
+
+
+def parts(found: Health, details: bool = False) -> list[Part]:
+    """The answer, the table, which parameters differ; with `details` the long tables."""
+    out: list[Part] = [Line(text, look) for text, look in answer(found)]
+    out += [Line(), overview(found), *parameters.parts(found.parameters, None if details else 12)]
+    for log in found.logs if details else ():
+        out += _details(log, several=len(found.logs) > 1)
+    return out
+
+
+def brief(found: Health) -> list[Part]:
+    """The same without details."""
+    return parts(found)
+
+
+def answer(found: Health) -> list[tuple[str, str]]:
+    """At most `LINES` lines, with their looks: the result, what to look at, what is not answered, the next command."""
+    tail = [*_changed(found), *_lacks(found), (f"next: {next_command(found)}", "bold")]
+    room = LINES - 1 - len(tail)
+    if len(found.logs) > 1:
+        every = [(_in_short(log), LOOKS[_worst(log)]) for log in sorted(found.logs, key=_urgency)]
+        what = "logs"
+    else:
+        every = [(one.words, LOOKS[one.level]) for one in statements(found.logs[0])]
+        what = "things"
+    shown = every if len(every) <= room else [*every[: room - 1], (f"and {len(every) - room + 1} more {what}.", "")]
+    return [(summary(found), "bold"), *shown, *tail]
+
+
+def _in_short(log: LogHealth) -> str:
+    said = ", ".join(one.short for one in statements(log)) or "nothing out of the ordinary"
+    return f"{log.name}: {flown(log)}; {said}"
+
+
+def _worst(log: LogHealth) -> Level:
+    return next((one.level for one in statements(log)), "ok")
+
+
+def _urgency(log: LogHealth) -> int:
+    return LEVELS.index(_worst(log))
+
+
+def summary(found: Health) -> str:
+    """What was flown, and how many things are to be looked at."""
+    said = [one for log in found.logs for one in statements(log)]
+    count = f"{len(said)} thing{'s' if len(said) > 1 else ''} to look at" if said else "nothing out of the ordinary"
+    if len(found.logs) > 1:
+        return f"{len(found.logs)} logs: {count}."
+    (log,) = found.logs
+    checked: dict[str, object] = {"motors": log.motors, "battery": log.battery, "estimator": log.estimator}
+    checked["vibration levels"] = log.vibration if log.vibration is not None and log.vibration.levels else None
+    unseen = [name for name, one in checked.items() if one is None]
+    unknown = f" Not judged, for want of data: {', '.join(unseen)}." if unseen else ""
+    return f"{log.name}: {flown(log)}; {count}.{unknown}"
+
+
+def flown(log: LogHealth) -> str:
+    """How long a log is, and how much of it is flight."""
+    length = f"{log.inspection.duration:.0f} s"
+    if log.phases.lack is not None:
+        return f"{length}, phases unknown ({log.phases.lack})"
+    return f"{length}, {log.phases.seconds(*AIRBORNE):.0f} s of them in the air"
+
+
+def _changed(found: Health) -> list[tuple[str, str]]:
+    differ = found.parameters.differ
+    return [(f"Parameters that differ: {parameters.named(found.parameters)}.", "yellow")] if differ else []
+
+
+def _lacks(found: Health) -> list[tuple[str, str]]:
+    """What the logs cannot answer, and the settings that change it; of several logs what all of them lack."""
+    missing = [{str(a.question) for a in log.answers if a.lack is not None} for log in found.logs]
+    both = [str(a.question) for a in found.logs[0].answers if all(str(a.question) in one for one in missing)]
+    who = "None of the logs" if len(found.logs) > 1 else "The log"
+    verb = "can" if len(found.logs) > 1 else "cannot"
+    said = f"{who} {verb} answer: {'; '.join(both)} (why: table)." if both else ""
+    todo = dict.fromkeys(setting(one) for log in found.logs for one in log.settings)
+    more = f"{next(iter(todo))}, to answer more." if todo else ""
+    return [(text, "") for text in (said, more) if text]
+
+
+def next_command(found: Health) -> str:
+    """The one command to run next."""
+    logs = [str(log.inspection.path) for log in found.logs]
+    doubtful = next((log for log in found.logs if log.bad), None)
+    if doubtful is not None and doubtful.bad[0].mend:
+        return f"{shlex.join(['wrenchgap', 'check', *logs])} {doubtful.bad[0].mend}"
+    if doubtful is not None or found.logs[0].phases.lack is NoPhases.POWER:
+        return shlex.join(["wrenchgap", "inspect", str((doubtful or found.logs[0]).inspection.path)])
+    if found.model and len(logs) > 1:
+        return shlex.join(["wrenchgap", "changed", logs[-1], "--healthy", *logs[:-1], "-m", found.model])
+    if found.model:
+        return shlex.join(["wrenchgap", "inspect", logs[0], "-m", found.model])
+    return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(found.logs[0])])} -o vehicle.toml"
+
+
+def _source(log: LogHealth) -> list[str]:
+    """What a model is made of: an autopilot's log, or answers to questions."""
+    if log.autopilot is None:
+        return []
+    known = log.autopilot.parameters
+    ends = {abs(float(known.get(f"CA_ROTOR0_P{axis}", 0.0))) for axis in "XY"}
+    sized = log.autopilot.name == "PX4" and "CA_ROTOR_COUNT" in known and ends != {1.0}  # 1 m: nobody measured it
+    return ["--from", str(log.inspection.path), "--mass", "KG", *([] if sized else ["--arm", "METRES"])]
+
+
+def overview(found: Health) -> Part:
+    """A row for each quantity, a column for each log."""
+    out = table("", "", *(log.name for log in found.logs), left=1 + len(found.logs))
+    said = [statements(log) for log in found.logs]
+    for head, cell, about in ROWS:
+        cells = [styled(cell(log), _look(some, about)) for log, some in zip(found.logs, said, strict=True)]
+        out.add_row(head, *cells)
+    return out
+
+
+def _look(said: Sequence[Statement], about: str) -> str:
+    level = next((one.level for one in said if about and one.about == about), None)
+    return "" if level is None else LOOKS[level]
+
+
+def rows(found: Health) -> list[list[str]]:
+    """The same as texts."""
+    return [[head, *(cell(log) for log in found.logs)] for head, cell, _ in ROWS]
+
+
+def _details(log: LogHealth, *, several: bool) -> list[Part]:
+    """Motors, phases, test ratios, checks and notes of one log."""
+    out: list[Part] = [Line(), Line(log.name, "bold")] if several else [Line()]
+    if log.motors is not None:
+        each = [
+            (
+                rotor(m.rotor),
+                f"{100 * m.deviation:+.1f} %",
+                *("-" if v is None else share(v) for v in (m.at_least, m.at_most)),
+            )
+            for m in log.motors.motors
+        ]
+        heads = ("motor", f"thrust in {log.motors.condition}, of the mean", "at smallest command", "at largest command")
+        out.append(plain("motors", heads, each))
+    if log.phases.phases:
+        out.append(inspection.phases(log.phases.phases, title="phases"))
+    if log.estimator is not None:
+        ratios = [(r.of, number(r.median), number(r.high), share(r.rejected)) for r in log.estimator.ratios]
+        out.append(plain("test ratios in the air", ("innovation", "median", "95th percentile", "above 1"), ratios))
+    return [*out, inspection.checks(log.inspection.checks), *note_lines(grouped(log.inspection.notes))]
+
+
+def to_json(found: Health) -> dict[str, Any]:
+    """The `check` schema."""
+    return {
+        "answer": [text for text, _ in answer(found)],
+        "logs": [_log_json(log) for log in found.logs],
+        "autopilot_parameters": parameters.to_json(found.parameters),
+    }
+
+
+def _log_json(log: LogHealth) -> dict[str, Any]:
+    one, shaken = log.autopilot, log.vibration
+    autopilot = ("name", "firmware", "hardware", "frame", "dropouts", "lost_s=lost")
+    vibration = ("source", "levels", "limits", "clipped", "rate_hz=rate", "rms", "peaks", "rotor_hz")
+    return {
+        **entries(log.inspection, "path", "format", "sha256=content_hash", "duration_s=duration", "level", "checks"),
+        **entries(log, "motors", "battery", "estimator", "rates", "answers", "settings"),
+        "statements": statements(log),
+        "autopilot": None if one is None else entries(one, *autopilot),
+        "phases": [entries(phase, "name", "start", "stop", "why") for phase in log.phases.phases],
+        "phases_lack": log.phases.lack,
+        "vibration": None if shaken is None else entries(shaken, *vibration),
+        "notes": grouped(log.inspection.notes),
+    }
+
+
+def frame(found: Health) -> list[dict[str, Any]]:
+    """One row for each motor of each log."""
+    keys = ("name=rotor.name", "x=rotor.x", "y=rotor.y", "spin=rotor.spin", "deviation", "at_most", "at_least")
+    return [{"log": log.name, **entries(m, *keys)} for log in found.logs if log.motors for m in log.motors.motors]
+
+
+def picture(found: Health) -> style.Picture:
+    """A row for each log. Axes are (L, 2): thrust of each motor in hover, and the spectrum of the specific force."""
+    count = len(found.logs)
+    title = f"{', '.join(log.name for log in found.logs)}: motors and vibration"
+    return style.Picture((count, 2), (11.0, 2.6 * count + 0.4), lambda axes: _draw(found, axes), title=title)
+
+
+def _draw(found: Health, axes: Any) -> None:
+    for (left, right), log in zip(axes, found.logs, strict=True):
+        if log.motors is None:
+            style.nothing(left, "no command of each motor is logged, or it did not fly")
+        else:
+            names = [m.rotor.name for m in log.motors.motors]
+            left.bar(names, [100.0 * m.deviation for m in log.motors.motors], color=style.MODELS[0])
+            left.axhline(0.0, color="0.4", lw=0.8)
+            style.labelled(left, f"thrust in {log.motors.condition}, of the mean", "%")
+        density = None if log.vibration is None else log.vibration.spectrum
+        if density is None:
+            style.nothing(right, "no spectrum: the IMU is not logged, too slow, or it did not fly")
+            continue
+        right.semilogy(density[0], np.maximum(density[1], 1e-12), color=style.MEASURED, lw=0.9)
+        style.labelled(right, "specific force", "m^2/s^4/Hz")
+        style.labelled(right, "frequency", "Hz", "x")

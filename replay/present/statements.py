@@ -1,0 +1,261 @@
+"""What a pilot should know of a log, each in one sentence or two: what, where, how much, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.check import Level
+from wrenchgap.learn.health.answers import Answer, Lack, Setting
+from wrenchgap.learn.health.estimator import ESTIMATOR, Estimator
+from wrenchgap.learn.health.health import LogHealth
+from wrenchgap.learn.health.motors import MOTORS, Motors, Shape
+from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
+from wrenchgap.learn.health.rotors import RotorPlace
+from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
+from wrenchgap.replay.present.numbers import direction, number, share
+
+LEVELS = ("bad", "warn", "ok")
+LOST = 0.01
+"""Share of a log that its logger lost, which is worth a word: what is left is enough for any analysis."""
+LONG_GAP = 0.5
+"""Gap of commands or IMU [s] that is worth a word: stretches between gaps are analysed each by itself."""
+SHAKES = 1.0
+"""Root mean square of a rotor's peak [m/s^2] that is worth a word: a tenth of g."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence, how bad it is, what it is about, and the same in a few words for a line of several."""
+
+    level: Level
+    about: str
+    short: str
+    words: str
+
+
+def statements(log: LogHealth) -> list[Statement]:
+    """Everything about a log that is not as it should be, the worst first."""
+    found = [*_flight(log), *_checks(log), *_motors(log), *_vibration(log.vibration, log.motors)]
+    found += [*_battery(log), *_estimator(log.estimator), *_logger(log)]
+    return sorted(found, key=lambda one: LEVELS.index(one.level))
+
+
+def rotor(place: RotorPlace) -> str:
+    """A rotor by its place and its name: "front right (M1)"."""
+    if place.x is None or place.y is None:
+        return place.name
+    return f"{_direction(place.x, place.y)} ({place.name})"
+
+
+def _direction(x: float, y: float) -> str:
+    return direction(float(np.degrees(np.arctan2(y, x))))
+
+
+def _first(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _flight(log: LogHealth) -> Iterator[Statement]:
+    """Crashes and impacts, and a log without a flight."""
+    for name in ("crash", "impact"):
+        events = log.phases.named(name)
+        if events:
+            more = f" (and {len(events) - 1} more)" if len(events) > 1 else ""
+            todo = "inspect the whole vehicle before it flies again" if name == "crash" else "inspect it for damage"
+            words = f"{_first(name)} at {events[0].start:.1f} s{more}: {events[0].why}; {todo}."
+            yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {events[0].start:.1f} s", words)
+    if log.phases.lack is NoPhases.POWER:
+        words = "The motors never ran: this log holds no flight. Give another log."
+        yield Statement("warn", "flight", "no flight", words)
+    elif log.phases.phases and not log.phases.seconds(*AIRBORNE):
+        words = "It never left the ground in this log, as far as thrust and motion tell."
+        yield Statement("warn", "flight", "no flight", words)
+
+
+def _checks(log: LogHealth) -> Iterator[Statement]:
+    for check in log.bad:
+        mend = f"; {check.remedy}" if check.remedy else ""
+        words = f"The log is not what it seems ({check.name}): {check.words.rstrip('. ')}{mend}."
+        yield Statement("bad", "log", f"check {check.name}", words)
+
+
+def _motors(log: LogHealth) -> Iterator[Statement]:
+    motors = log.motors
+    if motors is None:
+        return
+    drift = "" if log.phases.speed_known else " Steady flight may do the same: the speed is not logged."
+    if motors.balance_level != "ok":
+        hard = motors.hardest
+        short = f"{hard.rotor.name} {100 * hard.deviation:+.0f} % thrust"
+        yield Statement(motors.balance_level, "motors", short, _balance(motors, drift))
+    if motors.saturation_level == "ok":
+        return
+    if (motors.at_most or 0.0) > MOTORS.saturated:
+        worst = max(motors.motors, key=lambda m: m.at_most or 0.0)
+        words = f"{_first(rotor(worst.rotor))} is at its largest command {share(motors.at_most or 0.0)} of the time in "
+        words += "the air, with no reserve for control: less weight, a fresher battery, or gentler flight."
+    else:
+        worst = max(motors.motors, key=lambda m: m.at_least or 0.0)
+        words = f"{_first(rotor(worst.rotor))} is at its smallest command {share(motors.at_least or 0.0)} of the time "
+        words += "in the air, and cannot be turned down further: descend more gently, or raise the idle command."
+    yield Statement(motors.saturation_level, "saturation", f"{worst.rotor.name} saturated", words)
+
+
+def _balance(motors: Motors, drift: str) -> str:
+    """Which motor works harder, what that looks like, and what to do."""
+    hard, when = motors.hardest, "in hover" if motors.condition == "hover" else "in flight"
+    alone = " alone" if motors.shape is Shape.ONE else ""
+    said = f"{_first(rotor(hard.rotor))}{alone} is commanded {share(hard.deviation)} more thrust than the mean {when}"
+    if motors.shape is Shape.YAW and motors.yaw is not None:
+        turning = "counter-clockwise" if motors.yaw > 0.0 else "clockwise"
+        side = [m.rotor for m in motors.motors if (m.rotor.spin or 0) * motors.yaw > 0.0]
+        amount = share(float(np.mean([m.deviation for m in motors.motors if m.rotor in side])))
+        who = " and ".join(map(rotor, side))
+        return (
+            f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean {when}: a yaw "
+            "bias. Look for a twisted motor mount or arm, then for propellers of two kinds."
+        )
+    if motors.shape is Shape.COM and motors.centre is not None:
+        off = float(np.hypot(*motors.centre))
+        where = _direction(*motors.centre)
+        return (
+            f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
+            f"centre of mass is there, or the propellers there are weak. Move the battery away from there.{drift}"
+        )
+    weak = f"Inspect the propeller of {hard.rotor.name}, then its motor and ESC."
+    if motors.shape is Shape.ONE:
+        return f"{said}. {weak}"
+    if motors.shape is Shape.UNKNOWN:
+        return f"{said}. Give its model with -m, to see whether a weight, a yaw bias or a propeller makes it."
+    least = min(motors.motors, key=lambda m: m.deviation)
+    less = f"{rotor(least.rotor)} {share(-least.deviation)} less, in no single pattern"
+    return f"{said}, {less}. Balance the vehicle first. {weak}"
+
+
+def _vibration(found: Vibration | None, motors: Motors | None) -> Iterator[Statement]:
+    if found is None:
+        return
+    high = max(found.levels, default=0.0)
+    if found.limits is not None and high > found.limits[0]:
+        k = 1 if high > found.limits[1] else 0
+        axis = f" along {'xyz'[int(np.argmax(found.levels))]}" if len(found.levels) == 3 else ""
+        words = f"Vibration of {number(high, 2)} m/s^2{axis} in flight ({found.source}), above {found.limits[k]:g}: "
+        words += "balance the propellers, check mounts and screws."
+        yield Statement("bad" if k else "warn", "vibration", f"vibration {number(high, 2)} m/s^2", words)
+    if (found.clipped or 0) > VIBRATION.clips:
+        words = f"The accelerometer was clipped {found.clipped:,} times in flight: its mean is wrong then. Damp the "
+        words += "autopilot's mount, and balance the propellers."
+        yield Statement("warn", "clipping", "accelerometer clipped", words)
+    for peak in found.peaks:
+        if peak.rms > SHAKES and peak.multiple == 1 and not peak.folded:
+            known = {m.rotor.name: m.rotor for m in (motors.motors if motors else ())}
+            names = " or ".join(rotor(known.get(name, RotorPlace(name))) for name in peak.rotors)
+            words = f"{number(peak.rms, 2)} m/s^2 at {peak.hz:.0f} Hz turn with {names}: balance its propeller."
+            yield Statement("warn", "vibration", f"{peak.hz:.0f} Hz of {', '.join(peak.rotors)}", words)
+
+
+def _battery(log: LogHealth) -> Iterator[Statement]:
+    battery = log.battery
+    if battery is None or battery.level == "ok":
+        return
+    if battery.none:
+        words = (
+            f"The battery reads {battery.flight:.2g} V in flight: not a battery. Set up the power module; until then "
+        )
+        words += "nothing can be said of thrust and voltage."
+    elif battery.cells_wrong:
+        words = f"{battery.flight:.1f} V over {battery.cells} cells is {battery.flight / (battery.cells or 1):.1f} V a "
+        words += "cell, which none has: correct the number of cells, or the calibration of the voltage."
+    else:
+        words = (
+            f"The battery was below the autopilot's own limit of {battery.limit:.1f} V for {battery.below:.0f} s of "
+        )
+        words += f"flight (lowest {battery.lowest:.1f} V): land earlier, or check the limit."
+    short = "no battery" if battery.none else "battery cells" if battery.cells_wrong else "battery low"
+    yield Statement("warn", "battery", short, words)
+
+
+def _estimator(estimator: Estimator | None) -> Iterator[Statement]:
+    if estimator is None or estimator.level == "ok":
+        return
+    worst = estimator.worst
+    if estimator.faulty > 0.0:
+        words = f"The estimator reports a fault {share(estimator.faulty)} of the time in the air ({estimator.topic}): "
+        words += "do not trust attitude and position there."
+    elif worst.rejected > ESTIMATOR.rarely:
+        words = f"The estimator rejects its {worst.of} {share(worst.rejected)} of the time in the air "
+        words += f"({estimator.topic}): check that sensor, its mounting and its calibration."
+    else:
+        worst = max(estimator.ratios, key=lambda ratio: ratio.median)
+        words = f"Innovations of the {worst.of} are {number(worst.median, 2)} of what the estimator accepts, usual is "
+        words += f"below {ESTIMATOR.usual:g} ({estimator.topic}): check that sensor and its calibration."
+    yield Statement(estimator.level, "estimator", "estimator", words)
+
+
+def _logger(log: LogHealth) -> Iterator[Statement]:
+    """Dropouts and gaps."""
+    autopilot, length = log.autopilot, log.inspection.duration
+    if autopilot is not None and (autopilot.lost or 0.0) > LOST * length:
+        words = f"The logger lost {autopilot.lost:.1f} s of {length:.0f} s in {autopilot.dropouts} dropouts: use a "
+        yield Statement("warn", "logger", "dropouts", f"{words}faster card, or log less.")
+    elif autopilot is not None and autopilot.lost is None and autopilot.dropouts:
+        words = f"The logger dropped {autopilot.dropouts:,} blocks of messages: use a faster card, or log less."
+        yield Statement("warn", "logger", "dropouts", words)
+    held = ("imu", "commanded", "actuators")
+    gaps = [rate for rate in log.rates if rate.in_flight > LONG_GAP and rate.role in held]
+    if gaps:
+        worst = max(gaps, key=lambda rate: rate.in_flight)
+        words = (
+            f"{worst.topic} ({worst.role}) has a gap of {worst.in_flight:.1f} s in flight, which the log does not show."
+        )
+        yield Statement("warn", "gaps", f"gap of {worst.in_flight:.1f} s", words)
+
+
+def unanswered(answers: Sequence[Answer]) -> str:
+    """What a log cannot answer and why, by reason; empty where it can answer everything."""
+    by_lack: dict[str, list[str]] = {}
+    for answer in answers:
+        if answer.lack is not None:
+            by_lack.setdefault(lack(answer), []).append(answer.question)
+    return "; ".join(f"{', '.join(questions)} ({why})" for why, questions in by_lack.items())
+
+
+def lack(answer: Answer) -> str:
+    """What an answer lacks, in a few words."""
+    if answer.lack is None:
+        return "can be answered"
+    name, _, rest = answer.lack.partition(" [")
+    if answer.have is None:
+        return f"{name.removeprefix('rate of ').removeprefix('drop of ').removesuffix(' for rotors')} not found"
+    needed = "needed" if answer.lack in EXACT else "typically needed"
+    return f"{name} {number(answer.have, 2)} {rest.rstrip(']')}, {answer.need:g} {needed}"
+
+
+EXACT = (Lack.ANY, Lack.MOTORS, Lack.COMMANDS, Lack.IMU, Lack.FLIGHT)
+"""What the analyses need whatever the vehicle; of the rest they need what is typical."""
+
+
+def setting(one: Setting) -> str:
+    """What to set in the logger."""
+    if one.name == "cflib":
+        return "Log with cflib in blocks of a 10 ms period: motor.m1 to .m4, gyro.x to .z, acc.x to .z, pm.vbat"
+    if not one.name:
+        return "Log motor commands and the IMU faster, at 100 Hz or more"
+    now = "" if one.now is None else f" from {one.now}"
+    gives = {
+        "SDLOG_PROFILE": "IMU and motor commands at full rate",
+        "LOG_BITMASK": "IMU, ATT and RATE at the rate of the main loop",
+    }
+    return f"Set {one.name}{now} to {one.to} ({gives[one.name]})"
+
+
+def peak(one: Peak) -> str:
+    """A peak in a few words."""
+    said = f"{number(one.rms, 2)} m/s^2 at {one.hz:.0f} Hz"
+    if one.rotors:
+        turn = "the speed" if one.multiple == 1 else f"{one.multiple} times the speed"
+        return f"{said} ({turn} of {', '.join(one.rotors)}{', folded' if one.folded else ''})"
+    return f"{said} (with a harmonic)" if one.harmonic else said

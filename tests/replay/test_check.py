@@ -1,0 +1,281 @@
+"""`check` on logs made to have one thing wrong: it is said where it is, with its size, and nowhere else."""
+
+import html
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from tests.replay.autopilot_logs import true_vehicle
+from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
+from wrenchgap.flight import cache
+from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.replay.present.health import answer
+from wrenchgap.replay.present.statements import statements
+
+WEAK = Wrong(thrust=(1.0, 1.0, 1.0, 1.45))
+FAULTS = {
+    "motors": WEAK,
+    "saturation": Wrong(full=0.06),
+    "vibration": Wrong(metric=70.0),
+    "clipping": Wrong(clips=5000),
+    "battery": Wrong(voltage=(0.1, 0.05, 0.05)),
+    "estimator": Wrong(ratio=1.4),
+    "gaps": Wrong(pause=2.0),
+    "crash": Wrong(crash=True),
+}
+"""Logs by what `check` says of them."""
+WRITERS = {"ulg": ulog, "bin": dataflash}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """`made(kind, about)` is the health of a log with one thing wrong, or with none."""
+    folder, known = tmp_path_factory.mktemp("health"), {}
+
+    def wrapped(kind, about="", wrong=None):
+        key = kind, about, repr(wrong)
+        if key not in known:
+            path = folder / f"{about or 'sound'}-{len(known)}.{kind}"
+            WRITERS[kind](path, wrong or FAULTS.get(about))
+            known[key] = wg.check(path)
+        return known[key]
+
+    return wrapped
+
+
+def said(health):
+    return {one.about: one for one in statements(health.logs[0])}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_of_a_sound_flight_nothing_is_said(made, kind):
+    health = made(kind)
+    assert said(health) == {}
+    log = health.logs[0]
+    assert log.phases.seconds("hover") == pytest.approx(DOWN - UP, abs=3.0)
+    assert log.phases.seconds("ground") == pytest.approx(UP + 4.0, abs=1.0)
+    assert log.motors.unevenness < 0.005
+    assert log.estimator.worst.rejected == 0.0
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.parametrize("about", FAULTS)
+def test_what_is_wrong_is_said_and_nothing_else(made, kind, about):
+    assert said(made(kind, about)).keys() == {about}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_weak_motor_is_named_by_its_place_with_its_size(made, kind):
+    """Commanded thrusts of 1, 1, 1 and 1.45: 31 % above their mean; in both frames motor 4 is back right."""
+    motors = made(kind, "motors").logs[0].motors
+    assert motors.hardest.rotor.name == "M4"
+    assert motors.hardest.deviation == pytest.approx(1.45 / 1.1125 - 1.0, abs=0.005)
+    assert motors.shape == "one motor"
+    assert "ack right (M4)" in said(made(kind, "motors"))["motors"].words
+
+
+def test_saturation_is_the_share_of_the_flight(made):
+    assert made("ulg", "saturation").logs[0].motors.at_most == pytest.approx(0.06, abs=0.01)
+
+
+def test_the_crash_is_where_it_happens(made):
+    for kind in WRITERS:
+        (crash,) = made(kind, "crash").logs[0].phases.named("crash")
+        assert crash.start == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_voltage_of_a_twentieth_of_a_volt_is_no_battery_and_a_low_one_is(made):
+    low = made("ulg", "low", Wrong(voltage=(14.6, 13.9, 13.5)))
+    assert low.logs[0].battery.below == pytest.approx(DOWN - UP, abs=2.5)  # 4 cells of 3.5 V
+    assert not low.logs[0].battery.none
+    assert low.logs[0].battery.sag == pytest.approx(14.6 - 13.7, abs=0.05)
+    assert made("ulg", "battery").logs[0].battery.none
+    assert said(low).keys() == {"battery"}
+
+
+def test_a_number_of_cells_that_gives_no_cells_voltage_is_told(made):
+    wrong = made("ulg", "cells", Wrong(parameters={"BAT1_N_CELLS": 8}))
+    assert wrong.logs[0].battery.cells_wrong
+    assert not made("ulg").logs[0].battery.cells_wrong
+
+
+def test_dropouts_are_those_of_the_logger(made):
+    assert said(made("ulg", "lost", Wrong(dropouts=(400, 300)))).keys() == {"logger"}
+    assert made("ulg", "lost", Wrong(dropouts=(400, 300))).logs[0].autopilot.lost == pytest.approx(0.7)
+    assert said(made("ulg", "hardly", Wrong(dropouts=(3,)))) == {}
+
+
+def test_an_estimators_fault_is_worse_than_a_rejected_measurement(made):
+    faulty = said(made("ulg", "fault", Wrong(faults=4)))
+    assert faulty["estimator"].level == "bad"
+    assert made("ulg", "fault", Wrong(faults=4)).logs[0].estimator.faulty == 1.0
+
+
+def test_a_rotors_peak_is_named_where_its_speed_is_measured(made):
+    """3 m/s^2 rms at 60 Hz along x; the measured speed says that it is the rotor's own, the imbalance."""
+    health = made("ulg", "shakes", Wrong(turns=60.0))
+    peak = health.logs[0].vibration.peaks[0]
+    assert (peak.hz, peak.multiple, peak.rotors) == (pytest.approx(60.0, abs=0.6), 1, ("M1",))
+    assert peak.rms == pytest.approx(3.0, rel=0.05)
+    assert said(health).keys() == {"vibration"}
+    assert made("ulg").logs[0].vibration.peaks == ()
+
+
+def test_slow_commands_are_what_it_cannot_answer_and_the_setting_keeps_its_other_bits(made):
+    slow = made("ulg", "slow", Wrong(rate=10.0, parameters={"SDLOG_PROFILE": 1 | 128})).logs[0]
+    lag = next(one for one in slow.answers if one.question == "motor lag")
+    assert (lag.have, lag.need) == (pytest.approx(10.0), 20.0)
+    assert [(one.name, one.now, one.to) for one in slow.settings] == [("SDLOG_PROFILE", 129, 129 | 8 | 16)]
+    fast = made("ulg").logs[0]
+    assert next(one for one in fast.answers if one.question == "weak rotor").lack is None
+    assert fast.settings == ()
+    (one,) = made("bin", "slow", Wrong(rate=10.0)).logs[0].settings
+    assert (one.name, one.now, one.to) == ("LOG_BITMASK", 1024, 1024 | 1 | 1 << 18)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_answer_has_eight_lines_at_most_and_ends_with_one_command(made, kind):
+    everything = Wrong(
+        (1.0, 1.0, 1.0, 1.45), 0.2, (0.1, 0.05, 0.05), 70.0, 5000, 1.4, 4, (900,), 2.0, crash=True, rate=10.0
+    )
+    lines = [text for text, _ in answer(made(kind, "everything", everything))]
+    assert len(lines) == 8
+    assert lines[1].startswith("Crash")
+    assert sum(line.startswith("next: wrenchgap ") for line in lines) == 1
+    assert lines[-1].startswith("next: ")
+    assert repr(made(kind, "everything", everything)).count("\n") < 40
+
+
+def test_parameters_that_differ_are_listed_and_counters_are_not(tmp_path, run, result_of):
+    other = {"MC_ROLLRATE_P": 0.2, "COM_FLIGHT_UUID": 8, "LND_FLIGHT_T_LO": 2000}
+    one = ulog(tmp_path / "one.ulg", Wrong(parameters={"MC_ROLLRATE_P": 0.15}))
+    two = ulog(tmp_path / "two.ulg", Wrong(parameters=other))
+    found = result_of("check", one, two)["autopilot_parameters"]
+    assert [entry["name"] for entry in found["differ"]] == ["MC_ROLLRATE_P"]
+    assert found["differ"][0]["values"] == pytest.approx([0.15, 0.2])
+    assert {entry["name"] for entry in found["ignored"]} == {"COM_FLIGHT_UUID", "LND_FLIGHT_T_LO"}
+    assert all(entry["reason"] for entry in found["ignored"])
+    shown = run("check", one, two).stdout
+    assert re.search(r"MC_ROLLRATE_P +0.15 +0.2", shown)
+    same = result_of("check", one, ulog(tmp_path / "three.ulg", Wrong(parameters={"MC_ROLLRATE_P": 0.15})))
+    assert same["autopilot_parameters"]["differ"] == []
+
+
+def test_the_document_of_a_crash_holds_its_numbers(tmp_path, result_of):
+    """The schema is strict: `json_as_its_schema_says` refuses any other key."""
+    found = result_of("check", ulog(tmp_path / "crash.ulg", FAULTS["crash"]))
+    assert found["logs"][0]["statements"][0]["about"] == "crash"
+    assert found["inputs"][0]["sha256"] == found["logs"][0]["sha256"]
+    assert found["answer"][-1].startswith("next: wrenchgap model new --from")
+    assert json.dumps(found)
+
+
+def test_a_page_is_one_file_and_a_name_in_it_is_text(tmp_path, run):
+    nasty = ulog(tmp_path / "<script>alert(1)</script>.ulg".replace("/", "_"), WEAK)
+    done = run("check", nasty, "--page", tmp_path / "page.html", "--figure", tmp_path / "check.png")
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert html.escape("<script>alert(1)") in page
+    assert not re.search(r"(src|href)=[\"'](?!data:|#)", page)
+    assert (tmp_path / "check.png").stat().st_size > 10_000
+
+
+def test_details_add_the_tables_and_the_first_screen_has_none(tmp_path, run):
+    log = ulog(tmp_path / "log.ulg")
+    short, long = run("check", log).stdout, run("check", log, "--details").stdout
+    assert short.count("\n") < 40
+    assert "test ratios in the air" in long
+    assert "test ratios in the air" not in short
+
+
+def test_a_model_says_where_the_rotors_are(tmp_path):
+    """Rotor speeds in rad/s and no autopilot: without the model nobody knows the places, with it the shape is told."""
+    model = wg.load_model("crazyflie")
+    flown = wg.simulate(model, "hover", duration=12.0, seed=2, hide=["com_offset=x:0.004"])
+    log = wg.save_log(flown, tmp_path / "offset.mcap")
+    alone, known = wg.check(log), wg.check(log, model)
+    assert alone.logs[0].motors.shape == "places of the rotors unknown"
+    motors = known.logs[0].motors
+    arm = float(np.max(np.hypot(*model.vehicle.geometry()[0].position_B[:, :2].T)))
+    assert motors.shape == "centre of mass"
+    assert motors.centre == pytest.approx((0.004 / arm, 0.0), abs=0.01)
+
+
+def test_a_log_in_other_units_has_no_phases(tmp_path, run):
+    """An accelerometer in g looks like a free fall: nothing may be said of a crash."""
+    rows = ["time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z,motor_0,motor_1"]
+    log = tmp_path / "in_g.csv"
+    header = "stamp,/imu.angular_velocity.x,/imu.angular_velocity.y,/imu.angular_velocity.z"
+    header += ",/imu.linear_acceleration.x,/imu.linear_acceleration.y,/imu.linear_acceleration.z"
+    random = np.random.default_rng(0)
+    rows = [",".join(f"{v:.6f}" for v in (0.01 * k, *random.normal(0, 0.1, 3), *random.normal((0, 0, 1), 0.01)))
+            for k in range(1500)]  # fmt: skip
+    log.write_text("\n".join([header, *rows]), encoding="utf-8")
+    health = wg.check(log)
+    assert health.logs[0].phases.phases == ()
+    assert [c.name for c in health.logs[0].bad] == ["accelerometer-unit"]
+    assert "--topic" in answer(health)[-1][0]
+
+
+@pytest.mark.parametrize("content", [b"", b"ULog\x01\x12\x35\x01", b"\xa3\x95\x80", b"\x00" * 4000])
+def test_what_is_no_log_is_one_line(tmp_path, refused, content):
+    path = tmp_path / "broken.bin"
+    path.write_bytes(content)
+    assert "broken.bin" in refused("check", path)
+
+
+def test_a_log_that_breaks_off_says_what_it_can(tmp_path, run):
+    whole = ulog(tmp_path / "whole.ulg", WEAK).read_bytes()
+    for share in (0.05, 0.5, 0.9):
+        path = tmp_path / f"part{share}.ulg"
+        path.write_bytes(whole[: int(share * len(whole))])
+        done = run("check", path)
+        assert done.exit_code in (0, 2), done.output
+        assert "Traceback" not in done.output
+
+
+def test_inspect_begins_with_its_checks_and_says_like_notes_once(tmp_path, run):
+    done = run("inspect", ulog(tmp_path / "log.ulg"))
+    lines = done.stdout.splitlines()
+    first = next(k for k, line in enumerate(lines) if line.strip().startswith(("ok", "warn", "bad")))
+    topics = next(k for k, line in enumerate(lines) if "vehicle_attitude" in line and "px4" not in line)
+    assert first < topics
+
+
+def test_a_kept_flight_keeps_its_autopilot(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    log = ulog(tmp_path / "log.ulg", Wrong(dropouts=(40,)))
+    first, second = cache.load(log), cache.load(log)
+    assert second.autopilot == first.autopilot
+    assert second.autopilot.parameters["BAT1_N_CELLS"] == 4
+    assert second.autopilot.dropouts == 1
+
+
+@pytest.fixture(scope="module")
+def trimmed(autopilot_flights):
+    """Two flights between which somebody levelled the horizon, opened for their vehicle."""
+    flights = [
+        replace(flown, autopilot=Autopilot("ArduPilot", parameters={"AHRS_TRIM_Y": y, "STAT_BOOTCNT": k, "SAME": 1}))
+        for k, (flown, y) in enumerate(zip(autopilot_flights, (0.011, -0.013), strict=True))
+    ]
+    model = true_vehicle()
+    return wg.open_flights(flights, model), model
+
+
+@pytest.mark.parametrize("command", ["trend", "changed"])
+def test_trend_and_changed_list_the_parameters_of_their_flights(trimmed, command):
+    (first, second), model = trimmed
+    if command == "trend":
+        found = wg.trend([first, second], model, ["thrust_scale"])
+    else:
+        found = wg.changed([second], [first], model, names=["thrust_scale"], jobs=1)
+    (differs,) = found.to_json()["autopilot_parameters"]["differ"]
+    assert (differs["name"], sorted(differs["values"])) == ("AHRS_TRIM_Y", [-0.013, 0.011])
+    assert re.search(r"AHRS_TRIM_Y.*0\.011", str(found))
+    assert "STAT_BOOTCNT" in str(found)
+    assert "SAME" not in str(found)
