@@ -67,12 +67,14 @@ def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str
 
 
 def _parameters(log: Any) -> dict[str, float | int]:
-    return {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
+    every = {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
+    return {name: v for name, v in every.items() if isinstance(v, int | float) and np.isfinite(v)}  # else damaged
 
 
 def _autopilot(log: Any, lost: float) -> Autopilot:
     said = log.msg_info_dict
-    firmware = log.get_version_info_str() or str(said.get("ver_sw", ""))[:10]
+    number = isinstance(said.get("ver_sw_release"), int)  # in a damaged log it may be bytes
+    firmware = (log.get_version_info_str() if number else None) or str(said.get("ver_sw", ""))[:10]
     hardware, name = str(said.get("ver_hw", "")), str(said.get("sys_name", "PX4"))
     return Autopilot(name, firmware, hardware, "", _parameters(log), len(log.dropouts), lost)
 

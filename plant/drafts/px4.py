@@ -27,6 +27,10 @@ DEFAULTS = {"KM": 0.05, "MPC_THR_HOVER": 0.5}
 """PX4's defaults of CA_ROTOR*_KM and MPC_THR_HOVER."""
 
 
+MOST_ROTORS = 12
+"""Of PX4: it has no output functions of further motors. More are of a damaged log."""
+
+
 def flipped(x: float, y: float, z: float) -> tuple[float, float, float]:
     """From PX4's body frame (forward, right, down) to B (forward, left, up)."""
     return (float(x), -float(y) + 0.0, -float(z) + 0.0)
@@ -34,7 +38,7 @@ def flipped(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 def has_geometry(parameters: Parameters) -> bool:
     """Whether the parameters describe rotors: firmware since 1.13."""
-    return "CA_ROTOR_COUNT" in parameters and int(parameters["CA_ROTOR_COUNT"]) > 0
+    return 0 < int(parameters.get("CA_ROTOR_COUNT", 0)) <= MOST_ROTORS
 
 
 def rotors_of(parameters: Parameters, where: str) -> tuple[RotorDraft, ...]:

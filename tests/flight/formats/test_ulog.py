@@ -14,8 +14,10 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.filters import angular_velocity
+from wrenchgap.flight.formats import read_log
 from wrenchgap.flight.formats.ulog import parameters
 from wrenchgap.learn.data.phases import never_flew
+from wrenchgap.plant.drafts import px4 as px4_draft
 from wrenchgap.plant.model_file import load as load_model
 from wrenchgap.replay.cli.main import app
 
@@ -265,3 +267,18 @@ def test_the_commands_of_the_page_do_what_it_says(log, tmp_path, monkeypatch):
         assert done.exit_code == 0, done.output
     found = flight.load(tmp_path / "flight.mcap")
     np.testing.assert_allclose(found.imu.omega_B, flight.load(tmp_path / "flight.ulg").imu.omega_B)
+
+
+def test_numbers_of_a_damaged_log_that_are_none_are_left_out(autopilots, tmp_path):
+    """A damaged type makes a text of a parameter or of the version; a count of rotors may be any number."""
+    made = autopilots.Ulog({"CA_ROTOR_COUNT": 2_000_000_000, "MC_ROLL_P": 6.5})
+    texts = {"I": "ver_sw_release", "P": "CA_ROTOR0_PX"}
+    for kind, name in texts.items():
+        key = f"char[4] {name}".encode()
+        made.head.append(made._message(kind, bytes([len(key)]) + key + b"abcd"))
+    made.topic("battery_status", "uint64_t timestamp;float voltage_v", {"timestamp": [1, 2], "voltage_v": [1.0, 2.0]})
+    path = made.save(tmp_path / "damaged.ulg")
+    found = read_log(path, lambda topic, kind, fields: True).autopilot
+    assert found.firmware == ""
+    assert dict(found.parameters) == {"CA_ROTOR_COUNT": 2_000_000_000, "MC_ROLL_P": 6.5}
+    assert px4_draft.rotors_of(found.parameters, "damaged") == ()
