@@ -23,7 +23,7 @@ from wrenchgap.learn.data.phases import grounded
 from wrenchgap.learn.data.phases.ground import CONTACT
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import SIGNALS, Signals
-from wrenchgap.learn.health.rotors import Thrusts
+from wrenchgap.learn.health.rotors import Thrusts, is_multirotor
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class NoPhases(StrEnum):
     POWER = "the motors never ran"
     MOTION = "neither an IMU nor an odometry goes with the commands"
     DOUBT = "the log is not what it seems"
+    VEHICLE = "no multirotor"
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,8 @@ def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
     """The phases of a flight."""
     if doubtful(flight):
         return FlightPhases(lack=NoPhases.DOUBT)
+    if not is_multirotor(flight.autopilot):
+        return FlightPhases(lack=NoPhases.VEHICLE)
     force = _commanded_force(flight, thrusts)
     if force is None:
         return FlightPhases(lack=NoPhases.COMMANDS)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.errors import LogError, ModelError
 from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
 from wrenchgap.flight.formats.standard_topics import are_pulses
@@ -59,6 +60,15 @@ class CommandEnds:
 
 
 ENDS = CommandEnds()
+
+
+def is_multirotor(autopilot: Autopilot | None) -> bool:
+    """Whether rotors alone carry the vehicle, as far as its autopilot says; wings make lift that no command shows."""
+    if autopilot is None:
+        return True
+    if autopilot.name == "ArduPilot":
+        return not autopilot.firmware or "Copter" in autopilot.firmware
+    return int(autopilot.parameters.get("CA_AIRFRAME", 0)) in px4.MULTIROTORS
 
 
 def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:

@@ -192,7 +192,7 @@ def root(
 ) -> None:
     """Find the physical effect that a vehicle's model is missing, from its flight logs.
 
-    Start with `wrenchgap inspect LOG`, or with `wrenchgap demo`.
+    Start with `wrenchgap check LOG`, or with `wrenchgap demo`.
     """
 
 

@@ -14,6 +14,7 @@ from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.replay.present.health import answer
+from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.statements import statements
 
 WEAK = Wrong(thrust=(1.0, 1.0, 1.0, 1.45))
@@ -222,6 +223,13 @@ def test_a_log_in_other_units_has_no_phases(tmp_path, run):
     assert "--topic" in answer(health)[-1][0]
 
 
+def test_of_wings_nothing_is_said_that_is_true_of_rotors_alone(made):
+    plane = made("ulg", "plane", Wrong(thrust=(1.0, 1.0, 1.0, 1.45), parameters={"CA_AIRFRAME": 1}))
+    assert said(plane) == {}
+    assert (plane.logs[0].phases.lack, plane.logs[0].motors) == ("no multirotor", None)
+    assert plane.logs[0].battery.flight == pytest.approx(15.7, abs=0.8)
+
+
 @pytest.mark.parametrize("content", [b"", b"ULog\x01\x12\x35\x01", b"\xa3\x95\x80", b"\x00" * 4000])
 def test_what_is_no_log_is_one_line(tmp_path, refused, content):
     path = tmp_path / "broken.bin"
@@ -279,3 +287,9 @@ def test_trend_and_changed_list_the_parameters_of_their_flights(trimmed, command
     assert re.search(r"AHRS_TRIM_Y.*0\.011", str(found))
     assert "STAT_BOOTCNT" in str(found)
     assert "SAME" not in str(found)
+
+
+def test_notes_that_differ_by_names_and_numbers_alone_are_one():
+    damaged = [f"topic_{k}: {k} of 900 samples left out ({k} absurd)." for k in range(1, 41)]
+    several = ["12 bytes of a.bin belong to no whole message: left out.", *damaged, "another note."]
+    assert grouped(several) == [several[0], f"{damaged[0]} (39 more like it.)", "another note."]

@@ -17,7 +17,9 @@ from wrenchgap.replay.cli.values import parse_effects, usage_error
 def check(
     logs: o.Logs,
     model: o.OptionalModel = None,
-    details: Annotated[bool, typer.Option("--details", help="The long tables: motors, phases, rates, checks.")] = False,
+    details: Annotated[
+        bool, typer.Option("--details", help="The long tables: motors, phases, test ratios, checks, notes.")
+    ] = False,
     figure: o.Figure = None,
     page: o.Page = None,
     *,
