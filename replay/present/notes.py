@@ -22,13 +22,16 @@ def sentences(notes: Iterable[object]) -> list[str]:
     return list(dict.fromkeys(sentence(note) for note in told))
 
 
-def grouped(said: Iterable[str]) -> list[str]:
-    """Sentences that differ by names and numbers alone as one, with their count: a damaged log says one forty times."""
+def grouped(said: Iterable[str], few: int = 3) -> list[str]:
+    """Sentences; more than `few` that differ by names and numbers alone as one with their count: of a damaged log there
+    may be forty.
+    """  # noqa: D205
     groups: dict[str, list[str]] = {}
     for text in dict.fromkeys(said):
         start, mark, rest = text.partition(": ")
         groups.setdefault(re.sub(r"[\d.,]+", "0", rest if mark and " " not in start else text), []).append(text)
-    return [many[0] + (f" ({len(many) - 1} more like it.)" if len(many) > 1 else "") for many in groups.values()]
+    alike = ([f"{many[0]} ({len(many) - 1} more like it.)"] if len(many) > few else many for many in groups.values())
+    return [text for many in alike for text in many]
 
 
 def of_flights(flights: Iterable[Any]) -> list[str]:

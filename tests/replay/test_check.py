@@ -293,3 +293,4 @@ def test_notes_that_differ_by_names_and_numbers_alone_are_one():
     damaged = [f"topic_{k}: {k} of 900 samples left out ({k} absurd)." for k in range(1, 41)]
     several = ["12 bytes of a.bin belong to no whole message: left out.", *damaged, "another note."]
     assert grouped(several) == [several[0], f"{damaged[0]} (39 more like it.)", "another note."]
+    assert grouped(damaged[:3]) == damaged[:3]
