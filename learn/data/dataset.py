@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
-from wrenchgap.learn.data.feedback_regressors import answerable
+from wrenchgap.learn.data.feedback_regressors import answerable, slowly_answerable, spanned, without
 from wrenchgap.learn.data.input_errors import EDGES, untrusted
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
@@ -55,9 +55,17 @@ class Dataset:
         return self.source.evaluators if self.source else tuple(Evaluator(record) for record in self.records)
 
     @cached_property
-    def answerable(self) -> Array:
-        """Orthonormal basis (K, A) of what those answers could explain on an axis."""
-        return answerable(self.records, self.block)
+    def answerable(self) -> dict[int, Array]:
+        """Of the axes `answering`: orthonormal basis (K, A) of what those answers could explain of what is
+        `informative`, within blocks of time.
+        """  # noqa: D205
+        signals = answerable(self.records, self.block)
+        return {axis: spanned(self._informative(signals, axis)) for axis in self.answering}
+
+    @cached_property
+    def slowly_answerable(self) -> Array:
+        """The same (K, B) of how means over blocks differ within a flight."""
+        return slowly_answerable(self.records, self.block, self.flight)
 
     def forget(self) -> None:
         """Free what evaluators remember of these data: the next models have little in common with the last."""
@@ -83,10 +91,12 @@ class Dataset:
 
     def unanswered(self, values: Array) -> Array:
         """What derivatives, or residuals, (K, 6, ...) say of the vehicle: `informative`, without what commands that
-        answer the motion could explain on the axes where they do; and where slow commands are not known either, the
-        mean of a flight.
+        answer the motion could explain on the axes where they do, within blocks of time and from one to the next; and
+        where slow commands are not known either, the mean of a flight.
         """  # noqa: D205
         out = self.remaining(values)
+        for axis in self.answering:
+            out[:, axis] = without(self.slowly_answerable, out[:, axis])
         for axis in np.flatnonzero(self.untrusted[0]):
             for flight in np.unique(self.flight):
                 rows = self.flight == flight
@@ -99,11 +109,15 @@ class Dataset:
         if not self.answering:
             return out
         out = values.copy() if out is values else out
-        basis = self.answerable
         for axis in self.answering:
-            flat = out[:, axis].reshape(len(values), -1)
-            out[:, axis] -= np.tensordot(basis, basis.T @ flat, 1).reshape(values[:, axis].shape)
+            out[:, axis] = without(self.answerable[axis], out[:, axis])
         return out
+
+    def evidence(self, given: Array, left: Array) -> Array:
+        """What a model leaves (K, 6) beside what is `given` (K, 6), as far as it is evidence: both scatter as they do
+        (`remaining`), and differ by what commands that answer could not have made (`unanswered`).
+        """  # noqa: D205
+        return np.asarray(self.remaining(given) - self.unanswered(given - left))
 
     @cached_property
     def untrusted(self) -> NDArray[np.bool_]:
@@ -117,6 +131,15 @@ class Dataset:
         axes = np.flatnonzero(self.untrusted.any(axis=0))
         if not axes.size:
             return values
+        out = values.copy()
+        for axis in axes:
+            out[:, axis] = self._informative(values[:, axis], axis)
+        return out
+
+    def _informative(self, values: Array, axis: int) -> Array:
+        """Of values (K, ...) on one axis."""
+        if not self.untrusted[1:, axis].any():
+            return values
         from scipy.fft import dct, idct  # here: others need not wait for it
 
         out = values.copy()
@@ -124,13 +147,11 @@ class Dataset:
         lengths = np.diff(starts, append=len(self.block))
         for n in np.unique(lengths):  # blocks of one length at once
             rows = starts[lengths == n][:, None] + np.arange(n)
-            band = np.digitize(np.arange(n) / (2 * n * self.records[0].dt_kept), EDGES)
-            for axis in axes:
-                silent = self.untrusted[band, axis]
-                silent[0] = False
-                amplitude = dct(values[rows, axis], axis=1, norm="ortho")
-                amplitude[:, silent] = 0.0
-                out[rows, axis] = idct(amplitude, axis=1, norm="ortho")
+            silent = self.untrusted[np.digitize(np.arange(n) / (2 * n * self.records[0].dt_kept), EDGES), axis]
+            silent[0] = False
+            amplitude = dct(values[rows], axis=1, norm="ortho")
+            amplitude[:, silent] = 0.0
+            out[rows] = idct(amplitude, axis=1, norm="ortho")
         return out
 
     @property

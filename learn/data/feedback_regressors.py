@@ -3,7 +3,8 @@
 In every stabilised vehicle torque commands answer the motion, and with it whatever disturbs: measured and commanded
 wrench are related through the controller. What any such relation could explain is no evidence for an effect, and where
 it is taken for one the answer is biased (Forssell and Ljung, Automatica 35, 1999: direct identification in closed loop
-where the noise model is wrong). The mean over a block of time is left in: no controller explains that.
+where the noise model is wrong). Neither is how means over blocks of time differ where the commands' do: a slow gust is
+answered slowly. The mean of a flight is left in: no controller explains that.
 """
 
 from __future__ import annotations
@@ -46,11 +47,28 @@ def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> Array:
 
 
 def answerable(records: Sequence[Record], block: NDArray[np.intp]) -> Array:
-    """Orthonormal basis (K, A) of `answers` without their means over the blocks (K,) of time."""
+    """`answers` (K, A) without their means over the blocks (K,) of time."""
     signals = answers(records)
-    count = np.bincount(block)[:, None]
-    means = np.stack([np.bincount(block, weights=s) for s in signals.T], axis=1) / count if signals.size else signals
-    return spanned(signals - means[block] if signals.size else signals)
+    return signals - means(signals, block)[block]
+
+
+def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Array:
+    """Orthonormal basis (K, B) of how the commands' means over blocks (K,) of time differ within a flight (K,)."""
+    sent = np.concatenate([r.commanded for r in records])
+    return spanned(means(sent, block)[block] - means(sent, flight)[flight])
+
+
+def means(signals: Array, part: NDArray[np.intp]) -> Array:
+    """Means (parts, A) of signals (K, A) over the parts (K,) that samples belong to."""
+    count = np.bincount(part)
+    sums = [np.bincount(part, weights=s, minlength=len(count)) for s in signals.T]
+    return np.stack(sums, axis=1) / count[:, None] if sums else np.zeros((len(count), 0))
+
+
+def without(basis: Array, values: Array) -> Array:
+    """Values (K, ...) without what an orthonormal basis (K, B) explains."""
+    flat = values.reshape(len(values), -1)
+    return np.asarray(values - (basis @ (basis.T @ flat)).reshape(values.shape))
 
 
 def spanned(signals: Array) -> Array:

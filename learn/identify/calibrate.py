@@ -24,7 +24,7 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import contrast, significant
+from wrenchgap.learn.data.blocks import Contrast, contrast, significant
 from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
@@ -167,7 +167,7 @@ class _Search:
     def __init__(self, data: Dataset, model: Model, report: Callable[[float, str], None]) -> None:
         self.data, self.model, self.report = data, model, report
         self.fit = fit(data, model, ())
-        self.left = held_out(data, model, (), self.fit)
+        self.given = self.left = held_out(data, model, (), self.fit)
         self.t: dict[str, float] = {}
         self.single: set[str] = set()
         self.stuck: set[str] = set()
@@ -209,7 +209,7 @@ class _Search:
                 continue
             self.stuck.discard(name)
             left = held_out(self.data, self.model, [*kept, name], one, exact=False)
-            gain = contrast(self.data, self.left, left)
+            gain = self._contrast(self.left, left)
             self.t[name] = gain.t
             if not significant(gain.t):
                 continue
@@ -220,6 +220,9 @@ class _Search:
                 self.single.add(name)
         return max(found)[1] if found else None
 
+    def _contrast(self, before: Array, after: Array) -> Contrast:
+        return contrast(self.data, *(self.data.evidence(self.given, left) for left in (before, after)))
+
     def _holds(self, names: Sequence[str], one: Fit, kept: Sequence[str]) -> bool:
         """Whether it helps on whole flights that were left out, on most of them and in sum; true of one flight."""
         flight = self.data.flight
@@ -227,6 +230,7 @@ class _Search:
             return True
         before = held_out(self.data, self.model, kept, self.fit, groups=flight)
         after = held_out(self.data, self.model, names, one, groups=flight)
+        before, after = (self.data.evidence(self.given, left) for left in (before, after))
         gains = [contrast_of(self.data, flight == f, before, after) for f in range(int(flight.max()) + 1)]
         return sum(gains) > 0.0 and 2 * sum(g > 0.0 for g in gains) > len(gains)
 
@@ -235,7 +239,7 @@ class _Search:
         for name in kept[:-1]:
             rest = [n for n in kept if n != name]
             one = fit(self.data, self.model, rest, start=self.fit)
-            gain = contrast(self.data, held_out(self.data, self.model, rest, one), self.left)
+            gain = self._contrast(held_out(self.data, self.model, rest, one), self.left)
             self.t[name] = gain.t
             if not significant(gain.t):
                 self._refit(rest)

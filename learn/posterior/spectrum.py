@@ -121,10 +121,11 @@ class Spectrum(LinearProblem):
         for k in answering:
             power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
             weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
-            basis = spanned(free * weight)
+            known = weight * ~self.silent[:, k, None]
+            basis = spanned(free * known)
             part = self.coefficients[:, k] * weight
             part -= basis @ (basis.T @ part)
-            own = self._disturbed(k, moved[:, self.axes[k], None] * weight, basis, weight)
+            own = self._disturbed(k, moved[:, self.axes[k], None] * known, basis, weight)
             part[:, 1:] -= own @ (own.T @ part[:, 1:])
             self.coefficients[:, k] = part / weight
             means = self.coefficients[self.starts, k, 1:]
