@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
-from wrenchgap.learn.data.feedback_regressors import answerable, slowly_answerable, spanned, without
+from wrenchgap.learn.data.feedback_regressors import (
+    Answerable,
+    answer_gains,
+    answers,
+    by_parts,
+    partly,
+    slowly_answerable,
+    wholly,
+    within_blocks,
+)
 from wrenchgap.learn.data.input_errors import EDGES, untrusted
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
@@ -55,16 +64,31 @@ class Dataset:
         return self.source.evaluators if self.source else tuple(Evaluator(record) for record in self.records)
 
     @cached_property
-    def answerable(self) -> dict[int, Array]:
-        """Of the axes `answering`: orthonormal basis (K, A) of what those answers could explain of what is
-        `informative`, within blocks of time.
-        """  # noqa: D205
-        signals = answerable(self.records, self.block)
-        return {axis: spanned(self._informative(signals, axis)) for axis in self.answering}
+    def answer_gains(self) -> Array:
+        """How far the commands of these flights may answer (`learn.data.feedback_regressors`)."""
+        return self.source.answer_gains if self.source else answer_gains(self.records)
 
     @cached_property
-    def slowly_answerable(self) -> Array:
-        """The same (K, B) of how means over blocks differ within a flight."""
+    def answerable(self) -> dict[int, Answerable]:
+        """Of the axes `answering`: what those answers could explain within blocks of time."""
+        signals, of = answers(self.records)
+        signals = within_blocks(signals, self.block)
+        left = within_blocks(np.nan_to_num(self.measured - self.commanded), self.block)
+        out = {}
+        for axis in self.answering:
+            trusted = ~self.untrusted[:, axis]
+            out[axis] = every = wholly(self.by_band(signals, trusted))
+            gain = by_parts(self.answer_gains[:, axis, of] * trusted[:, None])
+            if np.isfinite(gain).all():
+                size = every.out_of(self.by_band(left[:, axis], trusted))
+                noise = max(float(np.std(size)), self.noise[axis]) / np.sqrt(self.independence)
+                parts = gain.shape[1] // len(of)
+                out[axis] = partly(self.by_band(np.tile(signals, parts), gain) / noise)
+        return out
+
+    @cached_property
+    def slowly_answerable(self) -> Answerable:
+        """The same of how means over blocks differ within a flight."""
         return slowly_answerable(self.records, self.block, self.flight)
 
     def forget(self) -> None:
@@ -96,7 +120,7 @@ class Dataset:
         """  # noqa: D205
         out = self.remaining(values)
         for axis in self.answering:
-            out[:, axis] = without(self.slowly_answerable, out[:, axis])
+            out[:, axis] = self.slowly_answerable.out_of(out[:, axis])
         for axis in np.flatnonzero(self.untrusted[0]):
             for flight in np.unique(self.flight):
                 rows = self.flight == flight
@@ -110,7 +134,7 @@ class Dataset:
             return out
         out = values.copy() if out is values else out
         for axis in self.answering:
-            out[:, axis] = without(self.answerable[axis], out[:, axis])
+            out[:, axis] = self.answerable[axis].out_of(out[:, axis])
         return out
 
     def evidence(self, given: Array, left: Array) -> Array:
@@ -133,13 +157,14 @@ class Dataset:
             return values
         out = values.copy()
         for axis in axes:
-            out[:, axis] = self._informative(values[:, axis], axis)
+            if self.untrusted[1:, axis].any():
+                out[:, axis] = self.by_band(values[:, axis], ~self.untrusted[:, axis])
         return out
 
-    def _informative(self, values: Array, axis: int) -> Array:
-        """Of values (K, ...) on one axis."""
-        if not self.untrusted[1:, axis].any():
-            return values
+    def by_band(self, values: Array, gains: Array) -> Array:
+        """Values (K, ...) times a gain (bands, ...) in each band of frequency, block by block of time; the means over
+        blocks are left in.
+        """  # noqa: D205
         from scipy.fft import dct, idct  # here: others need not wait for it
 
         out = values.copy()
@@ -147,10 +172,10 @@ class Dataset:
         lengths = np.diff(starts, append=len(self.block))
         for n in np.unique(lengths):  # blocks of one length at once
             rows = starts[lengths == n][:, None] + np.arange(n)
-            silent = self.untrusted[np.digitize(np.arange(n) / (2 * n * self.records[0].dt_kept), EDGES), axis]
-            silent[0] = False
+            band = np.digitize(np.arange(n) / (2 * n * self.records[0].dt_kept), EDGES)
+            gain = gains[band].reshape(n, *gains.shape[1:], *([1] * (values.ndim - gains.ndim)))
             amplitude = dct(values[rows], axis=1, norm="ortho")
-            amplitude[:, silent] = 0.0
+            amplitude[:, 1:] *= gain[1:]
             out[rows] = idct(amplitude, axis=1, norm="ortho")
         return out
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.input_errors import EDGES, by_band, density, sensors_by_band
 from wrenchgap.learn.data.measurement import Record
 
 
@@ -29,13 +30,20 @@ class RegressorSettings:
     shifts: tuple[float, ...] = (-0.4, -0.2, 0.2, 0.4)
     """Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are
     leads."""
+    parts: tuple[float, ...] = (1.2, 4.5)
+    """Frequencies [Hz] between and beyond which the size of an answer's gain may be another: two octaves each."""
+    commanded: float = 0.2
+    """Power of a disturbance over that of the command up to which an axis follows its command: the most by which a gain
+    is found wrong there, on average."""
 
 
 REGRESSORS = RegressorSettings()
 
 
-def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> Array:
-    """All commands that change, behind first-order lags and later by `shifts`: (K, A), K samples of all records."""
+def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> tuple[Array, NDArray[np.intp]]:
+    """All commands that change, behind first-order lags and later by `shifts`: (K, A), K samples of all records; of
+    each the axis (A,) of the command.
+    """  # noqa: D205
     moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
     rows = []
     for r in records:
@@ -43,19 +51,79 @@ def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> Array:
         late = [lagged(x, tau / r.dt_kept) for x in sent for tau in REGRESSORS.lags]
         late += [shifted(x, round(share / (r.cutoff_hz * r.dt_kept))) for x in sent for share in shifts]
         rows.append(np.stack(late, axis=1) if late else np.zeros((len(r), 0)))
-    return np.concatenate(rows)
+    of = [a for a in moving for _ in REGRESSORS.lags] + [a for a in moving for _ in shifts]
+    return np.concatenate(rows), np.array(of, dtype=np.intp)
 
 
-def answerable(records: Sequence[Record], block: NDArray[np.intp]) -> Array:
-    """`answers` (K, A) without their means over the blocks (K,) of time."""
-    signals = answers(records)
+def answer_gains(records: Sequence[Record]) -> Array:
+    """Largest gain (bands, 6, 6) from each command (last) to what is measured on an axis that an answer to a
+    disturbance may make; NaN on axes on which more than `REGRESSORS.commanded` of the power may be one.
+
+    Of a command u = e - H d that answers the disturbance d, a regression finds the gain S_du / S_u beside the vehicle's
+    own (Forssell and Ljung, sec. 5). With S_d of all that the nominal vehicle leaves beyond the sensors' noise and |H|
+    of one that is sqrt(S_d / S_u) between two axes if all of the command answers; of it answers the share
+    sqrt(S_d / S_u) of its own axis.
+    """  # noqa: D205
+    sent, made = np.zeros((2, len(EDGES) + 1, 6))
+    for r in records:
+        share = len(r) / sum(len(each) for each in records)
+        sent += share * np.nan_to_num(by_band(*density(r.commanded, r.dt_kept)))
+        left = by_band(*density(np.nan_to_num(r.measured - r.commanded), r.dt_kept))
+        made += share * np.nan_to_num(np.maximum(left - sensors_by_band(r), 0.0))
+    sent = np.maximum(sent, 1e-30)
+    answering = np.minimum(1.0, np.sqrt(made / sent))
+    out = np.sqrt(made[:, :, None] / sent[:, None, :]) * answering[:, None, :]
+    wide = np.diff((0.0, *EDGES, EDGES[-1] + 1.0))
+    out[:, wide @ made > REGRESSORS.commanded * (wide @ sent)] = np.nan
+    return np.asarray(out)
+
+
+def by_parts(gains: Array) -> Array:
+    """Gains (bands, A) as those of as many regressors in each part of the frequencies alone: the largest there."""
+    part = np.digitize(np.append(0.0, EDGES), REGRESSORS.parts)
+    each = [(part == k)[:, None] for k in range(len(REGRESSORS.parts) + 1)]
+    return np.hstack([own * np.max(gains * own, axis=0) for own in each])
+
+
+@dataclass(frozen=True)
+class Answerable:
+    """What commands that answer could explain: orthonormal directions `basis` (K, B), and the `share` (B,) of each that
+    is taken out.
+
+    With noise of size one and of each of some signals any share up to about one, a residual has the covariance
+    C = 1 + F F^T. C^(-1/2), which makes it white, leaves 1 / sqrt(1 + s^2) of a singular direction of F of size s.
+    """  # noqa: D205
+
+    basis: Array
+    share: Array
+
+    def out_of(self, values: Array) -> Array:
+        """Values (K, ...) without that."""
+        flat = values.reshape(len(values), -1)
+        return np.asarray(values - (self.basis @ (self.share[:, None] * (self.basis.T @ flat))).reshape(values.shape))
+
+
+def wholly(signals: Array) -> Answerable:
+    """All that signals (K, A) span."""
+    basis = spanned(signals)
+    return Answerable(basis, np.ones(basis.shape[1]))
+
+
+def partly(signals: Array) -> Answerable:
+    """Signals (K, A) as large as they may be, in units of the noise."""
+    basis, size, _ = np.linalg.svd(signals, full_matrices=False)
+    return Answerable(basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
+
+
+def within_blocks(signals: Array, block: NDArray[np.intp]) -> Array:
+    """Signals (K, A) without their means over the blocks (K,) of time."""
     return signals - means(signals, block)[block]
 
 
-def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Array:
-    """Orthonormal basis (K, B) of how the commands' means over blocks (K,) of time differ within a flight (K,)."""
+def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Answerable:
+    """How the commands' means over blocks (K,) of time differ within a flight (K,)."""
     sent = np.concatenate([r.commanded for r in records])
-    return spanned(means(sent, block)[block] - means(sent, flight)[flight])
+    return wholly(means(sent, block)[block] - means(sent, flight)[flight])
 
 
 def means(signals: Array, part: NDArray[np.intp]) -> Array:
@@ -63,12 +131,6 @@ def means(signals: Array, part: NDArray[np.intp]) -> Array:
     count = np.bincount(part)
     sums = [np.bincount(part, weights=s, minlength=len(count)) for s in signals.T]
     return np.stack(sums, axis=1) / count[:, None] if sums else np.zeros((len(count), 0))
-
-
-def without(basis: Array, values: Array) -> Array:
-    """Values (K, ...) without what an orthonormal basis (K, B) explains."""
-    flat = values.reshape(len(values), -1)
-    return np.asarray(values - (basis @ (basis.T @ flat)).reshape(values.shape))
 
 
 def spanned(signals: Array) -> Array:

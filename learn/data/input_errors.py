@@ -96,12 +96,22 @@ def share_of_error(sent: Array, period: float, measured: Array, left: Array, see
     behind_filter = noise_shapes(f, seen.cutoff_hz)[:, :1]
     commanded, folded = by_band(f, power * behind_filter), by_band(f, level * behind_filter)
     f, response = density(measured, seen.dt)
-    shapes = np.repeat(noise_shapes(f, seen.cutoff_hz), 3, axis=1)
-    noise = by_band(f, shapes * seen.noise**2 / np.trapezoid(shapes, f, axis=0))
-    real = np.maximum(by_band(f, response) - noise, 0.0)
+    real = np.maximum(by_band(f, response) - noise_by_band(f, seen), 0.0)
     bounds = np.stack((folded, np.maximum(commanded - real, 0.0), by_band(*density(left, seen.dt))))
     share = np.min(np.where(np.isfinite(bounds), bounds, np.inf), axis=0) / np.maximum(commanded, 1e-300)
     return np.asarray(np.where(np.isfinite(commanded), np.clip(share, 0.0, 1.0), 1.0))
+
+
+def noise_by_band(f: Array, seen: Measurement) -> Array:
+    """Mean densities (bands, 6) of the sensors' noise at these frequencies (F,)."""
+    shapes = np.repeat(noise_shapes(f, seen.cutoff_hz), 3, axis=1)
+    return by_band(f, shapes * seen.noise**2 / np.trapezoid(shapes, f, axis=0))
+
+
+def sensors_by_band(record: Record) -> Array:
+    """The same of a record, at the frequencies of `density`."""
+    f, _ = density(record.commanded, record.dt_kept)
+    return noise_by_band(f, Measurement(record.dt_kept, record.cutoff_hz, record.noise))
 
 
 def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record:

@@ -209,6 +209,14 @@ def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     return tuple(k for k, axis in enumerate(AXES) if axis in found)
 
 
+def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
+    """Axes on which commands change and the motion does not plainly follow them, on one of these flights: they may
+    answer it, seen or not.
+    """  # noqa: D205
+    not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem is not Problem.STILL}
+    return tuple(k for k, axis in enumerate(AXES) if axis in not_plain)
+
+
 def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | None:
     """What the offset of odometry behind IMU costs an effect that is driven by the odometry."""
     if odometry is None or offset.seconds is None or offset.same:

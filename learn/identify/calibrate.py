@@ -8,6 +8,11 @@ superfluous goes again (stepwise selection with held-out error, Hastie, Tibshira
 Statistical Learning", 2nd ed., 3.3 and 7.10). With several flights each has to hold besides when whole flights are left
 out, so that the loading of one flight is no calibration.
 
+Only what is evidence counts: where the motion does not plainly follow the commands, they may have answered a
+disturbance, and what such an answer could make of a fit is taken out of it (`learn.data.feedback_regressors`). What
+helps but may be nothing, by its standard deviation, stays out of the model; until the end it is fitted beside the
+others, so that none takes what it explains.
+
 Standard deviations are those of the fit (`learn.identify.fit`), the scatter of the flights' own values beyond their
 errors, and of the thrust the tolerance of the mass: a later flight may differ as much as these did among themselves.
 """
@@ -26,10 +31,10 @@ from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import Contrast, contrast, significant
 from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, unexcited
-from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.timing import dataset_of
+from wrenchgap.learn.diagnose.timing import dataset_of, timing_of, unfollowed_axes
 from wrenchgap.learn.identify.add import Addition, addition
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.identify.trend import ParameterTrend, trend
@@ -49,6 +54,7 @@ class Fate(StrEnum):
     KEPT = "kept"
     NO_HELP = "no help"  # on held-out time
     ONE_FLIGHT = "one flight"  # helps within flights, not on flights that were left out whole
+    UNSURE = "size not sure"  # helps, but its parameters may be nothing
     AT_LIMIT = "at its limit"  # with it a parameter ends at the limit of what is plausible
     UNTRIED = "not tried"
 
@@ -124,7 +130,8 @@ def calibrate(
     refuse_seen([f.flight for f in flights], [f.flight for f in unseen])
     report(0.0, "timing of the topics")
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
-    data = dataset_of(flights, model)
+    timing = [timing_of(f, model) for f in flights]
+    data = dataset([r for f in flights for r in f.records], model, unfollowed_axes(timing))
     reasons = {name: _reason(name, bare, flights) for name in TRIMMED}
     search = _Search(data, bare, report)
     chosen = search.chosen([name for name in TRIMMED if reasons[name] is None])
@@ -171,6 +178,7 @@ class _Search:
         self.t: dict[str, float] = {}
         self.single: set[str] = set()
         self.stuck: set[str] = set()
+        self.unsure: set[str] = set()
         self.steps = 0
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
@@ -187,6 +195,10 @@ class _Search:
         while self.fit.stuck:  # what went may have held another within its limits
             self.stuck |= self.fit.stuck
             kept = [name for name in kept if name not in self.stuck]
+            self._refit(kept)
+        self.unsure = {name for name in kept if not significant(self.fit.from_nothing(name))}
+        if self.unsure:  # beside which no other could take what they explain
+            kept = [name for name in kept if name not in self.unsure]
             self._refit(kept)
         return tuple(kept)
 
@@ -257,7 +269,12 @@ def contrast_of(data: Dataset, rows: Array, before: Array, after: Array) -> floa
 def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | None) -> Tried:
     if reason is not None:
         return Tried(name, Fate.UNTRIED, None, reason)
-    fates = {Fate.KEPT: chosen, Fate.AT_LIMIT: search.stuck, Fate.ONE_FLIGHT: search.single}
+    fates = {
+        Fate.KEPT: chosen,
+        Fate.AT_LIMIT: search.stuck,
+        Fate.UNSURE: search.unsure,
+        Fate.ONE_FLIGHT: search.single,
+    }
     fate = next((fate for fate, names in fates.items() if name in names), Fate.NO_HELP)
     return Tried(name, fate, search.t.get(name))
 

@@ -60,6 +60,11 @@ class Fit:
         """Effects with a parameter at a plausible limit: their law, or what they are fitted to, is another one."""
         return frozenset(name.split(".")[0] for name in self.at_bound)
 
+    def from_nothing(self, name: str) -> float:
+        """How far an effect's parameters are from zero, in their standard deviations together."""
+        own = [k for k, (effect, _) in enumerate(self.parameters) if effect == name]
+        return float(np.sqrt(self.theta[own] @ np.linalg.solve(self.covariance[np.ix_(own, own)], self.theta[own])))
+
     @property
     def snapshot(self) -> tuple[Snapshot, ...]:
         """The effects as plain values, in the order in which they were named."""

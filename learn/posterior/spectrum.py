@@ -20,7 +20,7 @@ from scipy.fft import dct
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, spanned
+from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, by_parts, partly, spanned, wholly
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.sensor_noise import coefficient_shapes
@@ -112,31 +112,38 @@ class Spectrum(LinearProblem):
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
             return
-        signals = answers(data.records, REGRESSORS.shifts)
+        signals, of = answers(data.records, REGRESSORS.shifts)
         seconds = self.settings.block
         free = transformed(data.records, signals[:, None], seconds, without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
         moved = transformed(data.records, measured[:, :, None], seconds, without_mean=True)[0][:, :, 0]
         slow = self._slow_answers(data)
         for k in answering:
-            power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
-            weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
-            known = weight * ~self.silent[:, k, None]
-            basis = spanned(free * known)
-            part = self.coefficients[:, k] * weight
-            part -= basis @ (basis.T @ part)
-            own = self._disturbed(k, moved[:, self.axes[k], None] * known, basis, weight)
+            known = ~self.silent[:, k, None]
+            weight = self._weight(k, self.coefficients[:, k, 0])
+            every = wholly(free * weight * known)
+            part = every.out_of(self.coefficients[:, k] * weight)
+            own = self._disturbed(k, every.out_of(moved[:, self.axes[k], None] * weight * known), weight)
+            gain = by_parts(data.answer_gains[:, self.axes[k], of])[np.digitize(self.hertz, EDGES)]
+            if np.isfinite(gain).all():
+                sure = self._weight(k, (part / weight)[:, 0])
+                could = partly(np.tile(free * sure * known, gain.shape[1] // len(of)) * gain)
+                part, own, weight = could.out_of(self.coefficients[:, k] * sure), spanned(own * sure / weight), sure
             part[:, 1:] -= own @ (own.T @ part[:, 1:])
             self.coefficients[:, k] = part / weight
             means = self.coefficients[self.starts, k, 1:]
             self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
             let_go(self.coefficients)
 
-    def _disturbed(self, k: int, moved: Array, basis: Array, weight: Array) -> Array:
-        """Orthonormal basis (K, B) of the motion on an axis that no command explains, where it is above the sensors'
-        noise: it moved with what disturbed it.
+    def _weight(self, k: int, left: Array) -> Array:
+        """One over the size (K, 1) that coefficients (K,) have on an axis, by band, no less than the sensors' noise."""
+        power = np.bincount(self.band, weights=left**2) / np.maximum(self.count[:, k], 1.0)
+        return np.asarray(np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5)
+
+    def _disturbed(self, k: int, left: Array, weight: Array) -> Array:
+        """Orthonormal basis (K, B) of the motion on an axis that no command explains (K, 1), where it is above the
+        sensors' noise: it moved with what disturbed it.
         """  # noqa: D205
-        left = moved - basis @ (basis.T @ moved)
         power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
         disturbed = power > self.settings.structure**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])

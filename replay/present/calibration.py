@@ -19,6 +19,7 @@ from wrenchgap.replay.present.tables import Line, Part, before_after, first_only
 FATES = {
     Fate.KEPT: "kept",
     Fate.NO_HELP: "no help on held-out time",
+    Fate.UNSURE: "left out: helps, but its size may be nothing",
     Fate.ONE_FLIGHT: "helps within flights, not on flights left out whole",
     Fate.AT_LIMIT: "left out: a value at the limit of what is plausible says that the cause is another one",
     Fate.UNTRIED: "not tried",

@@ -9,7 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, lagged, shifted
+from wrenchgap.learn.data.feedback_regressors import (
+    REGRESSORS,
+    answer_gains,
+    answers,
+    lagged,
+    partly,
+    shifted,
+    wholly,
+    within_blocks,
+)
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -24,6 +33,16 @@ def column(name, values):
     return Column((name,), 0 * one, 0 * one, 0 * jacobian[:, :, 0], jacobian, -one, one, one, one < 0, 0.05)
 
 
+def disturbed(plain):
+    """The same flights where commands answer a force of three times their size: hardly any of it was asked for."""
+    records, rng = [], np.random.default_rng(2)
+    for r in plain.records:
+        measured = r.measured.copy()
+        measured[:, AXIS] += 3.0 * np.std(r.commanded[:, AXIS]) * rng.normal(size=len(r))
+        records.append(replace(r, measured=measured))
+    return replace(plain, answering=(AXIS,), records=tuple(records))
+
+
 @pytest.fixture
 def left_of(plain, hexarotor):
     """What an answering axis leaves of some values over time: their coefficients by block and frequency, and which of
@@ -31,7 +50,7 @@ def left_of(plain, hexarotor):
     """
 
     def coefficients(values):
-        data = replace(plain, answering=(AXIS,))
+        data = disturbed(plain)
         residual = plain.noise * np.random.default_rng(0).normal(size=plain.measured.shape)
         space = Spectrum(data, residual, [column("mass", values)], trim_of(hexarotor))
         out = space.coefficients[:, AXIS, 1]
@@ -86,11 +105,87 @@ def test_responses_are_seen_behind_lags_and_shifts(plain):
     """Columns for every moving command: the command itself first, and shifts of a whole number of samples."""
     record = plain.records[0]
     moving = [a for a in range(6) if np.std(record.commanded[:, a]) > 0.0]
-    every = answers(plain.records, REGRESSORS.shifts)
+    every, of = answers(plain.records, REGRESSORS.shifts)
+    assert set(of) == set(moving)
     assert every.shape == (len(plain.measured), len(moving) * (len(REGRESSORS.lags) + len(REGRESSORS.shifts)))
     step = round(REGRESSORS.shifts[0] / (record.cutoff_hz * record.dt_kept))
     first = every[: len(record), len(moving) * len(REGRESSORS.lags)]
     np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
+
+
+def closed_loop(plain, share, seed=3):
+    """Records whose commands are `share` excitation, and for the rest take away a disturbance; both white."""
+    rng, records = np.random.default_rng(seed), []
+    for r in plain.records:
+        wanted, disturbance = rng.normal(size=(2, len(r)))
+        sent = np.zeros((len(r), 6))
+        sent[:, AXIS] = share * wanted - disturbance
+        measured = sent.copy()
+        measured[:, AXIS] += disturbance
+        records.append(replace(r, commanded=sent, measured=measured, noise=np.full(6, 1e-6)))
+    return tuple(records)
+
+
+@pytest.mark.parametrize("share", [3.0, 6.0])
+def test_a_regression_in_closed_loop_is_off_by_as_much_as_is_allowed_for(plain, share):
+    """d = -a u is found of u = e - d, with a = S_d / S_u: 1/10 and 1/37 of these."""
+    records = closed_loop(plain, share)
+    sent, left = (
+        np.concatenate([v[:, AXIS] for v in each])
+        for each in zip(*((r.commanded, r.measured - r.commanded) for r in records), strict=True)
+    )
+    found = -float(sent @ left) / float(sent @ sent)
+    assert found == pytest.approx(1.0 / (1.0 + share**2), abs=0.01)  # sqrt(S_d / S_u / N) is 0.003 to 0.006
+    assert np.mean(answer_gains(records)[:, AXIS, AXIS]) == pytest.approx(1.0 / (1.0 + share**2), rel=0.2)
+
+
+def test_where_most_of_the_command_may_be_an_answer_no_gain_of_it_is_evidence(plain):
+    assert np.isnan(answer_gains(closed_loop(plain, 1.0))[:, AXIS]).all()
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(1.0, 0.0, 0.02), (10.0, 0.2, 0.95)])
+def test_the_better_motion_follows_commands_the_more_of_their_gain_is_evidence(plain, share, least, most):
+    """Of a tenth more thrust: nothing where commands answer, some where ten times as much was asked for."""
+    records = closed_loop(plain, share)
+    data = replace(plain, answering=(AXIS,), records=records, **stacked(records))
+    gain = np.zeros_like(data.commanded)
+    gain[:, AXIS] = within_blocks(data.commanded[:, [AXIS]], data.block)[:, 0]
+    left = np.linalg.norm(data.unanswered(gain)) / np.linalg.norm(gain)
+    assert least <= left <= most
+
+
+def stacked(records):
+    return {name: np.concatenate([getattr(r, name) for r in records]) for name in ("measured", "commanded")}
+
+
+def test_what_is_known_up_to_a_size_leaves_a_white_residual():
+    """Along one direction the covariance is 1 + s^2; with it taken out in part, one."""
+    rng, signal = np.random.default_rng(6), np.zeros((50, 1))
+    signal[7] = 4.0
+    residuals = rng.normal(size=(50, 4000)) + signal * rng.normal(size=4000)
+    white = partly(signal).out_of(residuals)
+    np.testing.assert_allclose(np.var(white, axis=1), 1.0, atol=0.12)
+    np.testing.assert_allclose(wholly(signal).out_of(residuals)[7], 0.0, atol=1e-12)
+
+
+def test_how_slow_commands_answer_is_no_evidence_and_a_mean_is(plain):
+    """A gust that lasts for blocks of time, taken away by the command: a torque ratio would explain it."""
+    gust = np.sin(2 * np.pi * np.arange(len(plain.block)) / len(plain.block) * 3.0)
+    share = float(np.std(gust)) / float(np.std(plain.commanded[:, AXIS]))
+    starts = np.cumsum([len(r) for r in plain.records])[:-1]
+    records = tuple(
+        replace(r, commanded=r.commanded - np.eye(6)[AXIS] * g[:, None] / share)
+        for r, g in zip(plain.records, np.split(gust, starts), strict=True)
+    )
+    data = replace(plain, answering=(AXIS,), records=records, **stacked(records))
+    column = np.zeros_like(data.commanded)
+    column[:, AXIS] = data.commanded[:, AXIS]
+    left = data.unanswered(column)[:, AXIS]
+    for flight in np.unique(data.flight):
+        rows = data.flight == flight
+        assert left[rows].mean() == pytest.approx(column[rows, AXIS].mean(), rel=0.01)
+    moving = column[:, AXIS] - column[:, AXIS].mean()
+    assert np.std(left) < 0.1 * np.std(moving)
 
 
 @pytest.mark.parametrize("samples", [0.4, 25.0])

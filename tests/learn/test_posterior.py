@@ -538,7 +538,7 @@ def test_axes_that_answer_are_those_of_the_data(plain):
     values = np.random.default_rng(0).normal(size=(len(plain.measured), 6))
     out = answering.unanswered(values)
     np.testing.assert_array_equal(np.delete(out, 3, axis=1), np.delete(values, 3, axis=1))
-    assert np.linalg.norm(answering.answerable[3].T @ out[:, 3]) < 1e-9 * np.linalg.norm(values)
+    assert np.linalg.norm(answering.answerable[3].basis.T @ out[:, 3]) < 1e-9 * np.linalg.norm(values)
 
 
 def test_a_linear_answer_to_commands_is_taken_out_and_a_mean_is_not(plain):
