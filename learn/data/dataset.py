@@ -121,10 +121,10 @@ class Dataset:
         out = self.remaining(values)
         for axis in self.answering:
             out[:, axis] = self.slowly_answerable.out_of(out[:, axis])
-        for axis in np.flatnonzero(self.untrusted[0]):
+        for silent in np.flatnonzero(self.untrusted[0]):
             for flight in np.unique(self.flight):
                 rows = self.flight == flight
-                out[rows, axis] = out[rows, axis].mean(axis=0)
+                out[rows, silent] = out[rows, silent].mean(axis=0)
         return out
 
     def remaining(self, values: Array) -> Array:
@@ -161,7 +161,7 @@ class Dataset:
                 out[:, axis] = self.by_band(values[:, axis], ~self.untrusted[:, axis])
         return out
 
-    def by_band(self, values: Array, gains: Array) -> Array:
+    def by_band(self, values: Array, gains: NDArray[Any]) -> Array:
         """Values (K, ...) times a gain (bands, ...) in each band of frequency, block by block of time; the means over
         blocks are left in.
         """  # noqa: D205

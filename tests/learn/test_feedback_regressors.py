@@ -113,6 +113,29 @@ def test_responses_are_seen_behind_lags_and_shifts(plain):
     np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
 
 
+def test_axes_that_answer_are_those_of_the_data(plain):
+    answering = disturbed(plain)
+    values = np.random.default_rng(0).normal(size=(len(plain.measured), 6))
+    out = answering.unanswered(values)
+    np.testing.assert_array_equal(np.delete(out, AXIS, axis=1), np.delete(values, AXIS, axis=1))
+    assert np.linalg.norm(answering.answerable[AXIS].basis.T @ out[:, AXIS]) < 1e-9 * np.linalg.norm(values)
+
+
+def test_a_linear_answer_to_commands_is_taken_out_and_a_mean_is_not(plain):
+    """A residual that is a lagged command with a constant on top: only the constant is evidence."""
+    command = np.concatenate([r.commanded[:, AXIS] for r in plain.records])
+    answering = disturbed(plain)
+    values = np.zeros((len(command), 6))
+    values[:, AXIS] = 0.7 * command
+    left = answering.unanswered(values)[:, AXIS]
+    means = np.array([values[plain.block == b, AXIS].mean() for b in np.unique(plain.block)])
+    kept = np.array([left[plain.block == b].mean() for b in np.unique(plain.block)])
+    assert np.std(left - kept[plain.block]) < 0.2 * np.std(values[:, AXIS] - means[plain.block])
+    constant = np.zeros_like(values)
+    constant[:, AXIS] = 0.05
+    np.testing.assert_allclose(answering.unanswered(constant)[:, AXIS], 0.05, atol=1e-9)
+
+
 def closed_loop(plain, share, seed=3):
     """Records whose commands are `share` excitation, and for the rest take away a disturbance; both white."""
     rng, records = np.random.default_rng(seed), []

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
-from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
@@ -531,26 +530,3 @@ def test_what_a_models_effect_may_be_off_by_is_no_news(offset, hexarotor):
         known = hexarotor.with_effects([replace(effect, std=np.full(3, std))])
         found = explained((offset.data, None), known, ("com_offset", "servo_lag", "mass"))
         assert ("com_offset" in found.effects) is named
-
-
-def test_axes_that_answer_are_those_of_the_data(plain):
-    answering = replace(plain, answering=(AXES.index("torque_x"),))
-    values = np.random.default_rng(0).normal(size=(len(plain.measured), 6))
-    out = answering.unanswered(values)
-    np.testing.assert_array_equal(np.delete(out, 3, axis=1), np.delete(values, 3, axis=1))
-    assert np.linalg.norm(answering.answerable[3].basis.T @ out[:, 3]) < 1e-9 * np.linalg.norm(values)
-
-
-def test_a_linear_answer_to_commands_is_taken_out_and_a_mean_is_not(plain):
-    """A residual that is a lagged command with a constant on top: only the constant is evidence."""
-    command = np.concatenate([r.commanded[:, 3] for r in plain.records])
-    answering = replace(plain, answering=(3,))
-    values = np.zeros((len(command), 6))
-    values[:, 3] = 0.7 * command
-    left = answering.unanswered(values)[:, 3]
-    means = np.array([values[plain.block == b, 3].mean() for b in np.unique(plain.block)])
-    kept = np.array([left[plain.block == b].mean() for b in np.unique(plain.block)])
-    assert np.std(left - kept[plain.block]) < 0.2 * np.std(values[:, 3] - means[plain.block])
-    constant = np.zeros_like(values)
-    constant[:, 3] = 0.05
-    np.testing.assert_allclose(answering.unanswered(constant)[:, 3], 0.05, atol=1e-9)
