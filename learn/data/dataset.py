@@ -18,6 +18,7 @@ from wrenchgap.learn.data.feedback_regressors import (
     answer_gains,
     answers,
     by_parts,
+    in_parts,
     partly,
     slowly_answerable,
     wholly,
@@ -82,8 +83,7 @@ class Dataset:
             if np.isfinite(gain).all():
                 size = every.out_of(self.by_band(left[:, axis], trusted))
                 noise = max(float(np.std(size)), self.noise[axis]) / np.sqrt(self.independence)
-                parts = gain.shape[1] // len(of)
-                out[axis] = partly(self.by_band(np.tile(signals, parts), gain) / noise)
+                out[axis] = partly(self.by_band(in_parts(signals), gain) / noise)
         return out
 
     @cached_property

@@ -85,6 +85,11 @@ def by_parts(gains: Array) -> Array:
     return np.hstack([own * np.max(gains * own, axis=0) for own in each])
 
 
+def in_parts(signals: Array) -> Array:
+    """Signals (K, A) as often as `by_parts` has gains for them."""
+    return np.tile(signals, len(REGRESSORS.parts) + 1)
+
+
 @dataclass(frozen=True)
 class Answerable:
     """What commands that answer could explain: orthonormal directions `basis` (K, B), and the `share` (B,) of each that

@@ -20,7 +20,7 @@ from scipy.fft import dct
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, by_parts, partly, spanned, wholly
+from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, by_parts, in_parts, partly, spanned, wholly
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.sensor_noise import coefficient_shapes
@@ -127,7 +127,7 @@ class Spectrum(LinearProblem):
             gain = by_parts(data.answer_gains[:, self.axes[k], of])[np.digitize(self.hertz, EDGES)]
             if np.isfinite(gain).all():
                 sure = self._weight(k, (part / weight)[:, 0])
-                could = partly(np.tile(free * sure * known, gain.shape[1] // len(of)) * gain)
+                could = partly(in_parts(free * sure * known) * gain)
                 part, own, weight = could.out_of(self.coefficients[:, k] * sure), spanned(own * sure / weight), sure
             part[:, 1:] -= own @ (own.T @ part[:, 1:])
             self.coefficients[:, k] = part / weight

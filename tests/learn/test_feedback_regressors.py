@@ -181,6 +181,13 @@ def stacked(records):
     return {name: np.concatenate([getattr(r, name) for r in records]) for name in ("measured", "commanded")}
 
 
+def test_without_a_command_that_changes_nothing_is_an_answer(plain):
+    records = tuple(replace(r, commanded=np.tile(r.commanded[0], (len(r), 1))) for r in plain.records)
+    data = replace(plain, answering=(AXIS,), records=records, **stacked(records))
+    values = np.random.default_rng(0).normal(size=data.measured.shape)
+    np.testing.assert_allclose(data.unanswered(values), values, atol=1e-12)
+
+
 def test_what_is_known_up_to_a_size_leaves_a_white_residual():
     """Along one direction the covariance is 1 + s^2; with it taken out in part, one."""
     rng, signal = np.random.default_rng(6), np.zeros((50, 1))
