@@ -38,13 +38,16 @@ class RegressorSettings:
 
 
 REGRESSORS = RegressorSettings()
+ROUNDING = 1e-9
+"""Share of a command's size below which a change of it is one of rounding."""
 
 
 def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> tuple[Array, NDArray[np.intp]]:
     """All commands that change, behind first-order lags and later by `shifts`: (K, A), K samples of all records; of
     each the axis (A,) of the command.
     """  # noqa: D205
-    moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
+    size = np.max([np.abs(r.commanded).max(axis=0) for r in records], axis=0)
+    moving = np.flatnonzero(np.max([np.std(r.commanded, axis=0) for r in records], axis=0) > ROUNDING * size)
     rows = []
     for r in records:
         sent = [r.commanded[:, a] for a in moving]
@@ -128,7 +131,8 @@ def within_blocks(signals: Array, block: NDArray[np.intp]) -> Array:
 def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Answerable:
     """How the commands' means over blocks (K,) of time differ within a flight (K,)."""
     sent = np.concatenate([r.commanded for r in records])
-    return wholly(means(sent, block)[block] - means(sent, flight)[flight])
+    moved = means(sent, block)[block] - means(sent, flight)[flight]
+    return wholly(np.where(np.abs(moved).max(axis=0) > ROUNDING * np.abs(sent).max(axis=0), moved, 0.0))
 
 
 def means(signals: Array, part: NDArray[np.intp]) -> Array:
