@@ -160,15 +160,13 @@ class _Messages:
 
     def _motor_channels(self, table: Table) -> list[str]:
         """Channels in the order of the motors, by parameters, else those that carry pulses and change."""
-        channels = [f"C{i}" for i in range(1, 33) if f"C{i}" in table.columns]
-        motors = {
-            MOTOR_FUNCTIONS[int(self.parameters.get(f"SERVO{channel[1:]}_FUNCTION", 0))]: channel
-            for channel in channels
-            if int(self.parameters.get(f"SERVO{channel[1:]}_FUNCTION", 0)) in MOTOR_FUNCTIONS
-        }
+        every = ((i, f"{head}{i}") for i in range(1, 33) for head in ("C", "Ch"))  # Ch up to firmware 3.4
+        channels = {name: i for i, name in every if name in table.columns}
+        functions = {name: int(self.parameters.get(f"SERVO{i}_FUNCTION", 0)) for name, i in channels.items()}
+        motors = {MOTOR_FUNCTIONS[f]: name for name, f in functions.items() if f in MOTOR_FUNCTIONS}
         if motors:
             return [motors[number] for number in sorted(motors)]
-        moving = [c for c in channels if _pulses(table.columns[c])]
+        moving = [name for name in channels if _pulses(table.columns[name])]
         if moving:
             self.notes.append(f"RCOU: no SERVOn_FUNCTION in the log; taken as motors, in order: {', '.join(moving)}.")
         return moving

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,11 +42,41 @@ def has_geometry(parameters: Parameters) -> bool:
     return 0 < int(parameters.get("CA_ROTOR_COUNT", 0)) <= MOST_ROTORS
 
 
-def rotors_of(parameters: Parameters, where: str) -> tuple[RotorDraft, ...]:
-    """Rotors as CA_ROTOR* have them, empty without such parameters; ModelError for one without a direction."""
+def rotors_of(parameters: Parameters, where: str, arm: float | None = None) -> tuple[RotorDraft, ...]:
+    """Rotors as CA_ROTOR* have them, empty without such parameters.
+
+    PX4 needs the ratios of their places alone: with the length of an `arm` [m] the farthest is there. Raises ModelError
+    for a rotor without a direction, and for places that nobody measured.
+    """
     if not has_geometry(parameters):
         return ()
-    return tuple(_rotor(parameters, number, where) for number in range(int(parameters["CA_ROTOR_COUNT"])))
+    found = tuple(_rotor(parameters, number, where) for number in range(int(parameters["CA_ROTOR_COUNT"])))
+    if arm is not None:
+        farthest = max(float(np.linalg.norm(r.position_B.value[:2])) for r in found)
+        if farthest <= 0.0:
+            raise ModelError(f"{where}: CA_ROTOR* have all rotors in the middle: --arm cannot say where they are")
+        return tuple(_scaled(rotor, arm / farthest, f"scaled to --arm {arm:g}") for rotor in found)
+    if placeholders(parameters):
+        raise ModelError(
+            f"{where}: CA_ROTOR* have rotors at 1 m forward and 1 m to the side, as where nobody measured them (PX4 "
+            "needs their ratios alone); measure from the middle to a motor and say --arm METRES"
+        )
+    return found
+
+
+def placeholders(parameters: Parameters) -> bool:
+    """Whether the farthest rotor is at one metre along x and along y: ratios, not lengths."""
+    numbers = range(int(parameters.get("CA_ROTOR_COUNT", 0)))
+    return all(
+        max((abs(parameters.get(f"CA_ROTOR{k}_P{axis}", 0.0)) for k in numbers), default=0.0) == 1.0 for axis in "XY"
+    )
+
+
+def _scaled(rotor: RotorDraft, factor: float, words: str) -> RotorDraft:
+    at = rotor.position_B
+    return replace(
+        rotor, position_B=replace(at, value=tuple(factor * x for x in at.value), source=f"{at.source}; {words}")
+    )
 
 
 def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:

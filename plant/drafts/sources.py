@@ -121,7 +121,7 @@ def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     draft = Draft(
         source.stem,
         source.name,
-        _as_many(px4.rotors_of(logged, source.name), flown),
+        _as_many(() if user.frame else px4.rotors_of(logged, source.name, user.arm), flown),
         com=px4.com_of(logged),
         imu_position=px4.imu_of(logged),
         command=px4.command_of(logged, unit),

@@ -16,6 +16,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -66,6 +67,9 @@ class Commands(TyperGroup):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run, and leave with the exit code."""
         kwargs["standalone_mode"] = False
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # a name that the terminal's encoding lacks is no reason to end
+                stream.reconfigure(errors="replace")
         warnings.filterwarnings("error", "Environment variable 'NUMBA_", RuntimeWarning)  # could not be parsed
         try:
             code = super().main(*args, **kwargs)

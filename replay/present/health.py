@@ -11,6 +11,7 @@ import numpy as np
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
+from wrenchgap.plant.drafts.px4 import placeholders
 from wrenchgap.replay.present import inspection, parameters
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.health_rows import ROWS
@@ -40,7 +41,8 @@ def brief(found: Health) -> list[Part]:
 
 def answer(found: Health) -> list[tuple[str, str]]:
     """At most `LINES` lines, with their looks: the result, what to look at, what is not answered, the next command."""
-    tail = [*_changed(found), *_lacks(found), (f"next: {next_command(found)}", "bold")]
+    flown_at_all = any(log.phases.lack is not NoPhases.POWER for log in found.logs)
+    tail = [*_changed(found), *(_lacks(found) if flown_at_all else ()), (f"next: {next_command(found)}", "bold")]
     room = LINES - 1 - len(tail)
     if len(found.logs) > 1:
         every = [(_in_short(log), LOOKS[_worst(log)]) for log in sorted(found.logs, key=_urgency)]
@@ -53,8 +55,13 @@ def answer(found: Health) -> list[tuple[str, str]]:
 
 
 def _in_short(log: LogHealth) -> str:
-    said = ", ".join(one.short for one in statements(log)) or "nothing out of the ordinary"
-    return f"{log.name}: {flown(log)}; {said}"
+    return f"{log.name}: {flown(log)}; {', '.join(one.short for one in statements(log)) or _quiet([log])}"
+
+
+def _quiet(logs: Sequence[LogHealth]) -> str:
+    """What is said where nothing was found."""
+    judged = any(log.phases.lack is None for log in logs)
+    return "nothing out of the ordinary" if judged else "nothing of the flight could be judged"
 
 
 def _worst(log: LogHealth) -> Level:
@@ -68,7 +75,7 @@ def _urgency(log: LogHealth) -> int:
 def summary(found: Health) -> str:
     """What was flown, and how many things are to be looked at."""
     said = [one for log in found.logs for one in statements(log)]
-    count = f"{len(said)} thing{'s' if len(said) > 1 else ''} to look at" if said else "nothing out of the ordinary"
+    count = f"{len(said)} thing{'s' if len(said) > 1 else ''} to look at" if said else _quiet(found.logs)
     if len(found.logs) > 1:
         return f"{len(found.logs)} logs: {count}."
     (log,) = found.logs
@@ -110,23 +117,47 @@ def next_command(found: Health) -> str:
     doubtful = next((log for log in found.logs if log.bad), None)
     if doubtful is not None and doubtful.bad[0].mend:
         return f"{shlex.join(['wrenchgap', 'check', *logs])} {doubtful.bad[0].mend}"
-    if doubtful is not None or found.logs[0].phases.lack is NoPhases.POWER:
-        return shlex.join(["wrenchgap", "inspect", str((doubtful or found.logs[0]).inspection.path)])
-    if found.model and len(logs) > 1:
-        return shlex.join(["wrenchgap", "changed", logs[-1], "--healthy", *logs[:-1], "-m", found.model])
+    if doubtful is not None:
+        return shlex.join(["wrenchgap", "inspect", str(doubtful.inspection.path)])
+    flown_ones = [log for log in found.logs if log.phases.lack is not NoPhases.POWER]
+    if not flown_ones:
+        return "wrenchgap check ANOTHER_LOG"
+    if found.model and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
+        return shlex.join([*_comparison(flown_ones), "-m", found.model])
     if found.model:
-        return shlex.join(["wrenchgap", "inspect", logs[0], "-m", found.model])
-    return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(found.logs[0])])} -o vehicle.toml"
+        return shlex.join(["wrenchgap", "inspect", str(flown_ones[0].inspection.path), "-m", found.model])
+    return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(flown_ones[0])])} -o vehicle.toml"
+
+
+def _kind(log: LogHealth) -> tuple[str, ...]:
+    """What logs of one vehicle have in common."""
+    one = log.autopilot
+    return (log.inspection.format,) if one is None else (one.name, str(one.hardware))
+
+
+def _comparison(logs: Sequence[LogHealth]) -> list[str]:
+    """The log whose vehicle has the most to look at beside those with less; a place for one where none is."""
+
+    def worst(log: LogHealth) -> int:
+        of_vehicle = [one.level for one in statements(log) if one.about in ("motors", "crash", "impact")]
+        return min(map(LEVELS.index, [*of_vehicle, "ok"]))
+
+    suspect = min(reversed(logs), key=worst)
+    fine = worst(suspect) == LEVELS.index("ok")
+    sound = [log for log in logs if log is not suspect and (fine or worst(log) > worst(suspect))]
+    healthy = [str(log.inspection.path) for log in sound] or ["HEALTHY_LOG"]
+    return ["wrenchgap", "changed", str(suspect.inspection.path), "--healthy", *healthy]
 
 
 def _source(log: LogHealth) -> list[str]:
     """What a model is made of: an autopilot's log, or answers to questions."""
     if log.autopilot is None:
-        return []
+        return ["--interactive"]
     known = log.autopilot.parameters
-    ends = {abs(float(known.get(f"CA_ROTOR0_P{axis}", 0.0))) for axis in "XY"}
-    sized = log.autopilot.name == "PX4" and "CA_ROTOR_COUNT" in known and ends != {1.0}  # 1 m: nobody measured it
-    return ["--from", str(log.inspection.path), "--mass", "KG", *([] if sized else ["--arm", "METRES"])]
+    said = ["--from", str(log.inspection.path), "--mass", "KG"]
+    if log.autopilot.name == "PX4":
+        return said if "CA_ROTOR_COUNT" in known and not placeholders(known) else [*said, "--arm", "METRES"]
+    return [*said, "--arm", "METRES", *([] if "FRAME_CLASS" in known else ["--frame", "FRAME"])]
 
 
 def overview(found: Health) -> Part:

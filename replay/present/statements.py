@@ -73,6 +73,9 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
     elif log.phases.phases and not log.phases.seconds(*AIRBORNE):
         words = "It never left the ground in this log, as far as thrust and motion tell."
         yield Statement("warn", "flight", "no flight", words)
+    elif log.autopilot is not None and log.phases.phases and log.phases.phases[-1].name in AIRBORNE:
+        words = "The log ends in the air: the power was lost, or the file is cut short."
+        yield Statement("warn", "flight", "ends in the air", words)
 
 
 def _checks(log: LogHealth) -> Iterator[Statement]:
@@ -80,6 +83,10 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         mend = f"; {check.remedy}" if check.remedy else ""
         words = f"The log is not what it seems ({check.name}): {check.words.rstrip('. ')}{mend}."
         yield Statement("bad", "log", f"check {check.name}", words)
+    for check in log.inspection.checks:
+        if check.level == "bad" and (check.accepted or check.name == "roles"):
+            words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."
+            yield Statement("warn", "log", f"check {check.name}", words)
 
 
 def _motors(log: LogHealth) -> Iterator[Statement]:
@@ -116,7 +123,8 @@ def _balance(motors: Motors, drift: str) -> str:
         who = " and ".join(map(rotor, side))
         return (
             f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean {when}: a yaw "
-            "bias. Look for a twisted motor mount or arm, then for propellers of two kinds."
+            "bias. Look for a twisted motor mount or arm, then for propellers of two kinds; a sound vehicle may have a "
+            "part of it: compare with an earlier flight."
         )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
@@ -209,7 +217,8 @@ def _logger(log: LogHealth) -> Iterator[Statement]:
     if gaps:
         worst = max(gaps, key=lambda rate: rate.in_flight)
         words = (
-            f"{worst.topic} ({worst.role}) has a gap of {worst.in_flight:.1f} s in flight, which the log does not show."
+            f"Nothing was logged of {worst.topic} ({worst.role}) for {worst.in_flight:.1f} s between take-off and "
+            "landing: what happened meanwhile is not known."
         )
         yield Statement("warn", "gaps", f"gap of {worst.in_flight:.1f} s", words)
 

@@ -53,6 +53,17 @@ def wrench(model, speeds):
     return nominal_wrench(model.vehicle, sent)[0]
 
 
+def test_ratios_of_px4_are_scaled_to_the_arm_and_refused_without():
+    """PX4 needs ratios alone: rotors at one metre each way are those of a vehicle that nobody measured."""
+    ratios = {f"CA_ROTOR{n}_P{axis}": np.sign(IRIS[f"CA_ROTOR{n}_P{axis}"]) for n in range(4) for axis in "XY"}
+    with pytest.raises(ModelError, match="--arm METRES"):
+        px4.rotors_of(IRIS | ratios, "own.ulg")
+    for parameters in (IRIS, IRIS | ratios):
+        places = np.array([r.position_B.value for r in px4.rotors_of(parameters, "own.ulg", 0.25)])
+        assert np.max(np.hypot(*places[:, :2].T)) == pytest.approx(0.25)
+    assert np.hypot(*places[:, :2].T) == pytest.approx(0.25)
+
+
 def test_px4_geometry_becomes_forward_left_up():
     arms, rotors = model_of(iris()).vehicle.geometry()
     assert arms.position_B == pytest.approx(

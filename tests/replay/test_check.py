@@ -2,13 +2,17 @@
 
 import html
 import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import wrenchgap as wg
+from tests.replay import health_logs
 from tests.replay.autopilot_logs import true_vehicle
 from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap.flight import cache
@@ -205,6 +209,55 @@ def test_a_model_says_where_the_rotors_are(tmp_path):
     arm = float(np.max(np.hypot(*model.vehicle.geometry()[0].position_B[:, :2].T)))
     assert motors.shape == "centre of mass"
     assert motors.centre == pytest.approx((0.004 / arm, 0.0), abs=0.01)
+
+
+def test_only_flights_of_a_sound_vehicle_are_offered_as_healthy(tmp_path):
+    """Two with a weak motor, two without: the last of those is asked about, the others are no measure of health."""
+    model = wg.load_model("crazyflie")
+    logs = []
+    for number, hidden in enumerate([[], ["rotor_thrust=rotor_0:-0.13"], [], ["rotor_thrust=rotor_0:-0.13"]]):
+        flown = wg.simulate(model, "hover", duration=12.0, seed=number, hide=hidden)
+        logs.append(str(wg.save_log(flown, tmp_path / f"flight{number}.mcap")))
+    command = answer(wg.check(logs, model))[-1][0]
+    assert command.split()[3:].index("-m") == 4, command
+    assert command.startswith(f"next: wrenchgap changed {logs[3]} --healthy {logs[0]} {logs[2]} -m ")
+    command = answer(wg.check([logs[1], logs[3]], model))[-1][0]
+    assert "--healthy HEALTHY_LOG " in command
+
+
+def test_the_next_command_is_one_that_runs(tmp_path, made):
+    """Of a log without an autopilot questions are answered; of a PX4 with ratios, or of ArduPilot, the arm is said."""
+    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=8.0)
+    log = wg.save_log(flown, tmp_path / "own.mcap")
+    assert answer(wg.check(log))[-1][0] == "next: wrenchgap model new --interactive -o vehicle.toml"
+    assert "--arm METRES" in answer(made("bin"))[-1][0]
+    ratios = {f"CA_ROTOR{n}_P{axis}": 1.0 for n in range(4) for axis in "XY"}
+    assert "--arm METRES" in answer(made("ulg", "", Wrong(parameters=ratios)))[-1][0]
+
+
+def test_a_log_that_ends_in_the_air_is_told_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(health_logs, "END", DOWN - 3.0)
+    health = wg.check(ulog(tmp_path / "part.ulg"))
+    assert [one.short for one in statements(health.logs[0])] == ["ends in the air"]
+
+
+def test_what_could_not_be_judged_is_not_called_ordinary(tmp_path):
+    rows = ["stamp,/imu.angular_velocity.x,/imu.angular_velocity.y,/imu.angular_velocity.z"]
+    rows += [f"{0.01 * k},{0.1 * np.sin(k)},0.02,0.01" for k in range(500)]
+    log = tmp_path / "gyro.csv"
+    log.write_text("\n".join(rows), encoding="utf-8")
+    assert not any("nothing out of the ordinary" in line for line, _ in answer(wg.check(log)))
+
+
+def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path):
+    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=6.0)
+    log = wg.save_log(flown, tmp_path / "fl\u00fcg.mcap")
+    done = subprocess.run(
+        [sys.executable, "-m", "wrenchgap", "check", log],
+        env=os.environ | {"PYTHONIOENCODING": "ascii"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "fl?g.mcap" in done.stdout
 
 
 def test_a_log_in_other_units_has_no_phases(tmp_path, run):

@@ -127,7 +127,7 @@ def test_commands_speeds_battery_and_parameters(log, found, tmp_path):
         flight.in_si(found)
 
 
-def firmware_3(autopilots):
+def firmware_3(autopilots, channel="C"):
     """Names and layouts of ArduCopter 3.6: an instance is part of the name, and pulses are 0 while disarmed."""
     log, time, slow = autopilots.Dataflash({"AHRS_EKF_TYPE": 2}), at_rate(200), at_rate(10)
     seen, moved = autopilots.Climb(time), autopilots.Climb(slow)
@@ -147,7 +147,8 @@ def firmware_3(autopilots):
     log.add("CURR", "Qhhh", "TimeUS,Throttle,Volt,Curr", micro(slow), 0.0 * slow, 0.0 * slow + 1580, 0.0 * slow)
     armed = at_rate(50) > 1.0
     moving = armed * (1400 + 10 * np.round(np.sin(at_rate(50))))
-    log.add("RCOU", "QHHH", "TimeUS,C1,C2,C3", micro(at_rate(50)), moving, moving + 100 * armed, 0 * armed)
+    names = ",".join(["TimeUS", *(f"{channel}{n}" for n in (1, 2, 3))])
+    log.add("RCOU", "QHHH", names, micro(at_rate(50)), moving, moving + 100 * armed, 0 * armed)
     return log
 
 
@@ -165,8 +166,10 @@ def test_names_and_layouts_of_firmware_3(autopilots, tmp_path):
     np.testing.assert_allclose(nose[:, 2], np.sin(seen.pitch), atol=1e-6)
 
 
-def test_pulses_begin_when_the_vehicle_is_armed(autopilots, tmp_path):
-    log = firmware_3(autopilots)
+@pytest.mark.parametrize("channel", ["C", "Ch"])
+def test_pulses_begin_when_the_vehicle_is_armed(autopilots, tmp_path, channel):
+    """Channels are Ch1, Ch2, ... up to firmware 3.3."""
+    log = firmware_3(autopilots, channel)
     pulses = flight.load(log.save(tmp_path / "old.bin")).actuators
     assert pulses.unit == "pwm"
     np.testing.assert_array_equal(pulses.rotor_speed[:, 1] - pulses.rotor_speed[:, 0], 100.0)
