@@ -149,6 +149,6 @@ def _drafts(flight: Flight) -> tuple[RotorDraft, ...]:
     try:
         if autopilot.name == "ArduPilot":
             return ardupilot.rotors_from(autopilot.parameters, 1.0, flight.path.name)
-        return px4.rotors_of(autopilot.parameters, flight.path.name)
+        return px4.rotors_of(autopilot.parameters, flight.path.name, arm=1.0)
     except ModelError:  # a frame that is not in the table
         return ()

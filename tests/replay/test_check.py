@@ -232,7 +232,9 @@ def test_the_next_command_is_one_that_runs(tmp_path, made):
     assert answer(wg.check(log))[-1][0] == "next: wrenchgap model new --interactive -o vehicle.toml"
     assert "--arm METRES" in answer(made("bin"))[-1][0]
     ratios = {f"CA_ROTOR{n}_P{axis}": 1.0 for n in range(4) for axis in "XY"}
-    assert "--arm METRES" in answer(made("ulg", "", Wrong(parameters=ratios)))[-1][0]
+    health = made("ulg", "", Wrong(parameters=ratios))
+    assert "--arm METRES" in answer(health)[-1][0]
+    assert all(m.rotor.x is not None for m in health.logs[0].motors.motors)
 
 
 def test_a_log_that_ends_in_the_air_is_told_so(tmp_path, monkeypatch):
