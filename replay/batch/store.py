@@ -104,7 +104,7 @@ class Store:
             yield
             return
         _, root = self._at
-        with os.fdopen(os.open(f"{root}/run.json", os.O_RDWR | os.O_NOFOLLOW), "rb+") as file:
+        with os.fdopen(os.open(f"{root}/run.json", os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
             try:
                 lock(file)
             except BlockingIOError:
