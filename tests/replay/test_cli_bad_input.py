@@ -245,7 +245,7 @@ def test_a_working_folder_that_is_gone_is_told(tmp_path):
 def real(said, folder):
     """A real process, started by a shell so that it has an environment and limits of its own, and no setting of numba
     that another test's work left behind.
-    """  # noqa: D205
+    """
     own = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "MPL"))}
     command = ["sh", "-c", said]
     return subprocess.run(command, cwd=folder, env=own, capture_output=True, text=True, check=False, timeout=60)
