@@ -78,12 +78,12 @@ class Dataset:
         out = {}
         for axis in self.answering:
             trusted = ~self.untrusted[:, axis]
-            out[axis] = every = wholly(self.by_band(signals, trusted))
+            out[axis] = every = wholly(self.with_gains(signals, trusted))
             gain = by_parts(self.answer_gains[:, axis, of] * trusted[:, None])
             if np.isfinite(gain).all():
-                size = every.out_of(self.by_band(left[:, axis], trusted))
+                size = every.out_of(self.with_gains(left[:, axis], trusted))
                 noise = max(float(np.std(size)), self.noise[axis]) / np.sqrt(self.independence)
-                out[axis] = partly(self.by_band(in_parts(signals), gain) / noise)
+                out[axis] = partly(self.with_gains(in_parts(signals), gain) / noise)
         return out
 
     @cached_property
@@ -158,10 +158,10 @@ class Dataset:
         out = values.copy()
         for axis in axes:
             if self.untrusted[1:, axis].any():
-                out[:, axis] = self.by_band(values[:, axis], ~self.untrusted[:, axis])
+                out[:, axis] = self.with_gains(values[:, axis], ~self.untrusted[:, axis])
         return out
 
-    def by_band(self, values: Array, gains: NDArray[Any]) -> Array:
+    def with_gains(self, values: Array, gains: NDArray[Any]) -> Array:
         """Values (K, ...) times a gain (bands, ...) in each band of frequency, block by block of time; the means over
         blocks are left in.
         """  # noqa: D205

@@ -115,11 +115,13 @@ def trend(
     model: Model,
     names: Sequence[str] = (),
     *,
+    answering: Sequence[int] | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Trend:
     """Fit `names` (else the effects of the model, else `TRIMS`) to each flight and follow every parameter.
 
-    Other effects of the model stay as they are; those that a flight does not allow are left out of all. Raises
+    `answering` are the axes on which commands answer the motion, by default those on which that is seen. Other effects
+    of the model stay as they are; those that a flight does not allow are left out of all. Raises
     UsageError for fewer than two flights, or where none of the default effects can be fitted; FitError for a named
     effect that a flight does not allow.
     """
@@ -129,7 +131,8 @@ def trend(
     chosen, left_out = _effects(flights, model, names)
     usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
     alike = replace(usable, between_flights=None)
-    answering = answering_axes([timing_of(one, model) for one in flights])
+    if answering is None:
+        answering = answering_axes([timing_of(one, model) for one in flights])
     fits = []
     for k, one in enumerate(flights):
         report(k / len(flights), f"fitting {one.records[0].flight}")

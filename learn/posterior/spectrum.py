@@ -20,7 +20,16 @@ from scipy.fft import dct
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.feedback_regressors import REGRESSORS, answers, by_parts, in_parts, partly, spanned, wholly
+from wrenchgap.learn.data.feedback_regressors import (
+    REGRESSORS,
+    answers,
+    by_parts,
+    in_parts,
+    partly,
+    slowly_answerable,
+    spanned,
+    wholly,
+)
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.sensor_noise import coefficient_shapes
@@ -107,7 +116,7 @@ class Spectrum(LinearProblem):
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
         explains, the means of the blocks apart, weighed by the spectrum of what the model leaves. Of all but what the
         model leaves take out, too, the disturbance (`_disturbed`) and how means over blocks go with the commands'
-        (`_slow_answers`): so what an effect explains there is the mean of a flight, and what nothing answers.
+        (`slowly_answerable`): so what an effect explains there is the mean of a flight, and what nothing answers.
         """  # noqa: D205
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
@@ -117,7 +126,8 @@ class Spectrum(LinearProblem):
         free = transformed(data.records, signals[:, None], seconds, without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
         moved = transformed(data.records, measured[:, :, None], seconds, without_mean=True)[0][:, :, 0]
-        slow = self._slow_answers(data)
+        slow = slowly_answerable(data.records, self.block, data.flight).basis[self.starts]
+        slow *= np.sqrt(np.bincount(self.block))[:, None]  # of means: a coefficient is a mean times that
         for k in answering:
             known = ~self.silent[:, k, None]
             weight = self._weight(k, self.coefficients[:, k, 0])
@@ -147,18 +157,6 @@ class Spectrum(LinearProblem):
         power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
         disturbed = power > self.settings.structure**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])
-
-    def _slow_answers(self, data: Dataset) -> Array:
-        """Orthonormal basis (blocks, B) of how the commands' means over blocks differ within a flight."""
-        sent = np.concatenate([r.commanded for r in data.records])
-        means = transformed(data.records, sent[:, :, None], self.settings.block)[0][self.starts, :, 0]
-        size = np.sqrt(np.bincount(self.block))
-        flight = data.flight[self.starts]
-        for one in np.unique(flight):
-            own = flight == one
-            level = size[own] / np.linalg.norm(size[own])
-            means[own] -= np.outer(level, level @ means[own])
-        return spanned(means)
 
     def _products(self) -> Array:
         rows = self.coefficients.transpose(1, 2, 0)

@@ -21,7 +21,7 @@ def refused_setting(error: BaseException) -> str | None:
         if found := [f"{name}={value}" for name, value in os.environ.items() if name.startswith(SETTINGS[library])]:
             said = (str(error).splitlines() or [""])[0] or type(error).__name__
             return (
-                f"{library} does not work with {', '.join(found)} in the environment ({said}); unset it and try again"
+                f"{library} failed where {', '.join(found)} is set in the environment ({said}); unset it and try again"
             )
     return None
 
@@ -46,8 +46,9 @@ def removed_kernels(error: BaseException) -> str | None:
 
 
 def _indices(folder: Path) -> Iterator[Path]:
-    """Those in this folder of numba's and in all others: beside our modules, or beside the folder in numba's cache."""
-    places = [folder, *folder.parent.iterdir()]
-    if folder.name == "__pycache__":
-        places = [folder, *(Path(place) for place, _, _ in os.walk(Path(__file__).parent, followlinks=True))]
-    return (index for place in places for index in place.glob("*.nbi"))
+    """Those in this folder and in all others of our modules, beside them or in numba's cache; not other projects'."""
+    ours = [Path(place) for place, _, _ in os.walk(Path(__file__).parent, followlinks=True)]
+    if folder.name != "__pycache__":  # numba names a folder by the last name of that of the module, and a hash
+        names = {place.name for place in ours}
+        ours = [place for place in folder.parent.iterdir() if place.name.rpartition("_")[0] in names]
+    return (index for place in (folder, *ours) for index in place.glob("*.nbi"))
