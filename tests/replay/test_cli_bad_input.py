@@ -281,7 +281,7 @@ def test_json_to_standard_output_is_all_that_is_there(logs, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["f.png"]
 
 
-def test_one_run_removes_damaged_kernels_of_every_folder(tmp_path):
+def test_one_run_removes_damaged_kernels_of_every_folder_of_ours(tmp_path):
     code = "from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
