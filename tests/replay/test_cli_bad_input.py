@@ -283,20 +283,24 @@ def test_json_to_standard_output_is_all_that_is_there(logs, tmp_path):
 
 def test_one_run_removes_damaged_kernels_of_every_folder_of_ours(tmp_path):
     code = "from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
-    for name in ("first", "second"):
+    for name in ("learn", "plant"):
         (tmp_path / name).mkdir()
         (tmp_path / name / f"{name}_kernel.py").write_text(code, encoding="utf-8")
     (tmp_path / "both.py").write_text(
-        "import sys\nsys.path += ['first', 'second']\nimport first_kernel, second_kernel\n"
+        "import sys\nsys.path += ['learn', 'plant']\nimport learn_kernel, plant_kernel\n"
         "from wrenchgap.replay.cli.main import report\n"
-        "try:\n    print(first_kernel.twice(2), second_kernel.twice(3))\n"
+        "try:\n    print(learn_kernel.twice(2), plant_kernel.twice(3))\n"
         "except Exception as error:\n    sys.exit(report(error))\n"
     )
     said = f"NUMBA_CACHE_DIR={tmp_path}/kernels {sys.executable} both.py"
     assert real(said, tmp_path).stdout == "4 6\n"
     for index in (tmp_path / "kernels").rglob("*.nbi"):
         index.write_bytes(b"")
+    other = tmp_path / "kernels" / "elsewhere_0" / "kernel.nbi"
+    other.parent.mkdir()
+    other.write_bytes(b"of another project")
     assert real(said, tmp_path).returncode == 2
+    assert other.exists()
     assert real(said, tmp_path).stdout == "4 6\n"
 
 
