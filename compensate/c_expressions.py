@@ -1,7 +1,5 @@
 """Expressions of Python as C99: arithmetic, comparisons, choices, calls of `math`."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import dataclass
 

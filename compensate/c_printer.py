@@ -6,8 +6,6 @@ The functions say little that C does not say in the same words: assignments, `fo
 pointer. Anything else raises `Unprintable`, with the line.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 from dataclasses import dataclass, field

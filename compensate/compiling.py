@@ -1,7 +1,5 @@
 """Decorators of the compiled step: what numba makes of a function, and whether `replay.export` prints it too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

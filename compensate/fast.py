@@ -5,8 +5,6 @@ the physics (`compensate.kernels`). Where Newton does not settle a step, nlopt's
 functions.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

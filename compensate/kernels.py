@@ -13,8 +13,6 @@ change of `plant.trace.tape` asks for one here.
 # ruff: noqa: SIM110, no generators here
 # Long because it is the whole step: a file for each part would be compiled stale when another changes.
 
-from __future__ import annotations
-
 import math
 
 from wrenchgap.compensate import fast_exp

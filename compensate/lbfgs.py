@@ -10,8 +10,6 @@ the search alone: acceptance always looks at J. (The paper's |W_cmd|^2 contains 
 threshold of 1e-4: even 1e-6 of it would decide everything.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

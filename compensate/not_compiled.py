@@ -1,7 +1,5 @@
 """Why a compensator is slow; a file of its own, since `replay.present` reports it without compiling anything."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

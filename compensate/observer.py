@@ -22,8 +22,6 @@ the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That
 bounds k, which comes from the log (`learn.identify.observer`). A delay cannot be worked against.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import ClassVar

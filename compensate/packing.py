@@ -3,8 +3,6 @@
 The order is that of `compensate.tables.layout`. `views_module` prints the function that finds the parts again.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, get_type_hints
 

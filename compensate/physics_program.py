@@ -8,8 +8,6 @@ y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V]; whether n
 angles sent last (A,) [rad]; what follows late remembers (M,), with a `lead` only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

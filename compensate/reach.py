@@ -22,8 +22,6 @@ inside. The penalty of the search is 1, in limits: on 180 random demands on thre
 came to 1e-3 of the authority of the best, with 3 to 6e-4, with 0.3 to 4e-2 and with 10 to 6e-3.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Many steps of a compensation at once, as a replay takes them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from time import perf_counter
 

@@ -1,7 +1,5 @@
 """The state as a row of numbers, the input of a step of the compensation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -13,8 +13,6 @@ and of a tape: LINES, of which SLOPED have tangents, ASKED inputs, FREE ones, RE
 `compensate.generated.views`, which finds the parts in one array again, is printed from it (`make generated`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 

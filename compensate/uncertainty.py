@@ -12,8 +12,6 @@ threshold must lie: sigma_th is half way between the floor (99th percentile over
 sigma (infinitely far away), and kappa = 9.2 / gap makes beta go from 1 % to 99 % between the two.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

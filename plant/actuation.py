@@ -10,8 +10,6 @@ the arm's sums S_i = sum T_r and Q_i = sum spin_r kappa_r T_r, times cos(alpha_i
 Source: Bodie et al., "An omnidirectional aerial manipulation platform", RSS 2019.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -15,8 +15,6 @@ turns an arm whose range is wider than half a turn would stand at a stop althoug
 Rotor speeds are limited in range.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

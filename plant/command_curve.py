@@ -14,8 +14,6 @@ Sources: that form is PX4's THR_MDL_FAC and ArduPilot's MOT_THST_EXPO (both proj
 with the power of voltage: a motor's speed in proportion to voltage at a given duty, and thrust to its square.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

@@ -15,8 +15,6 @@ if the centre of mass were there.
 With exact tracking of the wrench the errors obey x'' + 2 zeta w x' + w^2 x = 0 (attitude: for small angles).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

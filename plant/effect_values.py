@@ -1,7 +1,5 @@
 """Effects with values as text, `com_offset=x:0.004,y:-0.007`: parsed, checked for a vehicle, put into a model."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

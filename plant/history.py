@@ -7,8 +7,6 @@ chain can be read when the parents' files are gone. A change by hand between two
 its own as soon as the next one is written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum

@@ -13,8 +13,6 @@ All are known before the next command is chosen, so that a model that has them i
 command alone (`plant.mismatch.Follower`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A trial of a user effect on one vehicle: arguments of `apply` for a few samples in motion, and its results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any, cast

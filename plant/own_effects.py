@@ -8,8 +8,6 @@ says the same sample by sample as for all samples at once (simulation and identi
 Every message begins with the file and the line. How to write one: docs/effects/your-own.md.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import importlib.util

@@ -6,8 +6,6 @@ found and what is expected: `vehicle.arms[2].rotors[0].c_f: got -1.0, expected a
 docs/decisions/0014-validating-reader.md says why.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping
 from copy import copy

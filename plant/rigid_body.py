@@ -15,8 +15,6 @@ so the angular acceleration comes first and nothing is coupled back:
 Source: Newton and Euler; e.g. Featherstone, Rigid Body Dynamics Algorithms, ch. 2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@
 expressions (docs/decisions/0026-compiled-kernels.md).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -16,8 +16,6 @@ A process that also looks at past commands feeds its own corrections back. At fr
 the last command itself, so that |A^-1 dmu/dpast| < 1 is wanted as well; its inverse is a margin of the same kind.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ A rotor on arm i sits at `p_arm + offset n(alpha)` and makes the thrust `T = c_f
 `-spin kappa T n` (spin +1: turns counter-clockwise about n, so its drag torque points along -n).
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cached_property

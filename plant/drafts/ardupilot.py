@@ -8,8 +8,6 @@ INS_POS1_* are in x forward, y right, z down. Source: ArduPilot parameter refere
 (ardupilot.org), AP_MotorsMulticopter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Frames as in `plant.vehicle`: B is x forward, y left, z up. `completed` estimate
 source states; every estimate is marked as assumed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -5,8 +5,6 @@ the motors of quad_x and hexa_x alike. Source: the frame classes and types of Ar
 and Motors"; AP_MotorsMatrix), and PX4's airframe reference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError

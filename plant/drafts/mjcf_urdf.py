@@ -6,8 +6,6 @@ what MuJoCo makes of a root link differs between its versions. Rotors of MJCF ar
 the torque.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The text of the model file of a draft: every number has a comment with its source."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@ the ESCs the root of f s^2 + (1 - f) s = u. With THR_MDL_FAC = 0 it sends u itse
 Source: PX4 parameter reference and "Control Allocation" (docs.px4.io).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

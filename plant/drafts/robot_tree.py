@@ -14,8 +14,6 @@ momentConstant thrust [m] against the turning direction, which is seen from abov
 gazebo_motor_model; gz-sim, MulticopterMotorModel.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

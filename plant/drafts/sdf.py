@@ -4,8 +4,6 @@ A pose is x y z roll pitch yaw, of a link in the model, of a joint in its child,
 `relative_to` names another frame. Included models are not fetched. Source: sdformat.org, specification 1.4 to 1.12.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import Element
 

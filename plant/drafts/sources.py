@@ -1,7 +1,5 @@
 """From a log, parameters, a robot description or answers of the user to a draft of a model."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

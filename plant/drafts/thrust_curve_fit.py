@@ -6,8 +6,6 @@ of the flight is small (`FitLimits.max_std`); else the assumed f stays, and T_ma
 Source: Newton's second law along the thrust; Efron, "The jackknife", 1982.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

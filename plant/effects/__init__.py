@@ -5,8 +5,6 @@ through the entry point group `wrenchgap.effects`. A user's own file is checked 
 here for the running process.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import pkgutil

@@ -1,7 +1,5 @@
 """An accelerometer with an offset."""
 
-from __future__ import annotations
-
 from wrenchgap.plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
 
 

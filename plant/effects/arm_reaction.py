@@ -1,7 +1,5 @@
 """Arms that are swung, and the body that swings back."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import (

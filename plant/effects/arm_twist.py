@@ -1,7 +1,5 @@
 """Arms that twist under load."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

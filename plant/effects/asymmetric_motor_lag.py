@@ -1,7 +1,5 @@
 """Rotors that speed up and slow down with different time constants."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Rotors that climb or sink through the air."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle, hover_rotor

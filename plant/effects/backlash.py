@@ -1,7 +1,5 @@
 """Play in the tilt mechanism."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Air drag of the airframe."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span

@@ -1,7 +1,5 @@
 """Air drag of the airframe with an area per axis."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY

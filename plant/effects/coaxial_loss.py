@@ -1,7 +1,5 @@
 """The lower rotor of a coaxial pair works in the upper one's wake."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

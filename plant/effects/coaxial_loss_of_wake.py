@@ -1,7 +1,5 @@
 """The lower rotor of a coaxial pair loses what the upper one's wake takes from it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.coaxial_loss import CoaxialLoss, above

@@ -1,7 +1,5 @@
 """Centre of mass away from where the model has it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands that arrive late."""
 
-from __future__ import annotations
-
 from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
 from wrenchgap.plant.effects.lag import delay
 from wrenchgap.plant.vehicle import Vehicle

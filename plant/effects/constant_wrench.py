@@ -1,7 +1,5 @@
 """A force and torque that never change, fixed in the body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect

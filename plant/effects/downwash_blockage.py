@@ -1,7 +1,5 @@
 """Rotors that blow at parts of the airframe."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle, tilting_arms

@@ -1,7 +1,5 @@
 """Rotor drag torque other than the model's."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque

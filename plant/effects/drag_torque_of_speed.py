@@ -1,7 +1,5 @@
 """Rotor drag torque that the speed sets, whatever becomes of the thrust."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque

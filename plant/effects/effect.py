@@ -20,8 +20,6 @@ Effects at one place commute or are applied in the order of `order` then `name`,
 were added, so that a model does not depend on its history.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Rotors near the ground lift more."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.flight.so3 import rotate

@@ -1,7 +1,5 @@
 """Near the ground all rotors lift more by the same factor."""
 
-from __future__ import annotations
-
 from wrenchgap.plant.effects.effect import Actuation, Array, Context
 from wrenchgap.plant.effects.ground_effect import GroundEffect
 

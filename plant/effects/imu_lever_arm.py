@@ -1,7 +1,5 @@
 """An IMU that sits elsewhere than the model has it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An IMU that is mounted askew."""
 
-from __future__ import annotations
-
 from wrenchgap.plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
 from wrenchgap.plant.wrench_model import cross
 

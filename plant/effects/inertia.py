@@ -1,7 +1,5 @@
 """Inertia other than the model's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@ exactly
 with one sample the same as one call with N.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

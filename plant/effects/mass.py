@@ -1,7 +1,5 @@
 """Mass other than the model's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from wrenchgap.plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle, is_tight, with_prior

@@ -1,7 +1,5 @@
 """Something fixed to the vehicle that the model does not know of."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span

@@ -1,7 +1,5 @@
 """Rotors resist moving in their own plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant import rotor_kernels

@@ -1,7 +1,5 @@
 """The angular momentum of the rotors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, pure_torque

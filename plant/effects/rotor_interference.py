@@ -1,7 +1,5 @@
 """Rotors in the wake of the neighbouring arms."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

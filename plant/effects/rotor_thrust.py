@@ -1,7 +1,5 @@
 """Single rotors stronger or weaker than the model."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect

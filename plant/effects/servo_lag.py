@@ -1,7 +1,5 @@
 """Tilt servos that follow late."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, tilting_arms

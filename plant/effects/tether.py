@@ -1,7 +1,5 @@
 """A force that keeps its direction in the world, at a point of the body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.flight.so3 import rotate_inverse

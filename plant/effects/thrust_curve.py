@@ -1,7 +1,5 @@
 """Thrust over the command that is not the square of a rotor speed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.flight.flight import GRAVITY

@@ -1,7 +1,5 @@
 """Thrust that falls steadily with time, where no voltage says why."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect

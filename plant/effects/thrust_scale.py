@@ -1,7 +1,5 @@
 """All rotors stronger or weaker by the same factor."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect

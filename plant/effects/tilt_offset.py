@@ -1,7 +1,5 @@
 """Arms that stand at another angle than commanded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, tilting_arms

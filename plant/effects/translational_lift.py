@@ -1,7 +1,5 @@
 """Rotors that fly sideways lift more."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wrenchgap.plant.effects.body_drag import too_slow

@@ -1,7 +1,5 @@
 """Air that moves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

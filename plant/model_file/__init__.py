@@ -1,7 +1,5 @@
 """Model files: TOML, checked whole on reading, comments kept on writing. Their keys: docs/model-file.md."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The keys of a model file and the model that they describe. docs/model-file.md explains them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Annotated, Any

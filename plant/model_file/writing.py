@@ -1,7 +1,5 @@
 """The text of a model file: the user's own text with comments and order kept, its effects and history rewritten."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import fields, replace

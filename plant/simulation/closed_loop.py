@@ -16,8 +16,6 @@ The wrench is evaluated once per step and held in B over it; the rigid body is i
 State-dependent effects are therefore first-order accurate in the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal

@@ -5,8 +5,6 @@
 e and a are what a recorded flight computer sent beyond law and allocation (`RecordedPilot`); zero in a simulation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

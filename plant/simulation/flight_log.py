@@ -1,7 +1,5 @@
 """A simulated closed loop as a flight: its log. `plant.simulation.closed_loop` says what the stamps mean."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans of simulated flights: the believed model, effects hidden from it, the trajectory."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace

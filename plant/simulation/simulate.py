@@ -7,8 +7,6 @@ Instants are t_k = k / rate, exact; `plant.simulation.closed_loop` says how long
 sees.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Traced effects: their own `apply`, called on arrays that record every operation (`plant.trace.arrays`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 

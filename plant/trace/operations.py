@@ -4,8 +4,6 @@ numba compiles these functions (`plant.trace.tape`), a tape works out with them 
 export is printed from their source (`replay.export.c_lines`), for which each `return` is one expression.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import math

@@ -5,8 +5,6 @@ Walther, "Evaluating Derivatives", 2nd ed., 2008, ch. 3); an export prints it as
 constants are evaluated while writing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

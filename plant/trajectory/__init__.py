@@ -9,8 +9,6 @@ Zhang et al., "Learning dynamics for improving control of overactuated flying sy
 no equation (the slopes of the tilt, the figure-8), the form is our choice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

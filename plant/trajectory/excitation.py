@@ -1,7 +1,5 @@
 """Excitation on top of a trajectory: a multisine on all six axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -10,8 +10,6 @@ Reading checks every key (plant.reader). The motion is exactly that of the file:
 before it was judged. docs/design-flights.md lists the keys.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Mapping

@@ -14,8 +14,6 @@ A vehicle that pushes along body z only takes its attitude from the thrust (`pla
 not tilt. `plant.trajectory.file` reads and writes these trajectories.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Trajectories: hover, tilts, figure-8, circle, step, the reference of a log; and the attitude of a thrust."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
