@@ -12,32 +12,28 @@ uncertainty filter lets go of that part alone: far from the data the physics sta
 
 # Long because one object is the whole step; the loop kernels and their limits have files of their own.
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.kernels import is_plausible
-from wrenchgap.compensate.lbfgs import Optimiser
-from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate import kernels
+from wrenchgap.compensate.fast import Limits, Plan, Stepper, plan
+from wrenchgap.compensate.lbfgs import NotCompiled, Optimiser
 from wrenchgap.compensate.physics import Fixed, PhysicsMismatch, Sum
 from wrenchgap.compensate.reach import Reach, reach_of
-from wrenchgap.compensate.state_row import IMPLAUSIBLE, looked_at, state_row
+from wrenchgap.compensate.tables import IMPLAUSIBLE, looked_at, state_row
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
+from wrenchgap.plant.trace.arrays import Untraceable
 from wrenchgap.plant.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from wrenchgap.compensate.fast import Plan, Stepper
 
 Solver = Literal["newton", "lbfgs", "onboard"]
 
@@ -185,16 +181,10 @@ class Compensator:
         self.reset()
 
     def _compiled(self, bound: Array, known: Array, accept: float) -> Stepper | None:
-        """Compiled steps; None where the settings exclude them, or where a model cannot be compiled.
-
-        The latter is kept in `not_compiled`.
-        """
+        """Compiled steps; None where the settings exclude them, or, as `not_compiled` says, where a model does."""
         s = self.settings
         if s.solver == "lbfgs" or (s.solver == "newton" and s.regulariser > 0.0):
             return None
-        from wrenchgap.compensate.fast import Limits, Stepper, plan
-        from wrenchgap.plant.trace.arrays import Untraceable
-
         limits = Limits(bound, known, self.reach, accept, s.max_evaluations, s.dt, s.solver == "onboard")
         try:
             step_plan = plan(self.model, self.physics, self.uncertainty, limits)
@@ -241,7 +231,12 @@ class Compensator:
         started = perf_counter()
         self.check_voltage(state)
         if self._fast is not None:
-            return self._fast_step(self._fast, wanted, state, started)
+            if state is None and self.needs_state:
+                for follower in self._following:
+                    follower.model_at(None)  # says which model it is that needs the state
+            row = self._fast.one(wanted, state)
+            self._stepped = True
+            return result_of(row.copy(), self._fast.trouble, perf_counter() - started)
         wrench, limited = (wanted, False) if self.reach is None else self.reach.nearest(wanted)
         if state is not None and self.needs_state and not plausible(state, powered=self._powered):
             self.forget()
@@ -279,14 +274,6 @@ class Compensator:
         """Raise UsageError where an effect needs the voltage and the states have none at all."""
         if self._powered and states is not None and states.voltage is None:
             raise UsageError("compensate: effect battery_sag needs the voltage, and the state has none")
-
-    def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
-        if state is None and self.needs_state:
-            for follower in self._following:
-                follower.model_at(None)  # says which model it is that needs the state
-        row = fast.one(wrench, state)
-        self._stepped = True
-        return result_of(row.copy(), fast.trouble, perf_counter() - started)
 
     def steps_compiled(self, with_states: bool) -> Stepper | None:
         """What makes many steps at once; None where `rows_by_step` must, one after the other. See `compensate.run`."""
@@ -375,7 +362,7 @@ def wrench_of(wrench_des: ArrayLike) -> Array:
 
 def plausible(state: State, *, powered: bool = False) -> bool:
     """Whether the first state is one that a flight can have; its voltage too where an effect is `powered`."""
-    return bool(is_plausible(looked_at(True, powered=powered), state_row(state)))
+    return bool(kernels.plausible(looked_at(True, powered=powered), state_row(state)))
 
 
 def _accept(model: MismatchModel | Follows, settings: Settings, most: float = 1e-4, share: float = 0.02) -> float:

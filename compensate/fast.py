@@ -20,8 +20,7 @@ from wrenchgap.compensate.packing import packed
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.physics_program import PhysicsPrograms, trace
 from wrenchgap.compensate.reach import Reach, no_reach
-from wrenchgap.compensate.state_row import IMPLAUSIBLE, STATE, looked_at, state_row
-from wrenchgap.compensate.tables import Compensation, Gate, Process, Tape
+from wrenchgap.compensate.tables import IMPLAUSIBLE, STATE, Compensation, Gate, Process, Tape, looked_at, state_row
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import (
@@ -284,7 +283,7 @@ class Stepper:
     def expected(self, wrench: Array) -> Array:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""
         found = np.zeros(len(self.plan.gate.rows))
-        kernels.expected(self._compensation, self._room, np.array(wrench, dtype=float), found)
+        kernels.mismatch(self._compensation, self._room, np.array(wrench, dtype=float), found)
         return found
 
     def _hand_over(self, wanted: Array, state: Array, out: Array, expects: bool) -> None:

@@ -15,11 +15,11 @@ change of `plant.trace.tape` asks for one here.
 
 import math
 
-from wrenchgap.compensate import fast_exp
+from wrenchgap.compensate import compiling
 from wrenchgap.compensate.compiling import external, kernel, opening, printed, replaced, sums
 from wrenchgap.compensate.generated.views import opened
-from wrenchgap.compensate.state_row import LARGEST
 from wrenchgap.compensate.tables import (
+    LARGEST,
     Actuators,
     Compensation,
     Everything,
@@ -211,7 +211,7 @@ def dot(a: Array, b: Array, count: int) -> float:
     return total
 
 
-@replaced(by=fast_exp.gaussians)
+@replaced(by=compiling.gaussians)
 def gaussians(row: Points) -> None:
     """exp(-row / 2) in place of a row."""
     for n in range(len(row)):
@@ -911,51 +911,8 @@ def linearise(c: Compensation, w: Room, x: Array, process: bool) -> None:
 
 
 @kernel
-def expected(c: Compensation, w: Room, wrench: Array, found: Array) -> None:
-    """`mismatch` of any command in the last period."""
-    mismatch(c, w, wrench, found)
-
-
-@kernel
-def nearest_wrench(r: ReachTable, w: ReachRoom, wrench: Array) -> bool:
-    """`nearest`, for Python."""
-    return nearest(r, w, wrench)
-
-
-@kernel
 def is_inside(r: ReachTable, w: ReachRoom, wrench: Array) -> bool:
     """Whether the vehicle makes a wrench (6,) [N, Nm] with no limit met."""
     for i in range(6):
         w.shares[i] = wrench[i] / r.authority[i]
     return inside(r, w.shares, w.x)
-
-
-@kernel
-def is_plausible(looked: Looked, state: Array) -> bool:
-    """`plausible`, for Python."""
-    return plausible(looked, state)
-
-
-@kernel
-def watch(o: Observer, s: Observed, omega: Array) -> None:
-    """`observe`, for Python."""
-    observe(o, s, omega)
-
-
-@kernel
-def remember(s: Observed, torque: Array) -> None:
-    """`remember_asked`, for Python."""
-    remember_asked(s, torque)
-
-
-@kernel
-def stop(s: Observed) -> None:
-    """`stop_watching`, for Python."""
-    stop_watching(s)
-
-
-@kernel
-def limit(r: ReachTable, w: ReachRoom, s: Observed, wanted: Array, command: Array, correction: Array) -> None:
-    """`take_back` and `stop_watching`, for Python."""
-    take_back(r, w, s, wanted, command, correction)
-    stop_watching(s)

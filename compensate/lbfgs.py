@@ -31,6 +31,13 @@ SEARCH_ERRORS: tuple[type[Exception], ...] = (
 
 
 @dataclass(frozen=True)
+class NotCompiled:
+    """A compensator steps plain models with L-BFGS, tens of times as slow, because of `reason`."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
 class Optimum:
     """Where a search ended.
 

@@ -31,11 +31,10 @@ from numpy.typing import ArrayLike
 
 from wrenchgap.compensate import kernels
 from wrenchgap.compensate.compensator import Compensator, Result, largest_correction, plausible, wrench_of
-from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
-from wrenchgap.compensate.state_row import IMPLAUSIBLE
-from wrenchgap.compensate.tables import Observed, Observer
+from wrenchgap.compensate.tables import IMPLAUSIBLE, Observed, Observer
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import KnowsItsData, output_indices
@@ -166,7 +165,7 @@ class Combined:
             self.feedforward.check_voltage(state)
         known = plausible(state)
         if known:
-            kernels.watch(self.table, self._observed, np.array(omega))
+            kernels.observe(self.table, self._observed, np.array(omega))
         observed = np.concatenate((np.zeros(3), self._observed.estimate))
         demand, limited = self.reach.nearest(wrench - observed)
         if not known:
@@ -179,7 +178,7 @@ class Combined:
             correction = np.zeros(len(AXES)) if self.feedforward is None else result.correction
             self.reach.take_back(self._observed, wrench, result.wrench_cmd, correction)
         elif math.isfinite(result.cost):
-            kernels.remember(self._observed, np.array(demand[3:]))
+            kernels.remember_asked(self._observed, np.array(demand[3:]))
         else:
             self._hold()
         if limited and self.feedforward is not None:
@@ -190,7 +189,7 @@ class Combined:
 
     def _hold(self) -> None:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
-        kernels.stop(self._observed)
+        kernels.stop_watching(self._observed)
         if self.feedforward is not None:
             self.feedforward.forget()
 

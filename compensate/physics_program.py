@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.compensate.state_row import STATE
+from wrenchgap.compensate.tables import STATE
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect

@@ -94,12 +94,13 @@ class Reach:
     def take_back(self, observed: Observed, wanted: Array, command: Array, correction: Array) -> None:
         """What an observer does behind a period in which its vehicle could not make what it was to (`kernels`)."""
         given = (np.array(values, dtype=float) for values in (wanted, command, correction))
-        kernels.limit(self.table, self._room(), observed, *given)
+        kernels.take_back(self.table, self._room(), observed, *given)
+        kernels.stop_watching(observed)
 
     def nearest(self, wrench: Array) -> tuple[Array, bool]:
         """The reachable wrench (6,) nearest to one of numbers that are no nan, and whether it is another."""
         found = np.array(wrench, dtype=float)
-        return found, bool(kernels.nearest_wrench(self.table, self._room(), found))
+        return found, bool(kernels.nearest(self.table, self._room(), found))
 
 
 @lru_cache(maxsize=8)

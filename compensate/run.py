@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.compensate.compensator import Compensator
 from wrenchgap.compensate.kernels import EXPECTED, LIMITED
-from wrenchgap.compensate.state_row import STATE, rows_of
+from wrenchgap.compensate.tables import STATE, rows_of
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 

@@ -13,6 +13,7 @@ and of a tape: LINES, of which SLOPED have tangents, ASKED inputs, FREE ones, RE
 `compensate.generated.views`, which finds the parts in one array again, is printed from it (`make generated`).
 """
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant.state import State
 
 Ints = NDArray[np.int64]
 
@@ -268,3 +270,39 @@ def layout(kind: Any, path: tuple[str, ...] = ()) -> Iterator[Entry]:
             sizes = [size for size in hint.__metadata__ if size != "int"]
             named = [f"{path[-1].upper()}_{s}" if isinstance(s, str) and not s.startswith("WG_") else s for s in sizes]
             yield Entry(here, get_args(hint)[0] == Ints, tuple(named))
+
+
+# -- the state as a row of numbers, an input of a step --
+
+LARGEST = {
+    **{f"position_{k}": 1e8 for k in "xyz"},
+    **{f"quat_{k}": 2.0 for k in "wxyz"},
+    **{f"velocity_{k}": 1e3 for k in "xyz"},
+    **{f"omega_{k}": 1e3 for k in "xyz"},
+    "time": 1e10,
+    "voltage": 1e4,
+}
+"""Largest numbers that the state of a flight can have; beyond is a fault. In E and B, in SI units: geocentric positions
+and the time of day fit in."""
+STATE = tuple(LARGEST)
+"""Names of the state's numbers, in their order."""
+IMPLAUSIBLE = "the state is not finite, or none that a flight can have: no correction"
+
+
+def rows_of(states: State) -> Array:
+    """States (K, 15) as `STATE`; nan for a voltage that is not known."""
+    voltage = np.full(len(states.time), np.nan) if states.voltage is None else states.voltage
+    parts = (states.position_E, states.quat_EB, states.velocity_E, states.omega_B)
+    return np.hstack([*parts, states.time[:, None], voltage[:, None]])
+
+
+def state_row(state: State) -> Array:
+    """The first of the states (15,)."""
+    voltage = [math.nan] if state.voltage is None else state.voltage[:1]
+    parts = (state.position_E[0], state.quat_EB[0], state.velocity_E[0], state.omega_B[0], state.time[:1], voltage)
+    return np.concatenate(parts)
+
+
+def looked_at(moves: bool, *, powered: bool) -> Ints:
+    """Which numbers of a state (15,) must be such as a flight can have: of all the motion, or none; the voltage."""
+    return np.array([moves] * (len(STATE) - 1) + [powered], dtype=np.int64)

@@ -21,7 +21,7 @@ import numpy as np
 
 from wrenchgap import flight
 from wrenchgap.compensate import Combined, Compensator
-from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.prediction import process_inputs

@@ -18,7 +18,7 @@ from wrenchgap.compensate.c_expressions import INT
 from wrenchgap.compensate.c_printer import bounds, fields_of, name_of_constant
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.run import run
-from wrenchgap.compensate.state_row import STATE, rows_of
+from wrenchgap.compensate.tables import STATE, rows_of
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
-from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import DisturbanceSize
 from wrenchgap.plant.model_file import tool_version

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.check import Check, Finding, TimeLeftOut
 from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.compensate import kernels
+from wrenchgap.compensate.compiling import gaussians
 from wrenchgap.compensate.fast import Limits, Stepper, plan
-from wrenchgap.compensate.fast_exp import gaussians
 from wrenchgap.compensate.lbfgs import Optimiser
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.learn.process.gp import GaussianProcess

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
-from wrenchgap.compensate.state_row import rows_of
+from wrenchgap.compensate.tables import rows_of
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.plant.model import make_effect
 
