@@ -25,34 +25,20 @@ class TypicalVehicle:
     arms) and the rest at their mean. Published moments about the vertical give J_zz / (m mean d^2) of 0.51 (Crazyflie
     2: Foerster, ETH 2015), 0.60 (3DR Iris) and 0.33 (Holybro X500, both PX4's Gazebo models), 0.58 (AscTec Hummingbird)
     and 0.42 (the omnidirectional hexarotor, both RotorS): 0.49 on average with a standard deviation of 0.11.
-
-    Attributes
-    ----------
-    kappa
-        Drag torque per thrust [m] of a propeller: 0.006 m (4 cm) to 0.05 m (50 cm).
-    thrust_coefficient, air_density
-        C_T = T / (rho A (Omega R)^2) of small propellers at rest, and rho [kg/m^3].
-    radius_share
-        Radius of a rotor, relative to the distance of the nearest one.
-    disc_loading
-        Range of the weight per rotor area [N/m^2], from 20 g to 100 kg, with a margin on both sides.
-    thrust_ratio
-        Thrust at full throttle over that in hover.
-    mass_at_rotors, inertia_std
-        Share of the mass at the rotors, and relative standard deviation of the estimated moments of inertia.
-    min_moment
-        Smallest moment of inertia, relative to the largest: of rotors in one line, arms and hull still have width.
     """
 
-    kappa: float = 0.016
-    thrust_coefficient: float = 0.012
-    air_density: float = 1.225
-    radius_share: float = 0.45
-    disc_loading: tuple[float, float] = (8.0, 800.0)
-    thrust_ratio: float = 2.0
-    mass_at_rotors: float = 0.5
-    inertia_std: float = 0.3
-    min_moment: float = 0.05
+    kappa: float = 0.016  # drag torque per thrust [m] of a propeller: 0.006 m (4 cm) to 0.05 m (50 cm)
+    thrust_coefficient: float = 0.012  # C_T = T / (rho A (Omega R)^2) of small propellers at rest
+    air_density: float = 1.225  # rho [kg/m^3]
+    radius_share: float = 0.45  # radius of a rotor, relative to the distance of the nearest one
+    disc_loading: tuple[float, float] = (8.0, 800.0)  # weight per rotor area [N/m^2]: 20 g to 100 kg, with a margin
+    thrust_ratio: float = 2.0  # thrust at full throttle over that in hover
+    mass_at_rotors: float = 0.5  # share of the mass
+    inertia_std: float = 0.3  # relative standard deviation of the estimated moments of inertia
+    min_moment: float = 0.05  # relative to the largest: of rotors in one line, arms and hull still have width
+
+
+TYPICAL = TypicalVehicle()
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +104,7 @@ class Draft:
     topics: Mapping[str, str] = field(default_factory=dict)
 
 
-def completed(draft: Draft, typical: TypicalVehicle = TypicalVehicle()) -> Draft:
+def completed(draft: Draft) -> Draft:
     """The draft with everything that a model file needs. Raises ModelError where the mass or the rotors are missing."""
     if draft.mass is None:
         raise ModelError(f"{draft.origin}: does not say what the vehicle weighs; weigh it and say --mass KG")
@@ -127,70 +113,63 @@ def completed(draft: Draft, typical: TypicalVehicle = TypicalVehicle()) -> Draft
             f"{draft.origin}: does not say where the rotors are; say --frame quad_x --arm METRES, or describe them by "
             "hand in a model file (docs/model-file.md)"
         )
-    hubs = np.array([r.position_B.value for r in draft.rotors])
+    mass, hubs = float(draft.mass.value), np.array([r.position_B.value for r in draft.rotors])
+    rotors = _with_radius_and_kappa(draft.rotors, hubs)
     filled = replace(
         draft,
         com=draft.com or Sourced((0.0, 0.0, 0.0), "the point from which the rotors are given", assumed=True),
         imu_position=draft.imu_position or Sourced((0.0, 0.0, 0.0), "not said: at the origin", assumed=True),
-        inertia=draft.inertia or _estimated_inertia(float(draft.mass.value), hubs, typical),
+        inertia=draft.inertia or _estimated_inertia(mass, hubs),
+        rotors=rotors,
     )
-    rotors = _with_radius_and_kappa(draft.rotors, hubs, typical)
-    notes = (*draft.notes, *_loading_notes(draft.mass, rotors, typical))
-    return _with_thrust(replace(filled, rotors=rotors, notes=notes), typical)
-
-
-def _loading_notes(mass: Sourced, rotors: Sequence[RotorDraft], typical: TypicalVehicle) -> list[str]:
-    """A note where mass and rotor area do not fit together: most likely one of them is in another unit."""
     area = sum(np.pi * float(r.radius.value) ** 2 for r in rotors if r.radius is not None)
-    loading, (least, most) = GRAVITY * float(mass.value) / area, typical.disc_loading
-    if least < loading < most:
-        return []
-    return [
-        f"the rotors would carry {loading:.3g} N per square metre of disc, where {least:g} to {most:g} are usual: is "
-        "the mass in kilograms, are arms and rotors in metres?"
-    ]
+    loading, (least, most) = GRAVITY * mass / area, TYPICAL.disc_loading
+    if not least < loading < most:  # most likely the mass or a length is in another unit
+        note = (
+            f"the rotors would carry {loading:.3g} N per square metre of disc, where {least:g} to {most:g} are usual: "
+            "is the mass in kilograms, are arms and rotors in metres?"
+        )
+        filled = replace(filled, notes=(*draft.notes, note))
+    return _with_thrust(filled, mass)
 
 
-def _estimated_inertia(mass: float, hubs_B: Array, typical: TypicalVehicle) -> Sourced:
-    moments = inertia_of_mass(mass, hubs_B, typical)
+def _estimated_inertia(mass: float, hubs_B: Array) -> Sourced:
+    moments = inertia_of_mass(mass, hubs_B)
     words = (
-        f"estimated from mass and geometry: {100 * typical.mass_at_rotors:.0f} % of the mass at the rotors, the rest "
-        f"in the middle; +-{100 * typical.inertia_std:.0f} % (one sigma)"
+        f"estimated from mass and geometry: {100 * TYPICAL.mass_at_rotors:.0f} % of the mass at the rotors, the rest "
+        f"in the middle; +-{100 * TYPICAL.inertia_std:.0f} % (one sigma)"
     )
-    return Sourced(tuple(moments), words, assumed=True, tolerance=tuple(typical.inertia_std * moments))
+    return Sourced(tuple(moments), words, assumed=True, tolerance=tuple(TYPICAL.inertia_std * moments))
 
 
-def inertia_of_mass(mass: float, hubs_B: Array, typical: TypicalVehicle = TypicalVehicle()) -> Array:
+def inertia_of_mass(mass: float, hubs_B: Array) -> Array:
     """Moments (3,) [kg m^2] about B's axes of a mass [kg] with rotors at `hubs_B` (R, 3) [m].
 
     J = share m mean_r (|d_r|^2 I - d_r d_r^T), d_r from the mean of the hubs to hub r.
     """
     square = ((hubs_B - hubs_B.mean(axis=0)) ** 2).mean(axis=0)
-    moments = typical.mass_at_rotors * mass * (square[[1, 0, 0]] + square[[2, 2, 1]])
-    return np.asarray(np.maximum(moments, typical.min_moment * moments.max()))
+    moments = TYPICAL.mass_at_rotors * mass * (square[[1, 0, 0]] + square[[2, 2, 1]])
+    return np.asarray(np.maximum(moments, TYPICAL.min_moment * moments.max()))
 
 
-def _with_radius_and_kappa(
-    rotors: Sequence[RotorDraft], hubs: Array, typical: TypicalVehicle
-) -> tuple[RotorDraft, ...]:
+def _with_radius_and_kappa(rotors: Sequence[RotorDraft], hubs: Array) -> tuple[RotorDraft, ...]:
     """The rotors with radii that leave a gap to the nearest rotor, and a typical kappa, where these are unknown."""
-    kappa = Sourced(typical.kappa, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
-    words = f"{100 * typical.radius_share:.0f} % of the distance to the nearest rotor"
+    kappa = Sourced(TYPICAL.kappa, "typical of propellers; `wrenchgap calibrate` fits it (drag_torque)", assumed=True)
+    words = f"{100 * TYPICAL.radius_share:.0f} % of the distance to the nearest rotor"
     out = []
     for rotor, hub in zip(rotors, hubs, strict=True):
         distance = np.linalg.norm(hubs[:, :2] - hub[:2], axis=1)
         others = distance[distance > 1e-3]
         free = others.min() if others.size else 2.0 * max(float(np.linalg.norm(hub)), 0.05)
-        radius = Sourced(float(typical.radius_share * free), words, assumed=True)
+        radius = Sourced(float(TYPICAL.radius_share * free), words, assumed=True)
         out.append(replace(rotor, radius=rotor.radius or radius, kappa=rotor.kappa or kappa))
     return tuple(out)
 
 
-def _with_thrust(draft: Draft, typical: TypicalVehicle) -> Draft:
+def _with_thrust(draft: Draft, mass: float) -> Draft:
     """The draft with thrust coefficients and speed limits, and the level of the curve of [command]."""
     up = np.array([r.direction_B.value for r in draft.rotors])[:, 2]
-    assert draft.mass is not None
-    hover_thrust = GRAVITY * float(draft.mass.value) / max(float(np.abs(up).sum()), 1e-9)
+    hover_thrust = GRAVITY * mass / max(float(np.abs(up).sum()), 1e-9)
     command, full = draft.command, None
     if command is not None:
         full = command.thrust_max
@@ -198,16 +177,14 @@ def _with_thrust(draft: Draft, typical: TypicalVehicle) -> Draft:
             words = f"weight over {len(up)} rotors, {hover.source}"
             full = Sourced(hover_thrust / float(hover.value), words, hover.assumed)
         draft = replace(draft, command=replace(command, thrust_max=full))
-    return replace(draft, rotors=tuple(_with_speed_limit(r, full, hover_thrust, typical) for r in draft.rotors))
+    return replace(draft, rotors=tuple(_with_speed_limit(r, full, hover_thrust) for r in draft.rotors))
 
 
-def _with_speed_limit(
-    rotor: RotorDraft, full: Sourced | None, hover_thrust: float, typical: TypicalVehicle
-) -> RotorDraft:
+def _with_speed_limit(rotor: RotorDraft, full: Sourced | None, hover_thrust: float) -> RotorDraft:
     """The rotor with c_f and the speed that makes its full thrust [N]."""
     assert rotor.radius is not None
-    c_t, ratio = typical.thrust_coefficient, typical.thrust_ratio
-    estimate = c_t * typical.air_density * np.pi * float(rotor.radius.value) ** 4
+    c_t, ratio = TYPICAL.thrust_coefficient, TYPICAL.thrust_ratio
+    estimate = c_t * TYPICAL.air_density * np.pi * float(rotor.radius.value) ** 4
     words = f"estimated from the radius, C_T = {c_t:g}" + ("; names the thrust of [command]" if full else "")
     c_f = rotor.c_f or Sourced(estimate, words, assumed=True)
     limit = "full throttle" if full else f"{ratio:g} times the thrust of hover"

@@ -65,6 +65,10 @@ def _check_files(path: Path) -> None:
     """Raise ModelError unless all files that an MJCF, or what it includes, names lie in its folder (`path_inside`)."""
     folder, waiting = path.parent, [path]
     names, folders = list[tuple[str, str]](), {""}
+
+    def checked(start: str, name: str, where: str) -> Path:
+        return path_inside(folder, str(PurePath(start, name)) if start else name, where)
+
     for one in waiting:  # grows
         elements = _elements(one, path)
         folders |= {value for e in elements for key, value in e.items() if key.lower() in FOLDERS}
@@ -75,13 +79,11 @@ def _check_files(path: Path) -> None:
             where = f"{path.name}: <{element.tag} {key}>"
             names.append((where, name))
             if element.tag.lower() in INCLUDING:
-                found = [
-                    path_inside(folder, str(PurePath(start, name)) if start else name, where) for start in ("", here)
-                ]
+                found = [checked(start, name, where) for start in ("", here)]
                 waiting += [each for each in found if each.is_file() and each not in waiting]
     for where, name in names:
         for start in sorted(folders):
-            path_inside(folder, str(PurePath(start, name)) if start else name, where)
+            checked(start, name, where)
 
 
 def _elements(one: Path, path: Path, max_copies: int = 1000) -> list[ElementTree.Element]:
@@ -173,7 +175,6 @@ def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
         frame, principal = data.xmat[body].reshape(3, 3), turned.T @ data.ximat[body].reshape(3, 3)
         mass = float(model.body_mass[body])
         heavy = mass > 1e-7  # kg; lighter ones are frames, see `COMPILER`
-        joint, axis, limits, name = _joint(mujoco, model, data, body, turned) if body != root else _FIXED
         out.append(
             Link(
                 mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body_{body}",
@@ -183,7 +184,7 @@ def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
                 mass if heavy else 0.0,
                 turned.T @ (data.xipos[body] - origin),
                 principal @ np.diag(model.body_inertia[body]) @ principal.T if heavy else np.zeros((3, 3)),
-                *(joint, axis, limits, name),
+                *(_joint(mujoco, model, data, body, turned) if body != root else _FIXED),
             )
         )
     return out
@@ -226,22 +227,16 @@ def _actuators(mujoco: Any, model: Any, numbers: dict[int, int], links: list[Lin
         frame = turned.T @ data.site_xmat[site].reshape(3, 3)
         hub = turned.T @ (data.site_xpos[site] - origin)
         links.append(Link(name, numbers[body], hub, frame, 0.0, hub, np.zeros((3, 3))))
-        found[len(links) - 1] = _motor(model, number, name, np.sign(gear[2]) * frame[:, 2], hub)
+        source, sign, ratio = f"gear of actuator {name}", np.sign(gear[2]), float(gear[5] / abs(gear[2]))
+        most = float(abs(gear[2]) * np.abs(model.actuator_ctrlrange[number]).max())
+        most *= float(model.actuator_gainprm[number, 0])
+        limited = bool(model.actuator_ctrllimited[number]) and most > 0.0
+        found[len(links) - 1] = Motor(
+            spin=Sourced(-1 if ratio * sign > 0.0 else 1, source) if ratio else None,
+            kappa=Sourced(abs(ratio), source) if ratio else None,
+            thrust_max=Sourced(most, f"ctrlrange and {source}") if limited else None,
+            number=number,
+            position=hub,
+            direction=sign * frame[:, 2],
+        )
     return found
-
-
-def _motor(model: Any, number: int, name: str, direction: Any, hub: Any) -> Motor:
-    gear = model.actuator_gear[number]
-    ratio = float(gear[5] / abs(gear[2]))
-    source = f"gear of actuator {name}"
-    most = float(abs(gear[2]) * np.abs(model.actuator_ctrlrange[number]).max())
-    gain = float(model.actuator_gainprm[number, 0])
-    limited = bool(model.actuator_ctrllimited[number])
-    return Motor(
-        spin=Sourced(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, source) if ratio else None,
-        kappa=Sourced(abs(ratio), source) if ratio else None,
-        thrust_max=Sourced(most * gain, f"ctrlrange and {source}") if limited and most * gain > 0.0 else None,
-        number=number,
-        position=hub,
-        direction=direction,
-    )

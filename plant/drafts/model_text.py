@@ -1,6 +1,7 @@
 """The text of the model file of a draft: every number has a comment with its source."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,30 +19,17 @@ def text_of(draft: Draft, headline: Sequence[str]) -> str:
     """TOML of a completed draft; `headline` are lines for its top."""
     top = [f"# {printable(line)}" for line in headline]
     lines = [*top, "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
-    for key in ("mass", "inertia", "com", "imu_position"):
-        lines.append(_line(key, _with_tolerance(getattr(draft, key)), getattr(draft, key)))
+    lines += [_line(key, getattr(draft, key)) for key in ("mass", "inertia", "com", "imu_position")]
     lines += ["", *_shared(draft.rotors)]
     for group in _arms(draft.rotors):
         lines += ["", *_arm(draft.rotors, group)]
-    lines += _command(draft)
+    if draft.command is not None:
+        lines += ["", "[command]", *(_line(key, sourced) for key, sourced in draft.command.keys.items())]
+        if (full := draft.command.thrust_max) is not None:
+            lines += [_line("thrust_max", full), f"source = {_text(full.source)}"]
     if draft.topics:
         lines += ["", "[topics]", *(f"{role} = {_text(topic)}" for role, topic in draft.topics.items())]
     return "\n".join(lines) + "\n"
-
-
-def _command(draft: Draft) -> list[str]:
-    command = draft.command
-    if command is None:
-        return []
-    lines = ["", "[command]"]
-    for key, sourced in command.keys.items():
-        lines.append(
-            _line(key, _text(sourced.value) if isinstance(sourced.value, str) else _value(sourced.value), sourced)
-        )
-    if command.thrust_max is not None:
-        full = command.thrust_max
-        lines += [_line("thrust_max", _value(full.value), full), f"source = {_text(full.source)}"]
-    return lines
 
 
 def _text(value: str) -> str:
@@ -49,18 +37,18 @@ def _text(value: str) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return _text(value)
     if np.ndim(value):
         return f"[{', '.join(_value(v) for v in value)}]"
     text = f"{float(value):.6g}"
     return text if any(c in text for c in ".en") else f"{text}.0"
 
 
-def _with_tolerance(sourced: Sourced) -> str:
+def _line(key: str, sourced: Sourced) -> str:
     value = _value(sourced.value)
-    return value if sourced.tolerance is None else f"{{ value = {value}, tolerance = {_value(sourced.tolerance)} }}"
-
-
-def _line(key: str, value: str, sourced: Sourced) -> str:
+    if sourced.tolerance is not None:
+        value = f"{{ value = {value}, tolerance = {_value(sourced.tolerance)} }}"
     return _commented(f"{key} = {value}", _words(sourced))
 
 
@@ -79,20 +67,15 @@ def _alike(rotors: Sequence[RotorDraft], key: str) -> bool:
 def _shared(rotors: Sequence[RotorDraft]) -> list[str]:
     """[vehicle.arm] and [vehicle.rotor]: the common values."""
     lines = [] if any(r.tilt for r in rotors) else ["[vehicle.arm]", "tilts = false", ""]
-    common = [key for key in SHARED if _alike(rotors, key)]
-    lines += ["[vehicle.rotor]"] if common else []
-    for key in common:
-        sourced = getattr(rotors[0], key)
-        lines.append(_line(key, _value(sourced.value), sourced))
-    return lines
+    common = [_line(key, getattr(rotors[0], key)) for key in SHARED if _alike(rotors, key)]
+    return [*lines, "[vehicle.rotor]", *common] if common else lines
 
 
 def _arms(rotors: Sequence[RotorDraft]) -> list[list[int]]:
     """Rotors by arm, in their order: consecutive coaxial rotors share one."""
     groups: list[list[int]] = []
     for r, rotor in enumerate(rotors):
-        last = rotors[groups[-1][-1]] if groups else None
-        if last is not None and _coaxial(last, rotor):
+        if groups and _coaxial(rotors[groups[-1][-1]], rotor):
             groups[-1].append(r)
         else:
             groups.append([r])
@@ -113,10 +96,16 @@ def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
     first = rotors[group[0]]
     hubs = np.array([rotors[r].position_B.value for r in group])
     middle, along = hubs.mean(axis=0), np.asarray(first.direction_B.value)
-    lines = ["[[vehicle.arms]]", _line("position", _value(middle + 0.0), first.position_B)]
+    lines = ["[[vehicle.arms]]", _line("position", replace(first.position_B, value=middle + 0.0))]
     if not np.allclose(along, (0.0, 0.0, 1.0)):
-        lines.append(_line("thrust_direction", _value(along), first.direction_B))
-    lines += _tilting(first, rotors, middle)
+        lines.append(_line("thrust_direction", first.direction_B))
+    if first.tilt is not None:
+        limits = (("min", first.tilt.low), ("max", first.tilt.high))
+        lines.append(f"tilt_axis = {_value(first.tilt.axis_B)}")
+        lines += [f"tilt_{end}_deg = {_value(np.degrees(angle))}" for end, angle in limits if np.isfinite(angle)]
+    else:
+        lines += ["tilts = false"] if any(r.tilt for r in rotors) else []
+        lines += ["tilt_axis = [1.0, 0.0, 0.0]"] if np.hypot(*middle[:2]) <= 1e-9 else []
     own = [key for key in SHARED if not _alike(rotors, key)]
     rows = []
     for r, hub in zip(group, hubs, strict=True):
@@ -124,21 +113,7 @@ def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
         row = [f"name = {_text(rotor.name)}"] if rotor.name else []
         row += [f"spin = {int(rotor.spin.value)}", *([f"offset = {_value(offset)}"] if abs(offset) > 1e-6 else [])]
         rows.append(", ".join([*row, *(f"{key} = {_value(getattr(rotor, key).value)}" for key in own)]))
-    words = [f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)]
-    return [*lines, *_rotor_lines(rows, "; ".join(words))]
-
-
-def _tilting(first: RotorDraft, rotors: Sequence[RotorDraft], middle: Any) -> list[str]:
-    """Lines for the tilt of an arm."""
-    if first.tilt is not None:
-        limits = (("min", first.tilt.low), ("max", first.tilt.high))
-        known = [f"tilt_{end}_deg = {_value(np.degrees(angle))}" for end, angle in limits if np.isfinite(angle)]
-        return [f"tilt_axis = {_value(first.tilt.axis_B)}", *known]
-    fixed = ["tilts = false"] if any(r.tilt for r in rotors) else []
-    return fixed + (["tilt_axis = [1.0, 0.0, 0.0]"] if np.hypot(*middle[:2]) <= 1e-9 else [])
-
-
-def _rotor_lines(rows: Sequence[str], words: str) -> list[str]:
+    words = "; ".join([f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)])
     if len(rows) == 1:
-        return [_commented(f"rotors = [{{ {rows[0]} }}]", words)]
-    return [f"rotors = [  # {words}", *(f"  {{ {row} }}," for row in rows), "]"]
+        return [*lines, _commented(f"rotors = [{{ {rows[0]} }}]", words)]
+    return [*lines, f"rotors = [  # {words}", *(f"  {{ {row} }}," for row in rows), "]"]

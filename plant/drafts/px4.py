@@ -24,8 +24,6 @@ MULTIROTORS = {0: "multirotor", 7: "motors in all directions", 8: "multirotor wi
 """CA_AIRFRAME of what rotors alone carry."""
 DEFAULTS = {"KM": 0.05, "MPC_THR_HOVER": 0.5}
 """PX4's defaults of CA_ROTOR*_KM and MPC_THR_HOVER."""
-
-
 MOST_ROTORS = 12
 """Of PX4: it has no output functions of further motors. More are of a damaged log."""
 
@@ -53,7 +51,9 @@ def rotors_of(parameters: Parameters, where: str, arm: float | None = None) -> t
         farthest = max(float(np.linalg.norm(r.position_B.value[:2])) for r in found)
         if farthest <= 0.0:
             raise ModelError(f"{where}: CA_ROTOR* have all rotors in the middle: --arm cannot say where they are")
-        return tuple(_scaled(rotor, arm / farthest, f"scaled to --arm {arm:g}") for rotor in found)
+        scaled, words = arm / farthest, f"scaled to --arm {arm:g}"
+        places = [(tuple(scaled * x for x in r.position_B.value), f"{r.position_B.source}; {words}") for r in found]
+        return tuple(replace(r, position_B=Sourced(*place)) for r, place in zip(found, places, strict=True))
     if placeholders(parameters):
         raise ModelError(
             f"{where}: CA_ROTOR* have rotors at 1 m forward and 1 m to the side, as where nobody measured them (PX4 "
@@ -67,13 +67,6 @@ def placeholders(parameters: Parameters) -> bool:
     numbers = range(int(parameters.get("CA_ROTOR_COUNT", 0)))
     return all(
         max((abs(parameters.get(f"CA_ROTOR{k}_P{axis}", 0.0)) for k in numbers), default=0.0) == 1.0 for axis in "XY"
-    )
-
-
-def _scaled(rotor: RotorDraft, factor: float, words: str) -> RotorDraft:
-    at = rotor.position_B
-    return replace(
-        rotor, position_B=replace(at, value=tuple(factor * x for x in at.value), source=f"{at.source}; {words}")
     )
 
 
@@ -119,24 +112,15 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
     """[command] for `actuator_motors`, or for pulse widths where `unit` is "pwm" (older firmware)."""
     factor = float(parameters.get("THR_MDL_FAC", 0.0))
     keys = {"unit": Sourced(unit, "actuator_motors: 0 to 1" if unit == "normalised" else "actuator_outputs [us]")}
+    square = "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square"
     if unit == "pwm":
         low, high = (float(parameters.get(f"PWM_{end}", usual)) for end, usual in (("MIN", 1000.0), ("MAX", 2000.0)))
         keys["range"] = Sourced([low, high], "PWM_MIN, PWM_MAX", assumed="PWM_MIN" not in parameters)
-        shape = Sourced(
-            factor or 1.0,
-            "THR_MDL_FAC"
-            if factor
-            else "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square",
-            not factor,
-        )
+        shape = Sourced(factor or 1.0, "THR_MDL_FAC" if factor else square, assumed=not factor)
     elif factor > 0.0:
         shape = Sourced(0.0, f"THR_MDL_FAC = {factor:.3g}: PX4 commands shares of thrust")
     else:
-        shape = Sourced(
-            1.0,
-            "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square of the command",
-            assumed=True,
-        )
+        shape = Sourced(1.0, f"{square} of the command", assumed=True)
     default = DEFAULTS["MPC_THR_HOVER"]
     hover = float(parameters.get("MPC_THR_HOVER", default))
     origin = "" if hover != default and "MPC_THR_HOVER" in parameters else ", which is PX4's default"

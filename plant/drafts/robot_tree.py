@@ -70,12 +70,12 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
     rows = sorted(motors, key=lambda k: (motors[k].number is None, motors[k].number or 0, k))
     notes = []
     if not rows:
-        rows = free_leaf_bodies(links)
-        if rows:
-            notes.append(
-                f"{origin}: names no motors; the {len(rows)} bodies that turn without limit are taken for rotors, in "
-                "the order of the file."
-            )
+        parents = {one.parent for one in links}
+        rows = [k for k, one in enumerate(links) if one.joint == "turning" and k not in parents]
+        notes.append(
+            f"{origin}: names no motors; the {len(rows)} bodies that turn without limit are taken for rotors, in "
+            "the order of the file."
+        )
     if not rows:
         raise ModelError(
             f"{origin}: no rotors found among {len(links)} bodies: neither motor plugins, actuators on sites, nor "
@@ -115,19 +115,11 @@ def combined_mass_properties(links: Sequence[Link]) -> tuple[float, Array, Array
     return mass, np.asarray(centre), inertia
 
 
-def free_leaf_bodies(links: Sequence[Link]) -> list[int]:
-    """Indices of leaf bodies on joints that turn without limit."""
-    parents = {one.parent for one in links}
-    return [k for k, one in enumerate(links) if one.joint == "turning" and k not in parents]
-
-
 def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: str) -> RotorDraft:
     link = links[index]
     position = link.position if motor.position is None else motor.position
-    direction = _direction(link) if motor.direction is None else motor.direction
-    turn = Sourced(
-        1 if number % 2 == 0 else -1, f"the {kind} does not say; taken in turn, check every one", assumed=True
-    )
+    direction = link.rotation[:, 2] if motor.direction is None else motor.direction  # of Gazebo's motors
+    turn = Sourced((-1) ** number, f"the {kind} does not say; taken in turn, check every one", assumed=True)
     where = f"{link.name} of the {kind}"
     return RotorDraft(
         Sourced(tuple((np.round(position, 9) + 0.0).tolist()), where),
@@ -140,11 +132,6 @@ def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: s
         name=link.name,
         tilt=_tilt(index, links, direction),
     )
-
-
-def _direction(link: Link) -> Array:
-    """Thrust direction: the z axis of the body, as of Gazebo's motors."""
-    return np.asarray(link.rotation[:, 2])
 
 
 def _tilt(index: int, links: Sequence[Link], direction: Array) -> Tilt | None:
@@ -169,16 +156,14 @@ def motors_of(document: Element) -> dict[str, Motor]:
         place = (plugin.findtext("linkName") or plugin.findtext("jointName") or "").strip()
         if turn not in TURNS or not place:
             continue
-        number = _number(plugin, "motorNumber")
-        if number is None:
-            number = _number(plugin, "actuator_number")
+        numbers = (_number(plugin, name) for name in ("motorNumber", "actuator_number"))
         source = f"motor plugin of {place}"
         found[place.rpartition("::")[2]] = Motor(
             spin=Sourced(TURNS[turn], f"turningDirection {turn} of the {source}"),
             kappa=_positive(plugin, "momentConstant", source),
             c_f=_positive(plugin, "motorConstant", source),
             speed_max=_positive(plugin, "maxRotVelocity", source),
-            number=None if number is None else int(number),
+            number=next((int(number) for number in numbers if number is not None), None),
         )
     return found
 

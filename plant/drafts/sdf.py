@@ -4,6 +4,7 @@ A pose is x y z roll pitch yaw, of a link in the model, of a joint in its child,
 `relative_to` names another frame. Included models are not fetched. Source: sdformat.org, specification 1.4 to 1.12.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -21,32 +22,29 @@ HERE: Pose = (np.zeros(3), np.eye(3))
 
 def from_sdf(path: Path, document: Element) -> Draft:
     """A draft of the first model. Raises ModelError for a file without one, or with a missing reference."""
+    where, notes = path.name, []
     model = document if document.tag == "model" else next(document.iter("model"), None)
     if model is None:
-        raise ModelError(f"{path.name}: holds no <model>")
-    where = path.name
-    notes = []
+        raise ModelError(f"{where}: holds no <model>")
     if next(model.iter("include"), None) is not None:
         notes.append(f"{where}: models that it includes are not in: write it out with `gz sdf -p` if they carry mass.")
     elements = {str(link.get("name")): link for link in model.findall("link")}
     if not elements:
         raise ModelError(f"{where}: model {model.get('name')} has no <link>")
-    joints = {_child(joint, where): joint for joint in model.findall("joint")}
+    children = [((joint.findtext("child") or "").strip(), joint) for joint in model.findall("joint")]
+    for child, joint in children:
+        if not child:
+            raise ModelError(f"{where}: joint {joint.get('name')} has no <child>")
+    joints = dict(children)
     poses = _poses(model, where)
     ordered = _from_root(list(elements), joints, where)
-    inverse = _inverse(poses[ordered[0]])
-    links = [_link(n, elements[n], joints.get(n), ordered, poses, inverse, where) for n in ordered]
+    at, turned = poses[ordered[0]]
+    places = {n: _after((-turned.T @ at, turned.T), pose) for n, pose in poses.items()}
+    links = [_link(n, elements[n], joints.get(n), ordered, places, where) for n in ordered]
     named = {n: k for k, n in enumerate(ordered)} | {str(j.get("name")): ordered.index(c) for c, j in joints.items()}
     motors = {named[n]: m for n, m in motors_of(document).items() if n in named}
     draft = draft_of(str(model.get("name") or path.stem), where, links, motors, "SDF")
-    return Draft(**{**vars(draft), "notes": (*draft.notes, *notes)})
-
-
-def _child(joint: Element, where: str) -> str:
-    child = (joint.findtext("child") or "").strip()
-    if not child:
-        raise ModelError(f"{where}: joint {joint.get('name')} has no <child>")
-    return child
+    return replace(draft, notes=(*draft.notes, *notes))
 
 
 def _numbers(text: str | None, count: int, what: str) -> Array:
@@ -75,10 +73,6 @@ def _pose(element: Element | None, what: str) -> Pose:
 def _after(first: Pose, second: Pose) -> Pose:
     """The product of two poses: a frame given in a second one that is given in a first."""
     return first[0] + first[1] @ second[0], first[1] @ second[1]
-
-
-def _inverse(pose: Pose) -> Pose:
-    return -pose[1].T @ pose[0], pose[1].T
 
 
 def _poses(model: Element, where: str, max_depth: int = 100) -> dict[str, Pose]:
@@ -116,12 +110,9 @@ def _from_root(names: list[str], joints: dict[str, Element], where: str) -> list
     below: dict[str, list[str]] = {}
     for name in names:
         below.setdefault(parents.get(name, ""), []).append(name)
-    out: list[str] = []
-    ahead = [roots[0]]
-    while ahead:
-        name = ahead.pop(0)
-        out.append(name)
-        ahead += [n for n in below.get(name, []) if n not in out]
+    out = [roots[0]]
+    for name in out:  # grows
+        out += [n for n in below.get(name, []) if n not in out]
     missing = [n for n in names if n not in out]
     if missing:
         raise ModelError(f"{where}: {', '.join(missing)} hang on no joint from {roots[0]}; join them")
@@ -129,24 +120,15 @@ def _from_root(names: list[str], joints: dict[str, Element], where: str) -> list
 
 
 def _link(
-    name: str,
-    element: Element,
-    joint: Element | None,
-    ordered: list[str],
-    poses: dict[str, Pose],
-    inverse: Pose,
-    where: str,
+    name: str, element: Element, joint: Element | None, ordered: list[str], places: dict[str, Pose], where: str
 ) -> Link:
-    place = _after(inverse, poses[name])
-    mass, centre, inertia = _inertial(element, place, f"{where}: link {name}")
-    joined: tuple[Joint, Array | None, tuple[float, float]] = ("fixed", None, (-np.inf, np.inf))
-    parent, called = -1, ""
-    if joint is not None and name != ordered[0]:
-        parent = ordered.index((joint.findtext("parent") or "").strip())
-        called = str(joint.get("name"))
-        joined = _joined(joint, _after(inverse, poses[called])[1], f"{where}: joint {called}")
-    kind, axis, limits = joined
-    return Link(name, parent, *place, mass, centre, inertia, kind, axis, limits, called)
+    """One link and its joint; `places` are the poses of all frames in that of the root."""
+    body = Link(name, -1, *places[name], *_inertial(element, places[name], f"{where}: link {name}"))
+    if joint is None or name == ordered[0]:
+        return body
+    parent, called = ordered.index((joint.findtext("parent") or "").strip()), str(joint.get("name"))
+    kind, axis, limits = _joined(joint, places[called][1], f"{where}: joint {called}")
+    return replace(body, parent=parent, joint=kind, axis=axis, limits=limits, joint_name=called)
 
 
 def _inertial(element: Element, place: Pose, what: str) -> tuple[float, Array, Array]:
@@ -156,14 +138,13 @@ def _inertial(element: Element, place: Pose, what: str) -> tuple[float, Array, A
         return 0.0, place[0], np.zeros((3, 3))
     at = _after(place, _pose(inertial.find("pose"), what))
     mass = float(_numbers(inertial.findtext("mass"), 1, f"{what}: mass")[0])
-    values = {}
-    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+    own = np.zeros((3, 3))
+    for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        key = f"i{'xyz'[i]}{'xyz'[k]}"
         text = inertial.findtext(f"inertia/{key}")
-        if text is None and key[1] == key[2]:
+        if text is None and i == k:
             raise ModelError(f"{what}: inertia has no <{key}>")
-        values[key] = 0.0 if text is None else float(_numbers(text, 1, f"{what}: {key}")[0])
-    v = values
-    own = np.array([[v["ixx"], v["ixy"], v["ixz"]], [v["ixy"], v["iyy"], v["iyz"]], [v["ixz"], v["iyz"], v["izz"]]])
+        own[i, k] = own[k, i] = 0.0 if text is None else float(_numbers(text, 1, f"{what}: {key}")[0])
     return mass, at[0], at[1] @ own @ at[1].T
 
 

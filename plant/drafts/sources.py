@@ -3,7 +3,6 @@
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,8 @@ from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.drafts import ardupilot, px4, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
-from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced
-from wrenchgap.plant.drafts.frames import FRAMES, rotors_of
+from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
+from wrenchgap.plant.drafts.draft import Draft, Sourced
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.reader import BOUNDS
 
@@ -38,6 +37,18 @@ class Given:
     def __post_init__(self) -> None:
         check_types(type(self), vars(self))
 
+    def check(self) -> None:
+        """Raise UsageError for sizes that no vehicle has, and for a frame without the length of an arm."""
+        options = {"--mass": self.mass, "--mass-tolerance": self.mass_tolerance, "--arm": self.arm}
+        options |= {"--rotor-radius": self.radius, "--thrust-max": self.thrust_max}
+        for option, value in options.items():
+            if value is not None and not BOUNDS.smallest <= value <= BOUNDS.largest:
+                raise UsageError(
+                    f"{option} {value:g}: expected a positive number, {BOUNDS.smallest:g} to {BOUNDS.largest:g}"
+                )
+        if self.frame is not None and self.arm is None:
+            raise UsageError(f"--frame {self.frame}: say its size too, --arm METRES from the middle to a motor")
+
 
 def draft_of_source(source: Path | None, user: Given, budget: Budget | str | None = None) -> Draft:
     """The draft of a source, with the values of the user in place of its own; `completed` completes it.
@@ -45,43 +56,23 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
     `budget` is what reading a log may take (`flight.budget`).
     Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
     """
-    _check(user)
+    user.check()
     if source is None:
         return _over(Draft(user.name or "vehicle", "your answers"), user)
     if source.is_dir():
         raise UsageError(f"--from {source}: is a folder; expected a file: {KINDS}")
     if not source.is_file():
         raise UsageError(f"--from {source}: no such file; expected {KINDS}")
-    readers: dict[str, Callable[[Path, Given], Draft]] = {
-        ".ulg": partial(_ulog, budget=budget),
-        ".bin": partial(_ardupilot, budget=budget),
-        ".param": _ardupilot,
-        ".params": _ardupilot,
-        ".parm": _ardupilot,
-        ".urdf": _xml,
-        ".sdf": _xml,
-        ".world": _xml,
-        ".xml": _xml,
-        ".mjcf": _xml,
-    }
-    reader = readers.get(source.suffix.lower())
-    if source.suffix.lower() == ".xacro":
-        raise UsageError(f"--from {source}: a macro; expand it first, `xacro {source.name} > {source.stem}.urdf`")
-    if reader is None:
-        raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
-    return reader(source, user)
-
-
-def _check(user: Given) -> None:
-    options = {"--mass": user.mass, "--mass-tolerance": user.mass_tolerance, "--arm": user.arm}
-    options |= {"--rotor-radius": user.radius, "--thrust-max": user.thrust_max}
-    for option, value in options.items():
-        if value is not None and not BOUNDS.smallest <= value <= BOUNDS.largest:
-            raise UsageError(
-                f"{option} {value:g}: expected a positive number, {BOUNDS.smallest:g} to {BOUNDS.largest:g}"
-            )
-    if user.frame is not None and user.arm is None:
-        raise UsageError(f"--frame {user.frame}: say its size too, --arm METRES from the middle to a motor")
+    match source.suffix.lower():
+        case ".ulg":
+            return _ulog(source, user, budget)
+        case ".bin" | ".param" | ".params" | ".parm":
+            return _ardupilot(source, user, budget)
+        case ".urdf" | ".sdf" | ".world" | ".xml" | ".mjcf":
+            return _over(_described(source), user)
+        case ".xacro":
+            raise UsageError(f"--from {source}: a macro; expand it first, `xacro {source.name} > {source.stem}.urdf`")
+    raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
 
 
 def _over(draft: Draft, user: Given) -> Draft:
@@ -114,12 +105,16 @@ def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
 
     logged, flown, notes = parameters(source, budget), *_flown(source, budget)
     unit = "normalised" if px4.has_geometry(logged) else "pwm"
-    if flown is not None and flown.actuators is not None and flown.actuators.unit != "rad/s":
-        unit = flown.actuators.unit
+    rotors = () if user.frame else px4.rotors_of(logged, source.name, user.arm)
+    if flown is not None and flown.actuators is not None:
+        sent = flown.actuators.rotor_speed.shape[1]
+        if rotors and sent and sent != len(rotors):
+            raise ModelError(f"{flown.path.name}: CA_ROTOR_COUNT is {len(rotors)}, {sent} motors are commanded")
+        unit = unit if flown.actuators.unit == "rad/s" else flown.actuators.unit
     draft = Draft(
         source.stem,
         source.name,
-        _as_many(() if user.frame else px4.rotors_of(logged, source.name, user.arm), flown),
+        rotors,
         com=px4.com_of(logged),
         imu_position=px4.imu_of(logged),
         command=px4.command_of(logged, unit),
@@ -128,17 +123,7 @@ def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     return _level(_over(draft, user), flown)
 
 
-def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[RotorDraft, ...]:
-    """The rotors; ModelError where the log commands another number of them."""
-    if flown is None or flown.actuators is None or not rotors or not flown.actuators.rotor_speed.shape[1]:
-        return rotors
-    sent = flown.actuators.rotor_speed.shape[1]
-    if sent != len(rotors):
-        raise ModelError(f"{flown.path.name}: CA_ROTOR_COUNT is {len(rotors)}, {sent} motors are commanded")
-    return rotors
-
-
-def _ardupilot(source: Path, user: Given, budget: Budget | str | None = None) -> Draft:
+def _ardupilot(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     from wrenchgap.flight.formats import dataflash
 
     log = source.suffix.lower() == ".bin"
@@ -170,21 +155,22 @@ def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tu
         return None, (f"the flight itself could not be read ({error}); parameters only.",)
 
 
-def _xml(source: Path, user: Given) -> Draft:
+def _described(source: Path) -> Draft:
+    """The draft of a robot description, which its root element tells."""
     try:
         document = ElementTree.parse(source).getroot()
     except ElementTree.ParseError as error:
         raise ModelError(f"{source.name}: is not XML: {error}") from None
     except OSError as error:
         raise ModelError(f"{source}: cannot be read: {error.strerror}") from None
-    kind = document.tag
-    if kind == "robot":
-        return _over(compiled.from_urdf(source, document), user)
-    if kind in ("sdf", "model"):
-        return _over(sdf.from_sdf(source, document), user)
-    if kind == "mujoco":
-        return _over(compiled.from_mjcf(source), user)
-    raise ModelError(f"{source.name}: begins with <{kind}>, expected <robot> (URDF), <sdf> or <mujoco>")
+    match document.tag:
+        case "robot":
+            return compiled.from_urdf(source, document)
+        case "sdf" | "model":
+            return sdf.from_sdf(source, document)
+        case "mujoco":
+            return compiled.from_mjcf(source)
+    raise ModelError(f"{source.name}: begins with <{document.tag}>, expected <robot> (URDF), <sdf> or <mujoco>")
 
 
 Ask = Callable[[str, type, str | None, Sequence[str]], str]

@@ -20,40 +20,24 @@ from wrenchgap.plant.vehicle import GRAVITY
 class FitLimits:
     """Which samples count as flight, and when a flight determines the curve. Experience with logs of PX4 and ArduPilot.
 
-    Attributes
-    ----------
-    window
-        Time [s] over which force and commands are averaged: the vehicle responds with a lag.
-    lift_share
-        Lift from which on the rotors carry the vehicle, relative to the 90th percentile of the flight.
-    idle_throttle
-        Mean share of full throttle below which the rotors idle on the ground.
-    min_height
-        Height above the ground [m] from which on the vehicle flies, where there is odometry.
-    min_time
-        Shortest time in the air [s].
-    thrust_to_weight
-        Range that a multirotor can have at full throttle.
-    max_std
-        Largest standard deviation of the factor that is accepted.
-    min_variation
-        Range of the throttle (5 to 95 %), relative to its median, that shows the shape of the curve.
-    blocks
-        Number of blocks of the jackknife.
+    A multirotor has a thrust of `thrust_to_weight` times its weight at full throttle.
     """
 
-    window: float = 0.5
-    lift_share: float = 0.6
-    idle_throttle: float = 0.1
-    min_height: float = 0.2
-    min_time: float = 3.0
+    window: float = 0.5  # [s] over which force and commands are averaged: the vehicle responds with a lag
+    lift_share: float = 0.6  # of the flight's 90th percentile of lift, from which on the rotors carry the vehicle
+    idle_throttle: float = 0.1  # mean share of full throttle below which the rotors idle on the ground
+    min_height: float = 0.2  # above the ground [m], from which on the vehicle flies, where there is odometry
+    min_time: float = 3.0  # in the air [s]
     thrust_to_weight: tuple[float, float] = (1.05, 12.0)
-    max_std: float = 0.15
-    min_variation: float = 0.02
-    blocks: int = 8
+    max_std: float = 0.15  # of the factor
+    min_variation: float = 0.02  # range of the throttle (5 to 95 %), over its median, that shows the curve's shape
+    blocks: int = 8  # of the jackknife
 
 
-def with_fitted_thrust(draft: Draft, flown: Flight, limits: FitLimits = FitLimits()) -> Draft:
+LIMITS = FitLimits()
+
+
+def with_fitted_thrust(draft: Draft, flown: Flight) -> Draft:
     """The draft with the level of its thrust curve from this flight, and with its shape where that was assumed.
 
     The draft is returned unchanged where the flight is too short or has commands of another unit or number.
@@ -64,14 +48,14 @@ def with_fitted_thrust(draft: Draft, flown: Flight, limits: FitLimits = FitLimit
     if sent.unit != command.keys["unit"].value or sent.rotor_speed.shape[1] != len(draft.rotors):
         return draft
     columns = _columns(draft, sent.rotor_speed)
-    lift, force = _in_the_air(flown, sent.time, columns, limits)
+    lift, force = _in_the_air(flown, sent.time, columns)
     seconds = len(force) * float(np.median(np.diff(sent.time)))
-    if seconds < limits.min_time:
+    if seconds < LIMITS.min_time:
         return draft
     carried = float(draft.mass.value) * force
     where = f"{seconds:.0f} s of {flown.path.name}"
     factor, keys = command.keys["factor"], dict(command.keys)
-    if factor.assumed and (found := _factor(lift, carried, limits)) is not None:
+    if factor.assumed and (found := _factor(lift, carried)) is not None:
         value, std = found
         factor = Sourced(
             round(value, 3), f"fitted: the accelerometer's force over the commands, {where}, +-{max(std, 0.01):.2g}"
@@ -85,7 +69,7 @@ def with_fitted_thrust(draft: Draft, flown: Flight, limits: FitLimits = FitLimit
     )
     rotors = abs(float(np.sum([r.direction_B.value[2] for r in draft.rotors])))
     ratio = float(middle) * rotors / (float(draft.mass.value) * GRAVITY)
-    least, most = limits.thrust_to_weight
+    least, most = LIMITS.thrust_to_weight
     if not least < ratio < most:
         note = f"{where}: full throttle would lift {ratio:.3g} times the weight; not believed, is this a flight?"
         return replace(draft, notes=(*draft.notes, note))
@@ -102,7 +86,7 @@ def _columns(draft: Draft, raw: Array) -> Array:
     return np.stack((u @ up, u**2 @ up), axis=1)
 
 
-def _in_the_air(flown: Flight, at: Array, columns: Array, limits: FitLimits) -> tuple[Array, Array]:
+def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array]:
     """Columns (M, 2) and specific force along z (M,), averaged, where the rotors carry the vehicle."""
     nothing = np.empty((0, 2)), np.empty(0)
     assert flown.imu is not None
@@ -111,39 +95,35 @@ def _in_the_air(flown: Flight, at: Array, columns: Array, limits: FitLimits) -> 
     if known.sum() < 2 or len(at) < 2:
         return nothing
     covered = (at >= time[known][0]) & (at <= time[known][-1])
-    lift = np.stack([_averaged(at, column, limits.window) for column in columns.T], axis=1)
-    specific = np.interp(at, time[known], _averaged(time[known], force[known], limits.window))
-    spinning = lift[:, 0] > limits.idle_throttle * _rotors(flown)
+    lift = np.stack([_averaged(at, column) for column in columns.T], axis=1)
+    specific = np.interp(at, time[known], _averaged(time[known], force[known]))
+    assert flown.actuators is not None
+    spinning = lift[:, 0] > LIMITS.idle_throttle * flown.actuators.rotor_speed.shape[1]
     if not spinning.any():
         return nothing
     large = float(np.percentile(lift[spinning, 1], 90.0))
-    flying = covered & spinning & (lift[:, 1] > limits.lift_share * large) & (specific > 0.5 * GRAVITY)
-    flying &= _off_the_ground(flown, at, spinning, limits.min_height)
+    flying = covered & spinning & (lift[:, 1] > LIMITS.lift_share * large) & (specific > 0.5 * GRAVITY)
+    flying &= _off_the_ground(flown, at, spinning)
     return lift[flying], specific[flying]
 
 
-def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_], min_height: float) -> NDArray[np.bool_]:
+def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where (N,) the vehicle is above its height with rotors at rest; if they never rest, whether it moved."""
     if flown.odometry is None:
         return np.ones(len(at), dtype=bool)
     places = [np.interp(at, flown.odometry.time, column) for column in flown.odometry.position_E.T]
     if (~spinning).any():
-        return np.asarray(places[2] > float(np.median(places[2][~spinning])) + min_height)
-    return np.full(len(at), max(float(np.ptp(column)) for column in places) > min_height)
+        return np.asarray(places[2] > float(np.median(places[2][~spinning])) + LIMITS.min_height)
+    return np.full(len(at), max(float(np.ptp(column)) for column in places) > LIMITS.min_height)
 
 
-def _rotors(flown: Flight) -> int:
-    assert flown.actuators is not None
-    return int(flown.actuators.rotor_speed.shape[1])
-
-
-def _averaged(time: Array, values: Array, seconds: float) -> Array:
-    width = max(1, round(seconds / max(float(np.median(np.diff(time))), 1e-6)))
+def _averaged(time: Array, values: Array) -> Array:
+    width = max(1, round(LIMITS.window / max(float(np.median(np.diff(time))), 1e-6)))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
 
 
-def _factor(lift: Array, carried: Array, limits: FitLimits) -> tuple[float, float] | None:
+def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
     """The curve's factor and its standard deviation; None where the flight does not show it."""
 
     def share(rows: NDArray[np.bool_]) -> float:
@@ -151,11 +131,11 @@ def _factor(lift: Array, carried: Array, limits: FitLimits) -> tuple[float, floa
         return float(square / (line + square)) if line + square > 0.0 else float("nan")
 
     low, middle, high = np.percentile(lift[:, 0], (5.0, 50.0, 95.0))
-    if high - low < limits.min_variation * middle:
+    if high - low < LIMITS.min_variation * middle:
         return None
-    block = np.arange(len(carried)) * limits.blocks // len(carried)
-    without = np.array([share(block != k) for k in range(limits.blocks)])
-    std = float(np.sqrt((limits.blocks - 1) * np.var(without)))
+    block = np.arange(len(carried)) * LIMITS.blocks // len(carried)
+    without = np.array([share(block != k) for k in range(LIMITS.blocks)])
+    std = float(np.sqrt((LIMITS.blocks - 1) * np.var(without)))
     found = share(block >= 0)
-    sure = std < limits.max_std and -3.0 * limits.max_std < found < 1.0 + 3.0 * limits.max_std
+    sure = std < LIMITS.max_std and -3.0 * LIMITS.max_std < found < 1.0 + 3.0 * LIMITS.max_std
     return (float(np.clip(found, 0.0, 1.0)), std) if sure else None

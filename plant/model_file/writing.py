@@ -1,7 +1,7 @@
 """The text of a model file: the user's own text with comments and order kept, its effects and history rewritten."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -31,13 +31,10 @@ def content_hash(model: Model) -> str:
 def dumps(model: Model) -> str:
     """Text of the model file: the model's own text with its effects and history replaced."""
     text = _without_effects(model.text or tomlkit.dumps(_skeleton(model)))
-    if model.between_flights is not None:
-        text += "\n" + _between_flights_text(model.between_flights)
-    for item in model.effects:
-        text += "\n" + _effect_text(model.vehicle, item)
-    for entry in model.history:
-        text += "\n" + _version_text(entry)
-    return storable(text)
+    tables = [_effect_lines(model.vehicle, item) for item in model.effects] + [_version_lines(v) for v in model.history]
+    if (scatter := model.between_flights) is not None:
+        tables.insert(0, ["[between_flights]", *_entries({"force": scatter[:3], "torque": scatter[3:]})])
+    return storable(text + "".join("\n" + "\n".join(lines) + "\n" for lines in tables))
 
 
 @lru_cache(maxsize=8)
@@ -49,71 +46,63 @@ def _without_effects(text: str) -> str:
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
-def _between_flights_text(scatter: Sequence[float]) -> str:
-    rows = (("force", scatter[:3]), ("torque", scatter[3:]))
-    lines = [f"{key} = [{', '.join(_number(v) for v in values)}]" for key, values in rows]
-    return "\n".join(["[between_flights]", *lines]) + "\n"
-
-
-def _version_text(entry: Version) -> str:
-    texts = {
-        "date": entry.date,
-        "command": entry.command,
-        "wrenchgap": entry.tool,
-        "file": entry.file,
-        "content": entry.content,
-        "parent": entry.parent,
-    }
-    lines = ["[[history]]", f"version = {entry.number}"]
-    lines += [f"{key} = {_text(value)}" for key, value in texts.items() if value]
-    if entry.flights:
-        rows = [f"{{ file = {_text(file)}, sha256 = {_text(sha)} }}" for file, sha in entry.flights]
-        lines += ["flights = [", *(f"  {row}," for row in rows), "]"]
-    if entry.trial is not None:
-        trial = entry.trial
-        lines.append("[history.held_out]")
-        for key, values in (("before", trial.before), ("after", trial.after), ("noise", trial.noise)):
-            lines.append(f"{key} = [{', '.join(_number(v) for v in values)}]")
-        lines += [f"change = {_number(trial.change)}", f"t = {_number(trial.t)}"]
-    for effect in entry.effects:
-        lines += ["[[history.effects]]", f"name = {_text(effect.effect)}", "parameters = ["]
-        for v in effect.values:
-            std = "" if v.std is None else f", std = {_number(v.std)}"
-            lines.append(f"  {{ name = {_text(v.name)}, value = {_number(v.value)}{std}, unit = {_text(v.unit)} }},")
-        lines.append("]")
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: str) -> str:
-    return str(tomlkit.string(value).as_string())
-
-
-def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
-    lines = ["[[effects]]", f"name = {_text(item.name)}", "[effects.parameters]"]
-    for k, parameter in enumerate(item.effect.parameters(vehicle)):
-        std = f", std = {_number(item.std[k])}" if item.std is not None else ""
-        value = f"{{ value = {_number(item.theta[k])}{std}, unit = {_text(parameter.unit)} }}"
-        lines.append(f"{parameter.name} = {value}")
-    own = item.provenance.source or sources().get(item.name)
-    if own is not None:
-        lines += ["[effects.source]", f"file = {_text(own.file)}", f"sha256 = {_text(own.sha256)}"]
-    source = item.provenance
-    if replace(source, source=None) != Provenance():
-        lines += [
-            "[effects.provenance]",
-            f"fitted = {_text(source.fitted)}",
-            f"version = {_text(source.version)}",
-            f"method = {_text(source.method)}",
-        ]
-        for file, sha in source.logs:
-            lines += ["[[effects.provenance.logs]]", f"file = {_text(file)}", f"sha256 = {_text(sha)}"]
-    return "\n".join(lines) + "\n"
-
-
-def _number(value: float) -> str:
-    """A TOML float that keeps nine digits."""
+def _value(value: Any) -> str:
+    """A value as TOML: floats with nine digits, lists and tables in one line."""
+    if isinstance(value, str):
+        return str(tomlkit.string(value).as_string())
+    if isinstance(value, dict):
+        return f"{{ {', '.join(_entries(value))} }}"
+    if np.ndim(value):
+        return f"[{', '.join(map(_value, value))}]"
     text = f"{float(value):.9g}"
     return text if any(c in text for c in ".e") or text in ("inf", "-inf", "nan") else text + ".0"
+
+
+def _entries(table: Mapping[str, Any]) -> list[str]:
+    """Keys with their values; those of None are left out."""
+    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None]
+
+
+def _rows(key: str, tables: Iterable[Mapping[str, Any]]) -> list[str]:
+    """A list of tables, one a line."""
+    return [f"{key} = [", *(f"  {_value(dict(table))}," for table in tables), "]"]
+
+
+def _files(files: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
+    return [{"file": name, "sha256": sha} for name, sha in files]
+
+
+def _version_lines(entry: Version) -> list[str]:
+    texts = {"date": entry.date, "command": entry.command, "wrenchgap": entry.tool, "file": entry.file}
+    texts |= {"content": entry.content, "parent": entry.parent}
+    lines = ["[[history]]", f"version = {entry.number}", *_entries({k: text for k, text in texts.items() if text})]
+    if entry.flights:
+        lines += _rows("flights", _files(entry.flights))
+    if entry.trial is not None:
+        names = ("before", "after", "noise", "change", "t")
+        lines += ["[history.held_out]", *_entries({name: getattr(entry.trial, name) for name in names})]
+    for effect in entry.effects:
+        lines += ["[[history.effects]]", *_entries({"name": effect.effect})]
+        values = ({"name": v.name, "value": v.value, "std": v.std, "unit": v.unit} for v in effect.values)
+        lines += _rows("parameters", values)
+    return lines
+
+
+def _effect_lines(vehicle: Vehicle, item: ModelEffect) -> list[str]:
+    stds: Any = [None] * len(item.theta) if item.std is None else item.std
+    given = zip(item.effect.parameters(vehicle), item.theta, stds, strict=False)
+    parameters = {p.name: {"value": value, "std": std, "unit": p.unit} for p, value, std in given}
+    lines = ["[[effects]]", *_entries({"name": item.name}), "[effects.parameters]", *_entries(parameters)]
+    source = item.provenance
+    own = source.source or sources().get(item.name)
+    if own is not None:
+        lines += ["[effects.source]", *_entries({"file": own.file, "sha256": own.sha256})]
+    if replace(source, source=None) != Provenance():
+        names = ("fitted", "version", "method")
+        lines += ["[effects.provenance]", *_entries({name: getattr(source, name) for name in names})]
+        for file in _files(source.logs):
+            lines += ["[[effects.provenance.logs]]", *_entries(file)]
+    return lines
 
 
 def _with_tolerance(value: float | Array, tolerance: float | Array | None) -> Any:

@@ -107,11 +107,9 @@ class FlightComputer:
             return signals
         arms, rotors = self.believed.geometry()
         before = None if recorded is None else recorded.previous_tilt
-        sent = {
-            "allocated": np.zeros(len(arms)) if before is None else before,
-            "fresh": np.array([float(before is None)]),
-        }
-        return signals | sent | {"tilt": np.zeros(len(arms)), "speed": np.zeros(len(rotors))}
+        signals |= {"tilt": np.zeros(len(arms)), "speed": np.zeros(len(rotors))}
+        signals["allocated"] = np.zeros(len(arms)) if before is None else before
+        return signals | {"fresh": np.array([float(before is None)])}
 
     def _stages(self, reference: Reference, recorded: RecordedPilot | None) -> list[Stage]:
         r, c, count = reference, self.clock, len(reference.time)
@@ -122,11 +120,8 @@ class FlightComputer:
         if self.compensator is not None:
             time = c.time[:: c.per_command]
             volts = np.full(count, np.nan) if c.voltage is None else c.voltage[:: c.per_command]
-            stages.append(
-                Stage(
-                    "compensator", self._compensate, np.column_stack((time, volts)), c.per_command, numpy_steps=ALWAYS
-                )
-            )
+            rows = np.column_stack((time, volts))
+            stages.append(Stage("compensator", self._compensate, rows, c.per_command, numpy_steps=ALWAYS))
         if self.allocation is None:
             return [*stages, Stage("command", lambda now, row: {}, np.zeros((count, 0)), c.per_command, ("commanded",))]
         more = np.zeros((count, len(self.signals["tilt"]) + len(self.signals["speed"])))
@@ -163,13 +158,8 @@ class FlightComputer:
         sent = beyond_allocation(self.believed, sent, row[None, : len(tilt)], row[None, len(tilt) :])
         assert sent.tilt is not None
         assert sent.rotor_speed is not None
-        return {
-            "allocated": tilt,
-            "fresh": np.zeros(1),
-            "tilt": sent.tilt[0],
-            "speed": sent.rotor_speed[0],
-            "limited": now["limited"] + limited,
-        }
+        now = {"tilt": sent.tilt[0], "speed": sent.rotor_speed[0], "limited": now["limited"] + limited}
+        return {"allocated": tilt, "fresh": np.zeros(1), **now}
 
 
 def beyond_allocation(vehicle: Vehicle, allocated: Commands, tilt: Array, rotor_speed: Array) -> Commands:

@@ -30,42 +30,20 @@ ALWAYS = np.iinfo(np.int64).max
 
 
 class StageTable(NamedTuple):
-    """S stages as compiled code takes them: each array holds the parts of all stages, one after the other.
+    """S stages as compiled code takes them: each array holds the parts of all stages, one after the other."""
 
-    Attributes
-    ----------
-    code, value : (n, 4), (n,)
-        Lines of all tapes (`plant.trace.tape.Program`), and the values of their results.
-    reads : (R, 2)
-        A line, and the index of the signal value that it takes.
-    rows : (G,)
-        Lines that take the row of inputs.
-    writes : (W, 2)
-        A line with a result, and the index of the signal value that it sets.
-    logs : (L,)
-        Indices of the signal values that are logged.
-    inputs, logged
-        All rows of inputs, and all logged values.
-    begin : (S + 1, 7)
-        Where each of these begins for a stage.
-    every, numpy_steps : (S,)
-        See `Stage`.
-    stop
-        Index of the signal value that ends the loop where it is not zero.
-    """
-
-    code: NDArray[np.int32]
-    value: Array
-    reads: Ints
-    rows: Ints
-    writes: Ints
-    logs: Ints
-    inputs: Array
-    logged: Array
-    begin: Ints
-    every: Ints
-    numpy_steps: Ints
-    stop: int
+    code: NDArray[np.int32]  # (n, 4) lines of all tapes (`plant.trace.tape.Program`)
+    value: Array  # (n,) of their results
+    reads: Ints  # (R, 2) a line, and the index of the signal value that it takes
+    rows: Ints  # (G,) lines that take the row of inputs
+    writes: Ints  # (W, 2) a line with a result, and the index of the signal value that it sets
+    logs: Ints  # (L,) indices of the signal values that are logged
+    inputs: Array  # all rows of inputs
+    logged: Array  # all logged values
+    begin: Ints  # (S + 1, 7) where each of these begins for a stage
+    every: Ints  # (S,) see `Stage`, as the next
+    numpy_steps: Ints  # (S,)
+    stop: int  # index of the signal value that ends the loop where it is not zero
 
 
 @compiled
@@ -118,66 +96,39 @@ def advance(table: StageTable, signals: Array, n: int, s: int, end: int) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """One part of a loop.
+    """One part of a loop: `act` gives new values of some signals, from all signals and the row (C,) of `inputs`.
 
-    Attributes
-    ----------
-    act
-        New values of some signals, from all signals and the row (C,) of inputs.
-    inputs : (K, C)
-        A row for each time that the stage is due, in units of the caller's choice.
-    every
-        Steps from one time that it is due to the next.
-    log
-        Signals that the loop logs each time, as they are after the stage.
-    numpy_steps
-        Steps in which `act` is called in numpy: 0, ALWAYS, or those after which it can be traced.
-    traced
-        Is traced in place of `act`, where `act` has a memory that is not a signal.
-    user_code
-        Whether it holds a user's own code, which is called in numpy where it cannot be traced.
+    A row of `inputs` (K, C), in units of the caller's choice, is for one time that the stage is due.
     """
 
     name: str
     act: Callable[[Signals, Array], Signals]
     inputs: Array
-    every: int = 1
-    log: tuple[str, ...] = ()
-    numpy_steps: int = 0
-    traced: Callable[[Signals, Array], Signals] | None = None
-    user_code: bool = False
+    every: int = 1  # steps from one time that it is due to the next
+    log: tuple[str, ...] = ()  # signals that the loop logs each time, as they are after the stage
+    numpy_steps: int = 0  # steps in which `act` is called in numpy: 0, ALWAYS, or those after which it can be traced
+    traced: Callable[[Signals, Array], Signals] | None = None  # in place of `act`, if that has a memory of its own
+    user_code: bool = False  # whether it holds a user's own code, called in numpy where it cannot be traced
 
 
 @dataclass(eq=False)
 class Loop:
-    """Stages that act in their order upon signals, which hold their first values.
-
-    Attributes
-    ----------
-    stop
-        The signal whose first value ends the loop where it is not zero.
-    compiled
-        False: all stages are called in numpy.
-    report_every
-        Steps between two reports of progress: some milliseconds of compiled code.
-    not_compiled
-        For each stage with user code that could not be compiled, the reason.
-    """
+    """Stages that act in their order upon signals, which hold their first values."""
 
     signals: dict[str, Array]
     stages: Sequence[Stage]
     steps: int
-    stop: str = "stop"
-    compiled: bool = True
-    report_every: int = 200
-    not_compiled: dict[str, str] = field(default_factory=dict)
+    stop: str = "stop"  # the signal whose first value ends the loop where it is not zero
+    compiled: bool = True  # False: all stages are called in numpy
+    report_every: int = 200  # steps between two reports of progress: some milliseconds of compiled code
+    not_compiled: dict[str, str] = field(default_factory=dict)  # why a stage with user code is called in numpy
 
     def __post_init__(self) -> None:
         self.signals = {self.stop: np.zeros(1)} | self.signals
-        ends = np.cumsum([len(value) for value in self.signals.values()])
-        self._at = {
-            name: slice(end - len(self.signals[name]), end) for name, end in zip(self.signals, ends, strict=True)
-        }
+        ends = np.cumsum([len(value) for value in self.signals.values()]).tolist()
+        sizes = zip(self.signals.items(), ends, strict=True)
+        self._at = {name: slice(end - len(value), end) for (name, value), end in sizes}
+        self._places = {name: range(at.start, at.stop) for name, at in self._at.items()}
         self._values = np.concatenate([np.asarray(value, dtype=float) for value in self.signals.values()])
         self._table = self._stage_table()
 
@@ -188,7 +139,7 @@ class Loop:
             if progress is not None and s == 0:
                 progress(n / self.steps)
             n, s = advance(self._table, self._values, n, s, min(n - n % every + every, self.steps))
-            if s >= 0 and n < self.steps and self._due(n, s):
+            if s >= 0 and n < self.steps and n < self._table.numpy_steps[s] and n % self.stages[s].every == 0:
                 s = self._numpy_step(n, s)
             if s < 0:
                 return n, True
@@ -199,20 +150,15 @@ class Loop:
     def logged(self, stage: str, name: str, count: int) -> Array:
         """Logged values (count, C) of a signal, from the first `count` times of a stage."""
         s = [one.name for one in self.stages].index(stage)
-        first = 0
-        for other in self.stages[s].log:
-            size = len(self.signals[other])
-            if other == name:
-                return self._log(s)[:count, first : first + size]
-            first += size
-        raise KeyError(name)
+        log = self.stages[s].log
+        before, width = (sum(len(self.signals[one]) for one in names) for names in (log[: log.index(name)], log))
+        begin, end = self._table.begin[s : s + 2, LOGGED]
+        rows = self._table.logged[begin:end].reshape(-1, width)
+        return rows[:count, before : before + len(self.signals[name])]
 
     def now(self, name: str) -> Array:
         """The present value (C,) of a signal, a copy."""
         return self._values[self._at[name]].copy()
-
-    def _due(self, n: int, s: int) -> bool:
-        return n < self._table.numpy_steps[s] and n % self.stages[s].every == 0
 
     def _numpy_step(self, n: int, s: int) -> int:
         """Call stage s in numpy; the index of the next stage, -1 where it stops the loop."""
@@ -224,22 +170,9 @@ class Loop:
         log_signals(self._table, self._values, s, k)
         return -1 if self._values[self._table.stop] != 0.0 else s + 1
 
-    def _log(self, s: int) -> Array:
-        first, last = self._table.begin[s : s + 2, LOGGED]
-        width = sum(len(self.signals[name]) for name in self.stages[s].log)
-        return self._table.logged[first:last].reshape(-1, max(width, 1))
-
-    def _times(self, s: int) -> int:
-        """Number of times that a stage is due."""
-        return -(-self.steps // self.stages[s].every)
-
     def _stage_table(self) -> StageTable:
         """All stages in one table."""
-        parts, numpy_steps = [], []
-        for s in range(len(self.stages)):
-            part, count = self._part(s)
-            parts.append(part)
-            numpy_steps.append(count)
+        parts, numpy_steps = zip(*map(self._part, self.stages), strict=True)
         starts = np.concatenate(([0], np.cumsum([len(part.code) for part in parts])))
         for part, start in zip(parts, starts.tolist(), strict=False):
             part.code[:, 1:] += start
@@ -257,12 +190,12 @@ class Loop:
             stop=self._at[self.stop].start,
         )
 
-    def _part(self, s: int) -> tuple[_Part, int]:
+    def _part(self, stage: Stage) -> tuple[_Part, int]:
         """The part of a stage in the table, and the number of its numpy steps."""
-        stage = self.stages[s]
-        logs = np.array([k for name in stage.log for k in self._places(name)], dtype=np.int64)
+        logs = np.array([k for name in stage.log for k in self._places[name]], dtype=np.int64)
         numpy_steps = stage.numpy_steps if self.compiled else ALWAYS
-        part = _Part(logs=logs, logged=np.zeros(self._times(s) * len(logs)))
+        times = -(-self.steps // stage.every)  # that it is due
+        part = _Part(logs=logs, logged=np.zeros(times * len(logs)))
         if numpy_steps == ALWAYS:
             return part, numpy_steps
         try:
@@ -272,9 +205,6 @@ class Loop:
                 raise
             self.not_compiled[stage.name] = str(error)
             return part, ALWAYS
-
-    def _places(self, name: str) -> range:
-        return range(self._at[name].start, self._at[name].stop)
 
     def _traced_part(self, stage: Stage, part: _Part) -> _Part:
         """The part with the tape of its stage; raises Untraceable."""
@@ -292,10 +222,10 @@ class Loop:
         results = {
             place: node.line if isinstance(node, Node) else tape.constant(float(node))
             for name, values in changed.items()
-            for place, node in zip(self._places(name), np.asarray(values, dtype=object), strict=True)
+            for place, node in zip(self._places[name], np.asarray(values, dtype=object), strict=True)
         }
         needed = tape.needed(list(results.values()))
-        lines = [(node.line, k) for name in signals for node, k in zip(signals[name], self._places(name), strict=True)]
+        lines = [(node.line, k) for name in signals for node, k in zip(signals[name], self._places[name], strict=True)]
         reads = [(line, k) for line, k in lines if line in needed]
         rows = [node.line for node in row] if any(node.line in needed for node in row) else []
         compact = program(tape, [*(line for line, _ in reads), *rows], [], list(results.values()))
@@ -310,10 +240,6 @@ class Loop:
         )
 
 
-def _integers(*shape: int) -> Ints:
-    return np.zeros(shape, dtype=np.int64)
-
-
 def _pairs(lines: Ints, places: Sequence[int]) -> Ints:
     return np.column_stack((lines, np.array(places, dtype=np.int64)))
 
@@ -326,7 +252,7 @@ class _Part:
     logged: Array
     code: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int32))
     value: Array = field(default_factory=lambda: np.zeros(0))
-    reads: Ints = field(default_factory=lambda: _integers(0, 2))
-    rows: Ints = field(default_factory=lambda: _integers(0))
-    writes: Ints = field(default_factory=lambda: _integers(0, 2))
+    reads: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    rows: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    writes: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     inputs: Array = field(default_factory=lambda: np.zeros(0))

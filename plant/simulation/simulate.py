@@ -27,7 +27,7 @@ from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trace.effects import traced_model
-from wrenchgap.plant.trajectory import Reference, Trajectory
+from wrenchgap.plant.trajectory import Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
 
@@ -49,17 +49,14 @@ class _Sensors:
         volts = np.full(steps, np.nan) if clock.voltage is None else clock.voltage
         imu = np.column_stack((clock.time, volts))[:: self.per_imu]
         self.signals = {"pose": np.zeros(NUMBERS), "gyro": np.zeros(3)}
+        pose = pose_errors(noise, -(-steps // self.per_pose), rng)
         self.stages = [
-            Stage("pose", self._pose, pose_errors(noise, -(-steps // self.per_pose), rng), self.per_pose, ("pose",)),
+            Stage("pose", self._pose, pose, self.per_pose, ("pose",)),
             Stage(
-                "gyroscope",
-                partial(self._gyroscope, truth),
-                np.hstack((imu, self.imu_errors[:, :3])),
-                self.per_imu,
-                traced=lambda now, row: self._gyroscope(traced_model(truth), now, row),
-                user_code=True,
+                "gyroscope", partial(self._gyroscope, truth), np.hstack((imu, self.imu_errors[:, :3])), self.per_imu,
+                traced=lambda now, row: self._gyroscope(traced_model(truth), now, row), user_code=True,
             ),
-        ]
+        ]  # fmt: skip
 
     def poses(self, flown: LoopFlight, loop: Loop) -> State:
         """The readings of the pose sensor; the generator is set to its state after this number of readings."""
@@ -137,7 +134,10 @@ def simulate(
     believed = truth.nominal if believed is None else believed
     length = trajectory.duration if duration is None else duration
     _check(truth.vehicle, believed.vehicle, length, 2.0 / believed.controller.rate_hz)
-    clock = _clock(length, physics_rate, believed.controller.rate_hz, voltage)
+    per_control = _divide(physics_rate, believed.controller.rate_hz, "controller.rate_hz")
+    time = np.arange(max(round(length * physics_rate), 1)) / physics_rate
+    volts = None if voltage is None else np.array([voltage(t) for t in time.tolist()])
+    clock = Clock(time, 1.0 / physics_rate, per_control, volts)
     reference = trajectory.at(clock.time[:: clock.per_command])
     computer = FlightComputer(
         believed.controller, believed.vehicle, reference, clock,
@@ -146,44 +146,28 @@ def simulate(
     avionics = _Sensors(truth.wrench_model, sensors or truth.sensors, clock, physics_rate, rng)
     pushes = [] if disturbance is None else [disturbance_stage(np.array([disturbance(t) for t in clock.time.tolist()]))]
     stages = [*avionics.stages, loss_of_control_stage(reference, clock), *computer.stages, *pushes]
-    start = _on(reference.sample(0)) if initial is None else initial
+    r = reference.sample(0)
+    start = State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial
     flown, loop = fly(
         truth.wrench_model, start, clock, stages, avionics.signals | computer.signals,
         gravity=gravity, compiled=compiled, progress=progress,
     )  # fmt: skip
     periods = len(flown.command_time)
+    limits = [
+        f"{what.replace('_', ' ')} was limited in {number} of {periods} commands"
+        for what, number in computer.limited(loop).items()
+        if number
+    ]
+    lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
+    slow = f"flown in plain numpy, which takes a hundred times as long as compiled: {flown.not_compiled}"
+    notes = (*lost, *limits, *([slow] if flown.not_compiled else []))
     logged = as_flight(
         name, flown, truth, loop.logged("law", "desired", periods), reference,
         start_ns=1_700_000_000_000_000_000,  # an arbitrary day of 2023
         pose=avionics.poses(flown, loop), imu_every=avionics.per_imu, imu_errors=avionics.imu_errors,
-        battery_every=max(round(0.1 / clock.period), 1), notes=_notes(flown, computer.limited(loop), periods),
+        battery_every=max(round(0.1 / clock.period), 1), notes=notes,
     )  # fmt: skip
     return replace(logged, content_hash=_digest(logged))
-
-
-def _on(reference: Reference) -> State:
-    """The state on a reference."""
-    r = reference
-    return State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
-
-
-def _notes(flown: LoopFlight, limited: dict[str, int], periods: int) -> tuple[str, ...]:
-    lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
-    limits = [
-        f"{what.replace('_', ' ')} was limited in {number} of {periods} commands"
-        for what, number in limited.items()
-        if number
-    ]
-    slow = [f"flown in plain numpy, which takes a hundred times as long as compiled: {flown.not_compiled}"]
-    return (*lost, *limits, *(slow if flown.not_compiled else []))
-
-
-def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:
-    """Steps of the physics through `length` [s]."""
-    per_control = _divide(physics_rate, control_rate, "controller.rate_hz")
-    time = np.arange(max(round(length * physics_rate), 1)) / physics_rate
-    volts = None if voltage is None else np.array([voltage(t) for t in time.tolist()])
-    return Clock(time, 1.0 / physics_rate, per_control, volts)
 
 
 def physics_rate(model: Model, least: int = 400) -> float:
