@@ -34,9 +34,7 @@ def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = No
         thrust = empty_on_disk(speed.shape)
         for k in pieces(len(speed)):  # so that products of all samples are not in memory at once
             thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
-    if posture is None:
-        return Actuation(vehicle, commands.tilt, speed, thrust)
-    return Actuation(vehicle, posture.tilt, speed, thrust, posture=posture)
+    return Actuation(vehicle, commands.tilt if posture is None else posture.tilt, speed, thrust, posture=posture)
 
 
 @lru_cache(maxsize=64)
@@ -75,10 +73,9 @@ def _wrench_of_thrusts(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
     sums, wrench = _matrices(vehicle)
     per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
     cos, sin = np.split(turn[:, None], 2, axis=2)
-    half = per_arm.shape[1] * per_arm.shape[2]
-    return np.asarray(
-        (per_arm * cos).reshape(-1, half) @ wrench[:half] + (per_arm * sin).reshape(-1, half) @ wrench[half:]
-    )
+    half = len(wrench) // 2
+    along = (per_arm * cos).reshape(-1, half) @ wrench[:half]
+    return np.asarray(along + (per_arm * sin).reshape(-1, half) @ wrench[half:])
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:

@@ -133,7 +133,7 @@ class Allocation:
         """Angles (T,) of tilting arms, turned and limited in rate (see the module), and where the rate was limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]
-        tilt = nearest_angle(tilt, before)
+        tilt = np.asanyarray(tilt + TURN * np.floor((before - tilt) / TURN + 0.5))  # next to the angle before
         stopped = np.flatnonzero(np.minimum(most, -least) < 1e4)  # rad: a model without stops has 1e9 degrees
         tilt[stopped] = angle_in_range(tilt[stopped], least[stopped], most[stopped])
         if dt is None:
@@ -176,11 +176,6 @@ class Allocation:
 def allocation_of(vehicle: Vehicle) -> Allocation:
     """The allocation of a vehicle, computed once for all parts of a flight."""
     return Allocation(vehicle)
-
-
-def nearest_angle(tilt: Array, before: Array) -> Array:
-    """Angles (...) [rad], turned by whole turns to be nearest to those before."""
-    return np.asanyarray(tilt + TURN * np.floor((before - tilt) / TURN + 0.5))
 
 
 def angle_in_range(tilt: Array, least: Array, most: Array, rounding: float = 1e-9) -> Array:

@@ -21,7 +21,7 @@ import numpy as np
 
 from wrenchgap.flight.command_units import ROTOR_WORDS
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.vehicle import Vehicle
 
 CommandUnit = Literal["normalised", "pwm"]
@@ -56,9 +56,8 @@ class Bench:
         if self.voltage is None:
             return _interpolated(command, self.command, self.value)
         levels = np.unique(self.voltage)
-        curves = np.stack(
-            [_interpolated(command, self.command[mine], self.value[mine]) for mine in self.voltage == levels[:, None]]
-        )
+        groups = self.voltage == levels[:, None]
+        curves = np.stack([_interpolated(command, self.command[mine], self.value[mine]) for mine in groups])
         at = np.full(len(command), levels.mean()) if voltage is None else np.clip(voltage, levels[0], levels[-1])
         upper = np.clip(np.searchsorted(levels, at), 1, len(levels) - 1) if len(levels) > 1 else np.zeros(len(at), int)
         lower = np.maximum(upper - 1, 0)
@@ -139,22 +138,11 @@ def as_speeds(found: Flight, curve: CommandCurve | None, vehicle: Vehicle, model
     battery = found.battery
     voltage = None if battery is None else np.asarray(np.interp(sent.time, battery.time, battery.voltage))
     speeds = curve.speeds(sent.rotor_speed, voltage, vehicle)
-    wrenches = {
-        role: None
-        for role in ("commanded", "desired")
-        if (series := getattr(found, role)) is not None and series.unit == "normalised"
-    }
-    converted: ActuatorSeries = replace(sent, rotor_speed=speeds, unit="rad/s")
-    notes = (*found.notes, *_notes(found, sent, curve, model, voltage))
-    return replace(found, actuators=converted, notes=notes, **wrenches)  # type: ignore[arg-type]
-
-
-def _notes(found: Flight, sent: ActuatorSeries, curve: CommandCurve, model: str, voltage: Array | None) -> list[str]:
-    """What was made of the commands, and by which curve."""
     origin = f" ({curve.source})" if curve.source else ""
     notes = [
+        *found.notes,
         f"{found.name}: rotor commands of {sent.topic} are {ROTOR_WORDS[sent.unit]}; {curve.gives} by [command] of "
-        f"{model}{origin}."
+        f"{model}{origin}.",
     ]
     if curve.uses_voltage and voltage is None:
         notes.append(f"{found.name}: no battery voltage in the log; the curve is taken at its nominal voltage.")
@@ -162,4 +150,7 @@ def _notes(found: Flight, sent: ActuatorSeries, curve: CommandCurve, model: str,
         notes.append(
             f"{found.name}: {100.0 * share:.1f} % of the rotor commands lie outside the bench table: its ends are held."
         )
-    return notes
+    for role in ("commanded", "desired"):
+        if (series := getattr(found, role)) is not None and series.unit == "normalised":
+            found = replace(found, **{role: None})
+    return replace(found, actuators=replace(sent, rotor_speed=speeds, unit="rad/s"), notes=tuple(notes))

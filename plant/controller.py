@@ -124,17 +124,6 @@ def pushes_along_z_only(vehicle: Vehicle) -> bool:
     return bool(np.allclose(vehicle.arms.normal_B, [0.0, 0.0, 1.0], atol=1e-9))
 
 
-def desired_force(gains: ControllerGains, mass: float, state: State, reference: Reference) -> Array:
-    """F_des in E (N, 3) [N]: the first equation of the module, before it is turned into B."""
-    zeta, omega = gains.zeta_position, gains.omega_position
-    acceleration = (
-        reference.acceleration_E
-        - 2.0 * zeta * omega * (state.velocity_E - reference.velocity_E)
-        - omega**2 * (state.position_E - reference.position_E)
-    )
-    return np.asanyarray(mass * (acceleration + np.array([0.0, 0.0, GRAVITY])))
-
-
 def control_law(
     gains: ControllerGains, body: Body, state: State, reference: Reference, integral: Array, along_z: bool = False
 ) -> tuple[Array, Array]:
@@ -155,7 +144,12 @@ def control_law(
     error : (N, 3)
         e_R.
     """
-    force_E = desired_force(gains, body.mass, state, reference)
+    acceleration_E = (
+        reference.acceleration_E
+        - 2.0 * gains.zeta_position * gains.omega_position * (state.velocity_E - reference.velocity_E)
+        - gains.omega_position**2 * (state.position_E - reference.position_E)
+    )
+    force_E = np.asanyarray(body.mass * (acceleration_E + np.array([0.0, 0.0, GRAVITY])))
     force_B = so3.rotate_inverse(state.quat_EB, force_E)
     quat_ED = reference.quat_ED
     if along_z:

@@ -18,12 +18,12 @@ def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
     parts = [part.strip() for part in rest.split(",") if part.strip()]
     if not (name and equals and parts):
         raise UsageError(f"{text!r}: expected EFFECT=PARAMETER:VALUE,... e.g. com_offset=x:0.004,y:-0.007")
-    named = [re.split(r"[:=]", part, maxsplit=1) for part in parts]
-    if len({pair[0].strip() for pair in named if len(pair) == 2}) < sum(len(pair) == 2 for pair in named):
+    named = [pair for part in parts if len(pair := re.split(r"[:=]", part, maxsplit=1)) == 2]
+    if len({key.strip() for key, _ in named}) < len(named):
         raise UsageError(f"{text!r}: a parameter is given twice; say it once")
-    if all(len(pair) == 2 for pair in named):
+    if len(named) == len(parts):
         return name.strip(), {key.strip(): _number(value, text) for key, value in named}
-    if any(len(pair) == 2 for pair in named):
+    if named:
         raise UsageError(f"{text!r}: give all parameters by name, or all in order")
     return name.strip(), [_number(part, text) for part in parts]
 
@@ -41,9 +41,8 @@ def effect_of_text(model: Model, text: str) -> ModelEffect:
     Raises ModelError for unknown names, with a list of the known ones.
     """
     name, values = parse_value(text)
-    parameters = find(name).parameters(
-        model.without_tolerances.vehicle
-    )  # a truth may contradict what the file is sure of
+    vehicle = model.without_tolerances.vehicle  # a truth may contradict what the file is sure of
+    parameters = find(name).parameters(vehicle)
     if isinstance(values, dict) and set(values) <= {p.name for p in parameters}:
         values = {p.name: 0.0 for p in parameters} | values
     effect = make_effect(model.vehicle, name, values)

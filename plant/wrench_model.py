@@ -113,11 +113,8 @@ def about_origin(body: Body, wrench_B: Array) -> Array:
 _RATES = "actuator rates"
 
 
-def _rates(commands: Commands, dt: float, memory: Any) -> tuple[Rates, Any]:
+def _rates(tilt: Array, speed: Array, dt: float, memory: Any) -> tuple[Rates, Any]:
     """Rates of the actuators by backward differences, and the memory."""
-    tilt, speed = commands.tilt, commands.rotor_speed
-    assert tilt is not None
-    assert speed is not None
     before_tilt, before_speed, before_rate = (tilt[0], speed[0], None) if memory is None else memory
     rate = np.diff(tilt, axis=0, prepend=before_tilt[None]) / dt
     rotor_dot = np.diff(speed, axis=0, prepend=before_speed[None]) / dt
@@ -175,10 +172,7 @@ class WrenchModel:
     def wrench(self, commands: Commands, state: State, rates: Rates | None = None) -> Array:
         """Wrench (N, 6) about O that these (effective) commands make in this state; at rest without `rates`."""
         act, rotors = self.rotors(commands, state, rates)
-        total = rotors
-        for item in self.added:
-            total = total + self.addition(item, act, rotors, state)
-        return total
+        return sum((self.addition(item, act, rotors, state) for item in self.added), start=rotors)
 
     def rotors(
         self, commands: Commands, state: State, rates: Rates | None = None, nominal: Actuation | None = None
@@ -218,10 +212,10 @@ class WrenchModel:
         self, commands: Commands, dt: float, memory: dict[str, Any] | None = None
     ) -> tuple[Rates | None, dict[str, Any]]:
         """Rates of the actuators under effective commands, where an effect asks for them; and the memory."""
-        memory = {} if memory is None else memory
-        rates: Rates | None = None
-        if commands.rotor_speed is not None and any(item.effect.needs_rates for item in self.effects):
-            rates, memory[_RATES] = _rates(commands, dt, memory.get(_RATES))
+        memory, rates = {} if memory is None else memory, None
+        tilt, speed = commands.tilt, commands.rotor_speed
+        if tilt is not None and speed is not None and any(item.effect.needs_rates for item in self.effects):
+            rates, memory[_RATES] = _rates(tilt, speed, dt, memory.get(_RATES))
         return rates, memory
 
     def motion(self, wrench_B: Array, omega_B: Array) -> Motion:

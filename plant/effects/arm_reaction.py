@@ -2,16 +2,9 @@
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import (
-    Actuation,
-    Array,
-    Context,
-    Parameter,
-    Vehicle,
-    WrenchEffect,
-    pure_torque,
-    tilting_arms,
-)
+from wrenchgap.plant.effects.effect import Array, Context, Parameter, WrenchEffect, pure_torque, tilting_arms
+from wrenchgap.plant.state import Actuation
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class ArmReaction(WrenchEffect):

@@ -4,17 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import (
-    Any,
-    Array,
-    CommandEffect,
-    Commands,
-    Context,
-    Parameter,
-    Vehicle,
-    tilting_arms,
-    weight_scale,
-)
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Context, Parameter, tilting_arms, weight_scale
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class ArmTwist(CommandEffect):

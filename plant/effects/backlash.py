@@ -4,16 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import (
-    Any,
-    Array,
-    CommandEffect,
-    Commands,
-    Context,
-    Parameter,
-    Vehicle,
-    tilting_arms,
-)
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, tilting_arms
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class Backlash(CommandEffect):

@@ -31,9 +31,8 @@ class BodyDrag(WrenchEffect):
         linear = tuple(Parameter(f"linear_{a}", "N s/m", 0.0, 0.2 * weight, 0.02 * weight) for a in "xyz")
         squared = tuple(Parameter(f"quadratic_{a}", "N s^2/m^2", 0.0, 0.04 * weight, 0.004 * weight) for a in "xyz")
         size = span(vehicle)
-        return (
-            linear + squared + tuple(Parameter(f"point_{a}", "m", -size, size, 0.2 * size, alone=False) for a in "xyz")
-        )
+        point = tuple(Parameter(f"point_{a}", "m", -size, size, 0.2 * size, alone=False) for a in "xyz")
+        return linear + squared + point
 
     def unexcited(self, context: Context) -> str | None:
         """Drag needs speed."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
-from wrenchgap.plant.vehicle import Rotors, Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class CoaxialLoss(ThrustEffect):
@@ -26,27 +26,19 @@ class CoaxialLoss(ThrustEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The loss; only for a vehicle that has coaxial pairs."""
-        _, rotors = vehicle.geometry()
-        if not lower(rotors).any():
+        if not (above(vehicle) >= 0).any():
             raise ModelError(f"{vehicle.name}: effect {self.name} needs two rotors on one arm, and no arm has them")
         return (Parameter("eta", "1", 0.0, 0.5, 0.1),)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R), the lower ones reduced."""
-        _, rotors = context.vehicle.geometry()
-        return np.asarray(actuation.thrust * np.where(lower(rotors), 1.0 - theta[0], 1.0))
-
-
-def lower(rotors: Rotors) -> NDArray[np.bool_]:
-    """Which rotors have another one above them on the same arm, (R,)."""
-    return above(tuple(int(a) for a in rotors.arm), tuple(float(o) for o in rotors.offset)) >= 0
+        return np.asarray(actuation.thrust * np.where(above(context.vehicle) >= 0, 1.0 - theta[0], 1.0))
 
 
 @lru_cache(maxsize=16)
-def above(arm: tuple[int, ...], offset: tuple[float, ...]) -> NDArray[np.intp]:
+def above(vehicle: Vehicle) -> NDArray[np.intp]:
     """For every rotor the one next above it on its arm (R,), -1 where there is none."""
-    out = np.full(len(arm), -1)
-    for i, (own, height) in enumerate(zip(arm, offset, strict=True)):
-        higher = [(p, j) for j, (other, p) in enumerate(zip(arm, offset, strict=True)) if other == own and p > height]
-        out[i] = min(higher, default=(0.0, -1))[1]
-    return out
+    _, rotors = vehicle.geometry()
+    places = list(zip(rotors.arm, rotors.offset, strict=True))
+    higher = [[(p, j) for j, (other, p) in enumerate(places) if other == own and p > height] for own, height in places]
+    return np.array([min(rotors_above, default=(0.0, -1))[1] for rotors_above in higher])

@@ -22,8 +22,7 @@ class CoaxialLossOfWake(CoaxialLoss):
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R), the lower ones reduced."""
-        _, rotors = context.vehicle.geometry()
-        upper = above(tuple(int(a) for a in rotors.arm), tuple(float(o) for o in rotors.offset))
+        upper = above(context.vehicle)
         wakes = np.where(upper >= 0, np.maximum(actuation.thrust[:, upper], 0.0), 0.0)
         lost = theta[0] * np.sqrt(wakes * np.maximum(actuation.thrust, 0.0))
         return np.asarray(actuation.thrust - np.minimum(lost, np.maximum(actuation.thrust, 0.0)))

@@ -20,10 +20,9 @@ class ConstantWrench(WrenchEffect):
         """Force and torque along the body axes; scaled to the vehicle's weight and size."""
         body = vehicle.body
         force = 0.02 * body.mass * 9.81
-        length = float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
-        forces = tuple(Parameter(f"force_{a}", "N", -10 * force, 10 * force, force) for a in "xyz")
-        torque = force * length
-        return forces + tuple(Parameter(f"torque_{a}", "Nm", -10 * torque, 10 * torque, torque) for a in "xyz")
+        torque = force * float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
+        kinds = (("force", "N", force), ("torque", "Nm", torque))
+        return tuple(Parameter(f"{kind}_{a}", unit, -10 * s, 10 * s, s) for kind, unit, s in kinds for a in "xyz")
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added wrench, the same in every sample."""

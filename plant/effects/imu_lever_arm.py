@@ -5,16 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import (
-    Array,
-    Context,
-    Motion,
-    Parameter,
-    SensorEffect,
-    Vehicle,
-    is_tight,
-    offset_parameters,
-)
+from wrenchgap.plant.effects.effect import Array, Context, Parameter, SensorEffect, is_tight, offset_parameters
+from wrenchgap.plant.state import Motion
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
 
 

@@ -27,21 +27,14 @@ class Inertia(BodyEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""
-        J = vehicle.body.inertia
-        names = ("xx", "yy", "zz", "xy", "xz", "yz")
-        typical = [self.typical_moment if i == k else self.typical_product for i, k in _PLACES]
-        size = [float(np.sqrt(J[i, i] * J[k, k])) for i, k in _PLACES]
-        tolerance = vehicle.tolerances.inertia
-        return tuple(
-            with_prior(
-                Parameter(
-                    name, "kg m^2", -0.4 * s, 0.4 * s, (self.typical_moment if i == k else self.typical_product) * s
-                ),
-                None if tolerance is None else float(tolerance[i, k]),
-                -0.6 * s,
-            )
-            for name, s, share, (i, k) in zip(names, size, typical, _PLACES, strict=True)
-        )
+        J, tolerance = vehicle.body.inertia, vehicle.tolerances.inertia
+        found = []
+        for i, k in _PLACES:
+            size = float(np.sqrt(J[i, i] * J[k, k]))
+            typical = (self.typical_moment if i == k else self.typical_product) * size
+            usual = Parameter("xyz"[i] + "xyz"[k], "kg m^2", -0.4 * size, 0.4 * size, typical)
+            found.append(with_prior(usual, None if tolerance is None else float(tolerance[i, k]), -0.6 * size))
+        return tuple(found)
 
     def known(self, vehicle: Vehicle) -> str | None:
         """Every moment measured, to much less than what is typical."""

@@ -19,9 +19,8 @@ class RotationalDrag(WrenchEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Linear coefficients about body x, y and z, and one quadratic coefficient; scaled to the inertia."""
         J = np.diag(vehicle.body.inertia)
-        linear = tuple(
-            Parameter(f"linear_{a}", "Nm s/rad", 0.0, 5.0 * j, 0.2 * j) for a, j in zip("xyz", J, strict=True)
-        )
+        axes = zip("xyz", J, strict=True)
+        linear = [Parameter(f"linear_{a}", "Nm s/rad", 0.0, 5.0 * j, 0.2 * j) for a, j in axes]
         return (*linear, Parameter("quadratic", "Nm s^2/rad^2", 0.0, 5.0 * J.mean(), 0.2 * J.mean()))
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:

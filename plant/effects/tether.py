@@ -4,16 +4,9 @@ import numpy as np
 
 from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import (
-    Actuation,
-    Array,
-    Context,
-    Parameter,
-    Vehicle,
-    WrenchEffect,
-    force_at,
-    weight_scale,
-)
+from wrenchgap.plant.effects.effect import Array, Context, Parameter, WrenchEffect, force_at, weight_scale
+from wrenchgap.plant.state import Actuation
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class Tether(WrenchEffect):
@@ -36,9 +29,8 @@ class Tether(WrenchEffect):
         weight, size = weight_scale(vehicle), span(vehicle)
         most = {"x": 0.3, "y": 0.3, "z": 0.05}  # share of the weight; up, a safety line relieves a little of it
         force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, most[a] * weight, 0.02 * weight) for a in "xyz")
-        return force + tuple(
-            Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size, alone=False) for a in "xyz"
-        )
+        point = [Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size, alone=False) for a in "xyz"]
+        return (*force, *point)
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added wrench about O."""
