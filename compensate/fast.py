@@ -42,26 +42,18 @@ WITHHELD = "the model's standard deviation is not finite: correction withheld"
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """When a Newton search stops.
+    """When a Newton search stops; the last three are relative sizes at the level of rounding, which count as zero."""
 
-    Attributes
-    ----------
-    enough
-        J, relative to the acceptance threshold: a ten-millionth of its error.
-    evaluations
-        At most; four are usual.
-    pivot, still, stalled
-        Relative sizes at the level of rounding: of a pivot, of a step, and of a decrease of J that count as zero.
-    """
-
-    enough: float = 1e-14
-    evaluations: int = 30
+    enough: float = 1e-14  # J, relative to the acceptance threshold: a ten-millionth of its error
+    evaluations: int = 30  # at most; four are usual
     pivot: float = 1e-14
-    still: float = 1e-13
-    stalled: float = 1e-12
+    still: float = 1e-13  # of a step
+    stalled: float = 1e-12  # of a decrease of J
 
 
 NEWTON = NewtonSettings()
+TAPE_SIZES = {"LINES": "code", "ASKED": "inputs", "FREE": "free", "RESULTS": "results", "SLOPED": "tangent"}
+"""Sizes of a tape, and the part of `compensate.tables.Tape` that has each."""
 
 
 class Plan(NamedTuple):
@@ -145,18 +137,14 @@ def _gate(
 
 def sizes_of(step_plan: Plan, given: Compensation) -> dict[str, int]:
     """The sizes that `compensate.tables` names."""
-    physics, reach = step_plan.physics, step_plan.reach.table
-    outputs, inputs, points = len(step_plan.gate.rows), len(AXES), 0
-    whitener = 0
-    if step_plan.expansion is not None:
-        inputs, points = len(step_plan.expansion.input_mean), step_plan.expansion.points.shape[1]
-        whitener = points * (points + 1) // 2 if step_plan.expansion.triangular else points * points
+    physics, process, reach = step_plan.physics, given.process, given.reach
+    outputs = len(step_plan.gate.rows)
     actuators = 0 if physics is None else physics.arms + physics.memory
     return {
         "WG_OUTPUTS": outputs,
-        "WG_INPUTS": inputs,
-        "WG_POINTS": points,
-        "WG_WHITENER": whitener,
+        "WG_INPUTS": len(process.input_mean),
+        "WG_POINTS": process.alpha.shape[1],
+        "WG_WHITENER": process.whitener.shape[1],
         "WG_LIMITS": len(reach.rows),
         "WG_TILTING": len(reach.middle),
         "WG_SINGLES": len(reach.low),
@@ -164,14 +152,12 @@ def sizes_of(step_plan: Plan, given: Compensation) -> dict[str, int]:
         "WG_STATE": len(AXES) + len(STATE) + 1 + actuators,
         "WG_FIXED": 0,
         "WG_ROW": EXPECTED + 2 * outputs,
-        **_tape_sizes("PHYSICS", given.physics),
-        **_tape_sizes("SENT", given.sent),
+        **{
+            f"{name}_{size}": len(getattr(tape, part))
+            for name, tape in (("PHYSICS", given.physics), ("SENT", given.sent))
+            for size, part in TAPE_SIZES.items()
+        },
     }
-
-
-def _tape_sizes(name: str, tape: Tape) -> dict[str, int]:
-    sizes = {"LINES": tape.code, "ASKED": tape.inputs, "FREE": tape.free, "RESULTS": tape.results}
-    return {f"{name}_{size}": len(array) for size, array in (sizes | {"SLOPED": tape.tangent}).items()}
 
 
 def process_of(expansion: Expansion) -> Process:
@@ -179,20 +165,16 @@ def process_of(expansion: Expansion) -> Process:
     e = expansion
     size = e.whitener.shape[1]
     kept = np.tril(np.ones((size, size), dtype=bool)) | (not e.triangular)
-    arrays = {
-        "input_mean": e.input_mean,
-        "input_scale": e.input_scale,
-        "output_scale": e.output_scale,
-        "coefficients": e.mean_coefficients,
-        "lengthscales": e.lengthscales,
-        "points": e.points.transpose(0, 2, 1),
-        "alpha": e.alpha,
-        "whitener": e.whitener[:, kept],
-        "signal": e.signal_variance,
-        "noise": e.noise_variance,
-        "sigma_scale": e.sigma_scale,
-    }
-    return Process(**arrays, triangular=int(e.triangular))
+    return Process(
+        *(e.input_mean, e.input_scale, e.output_scale, e.mean_coefficients, e.lengthscales),
+        points=e.points.transpose(0, 2, 1),
+        alpha=e.alpha,
+        whitener=e.whitener[:, kept],
+        signal=e.signal_variance,
+        noise=e.noise_variance,
+        sigma_scale=e.sigma_scale,
+        triangular=int(e.triangular),
+    )
 
 
 def tape_of(program: Program | None, outputs: int) -> Tape:

@@ -77,34 +77,26 @@ class _Search:
         mean, jacobian = self.linearise(wrench[None])
         return mean[0] + free, jacobian[0][:, self.rows] + np.eye(len(self.rows))
 
-    def cost(self, free: Array) -> float:
-        """J, without the regulariser."""
-        residual, _ = self.residual(free)
-        return float(residual @ residual)
-
     def objective(self, free: Array, gradient: Array) -> float:
         """What nlopt minimises; a float, because a 1-element array fails as `invalid_argument`.
 
         nlopt makes an error of its own of a Ctrl-C; `interrupted` remembers that it was one.
         """
         try:
-            return self._objective(free, gradient)
+            self.evaluations += 1
+            residual, slope = self.residual(free)
+            if not (np.isfinite(residual).all() and np.isfinite(slope).all()):
+                raise FloatingPointError("the mismatch model gave a value that is not finite")
+            cost = float(residual @ residual)
+            value = cost + float(self.weight @ (free * free))
+            if gradient.size:
+                gradient[:] = 2.0 * (slope.T @ residual + self.weight * free)
+            if value < self.best_penalised:
+                self.best, self.best_penalised, self.best_cost = free.copy(), value, cost
+            return value
         except KeyboardInterrupt:
             self.interrupted = True
             raise
-
-    def _objective(self, free: Array, gradient: Array) -> float:
-        self.evaluations += 1
-        residual, slope = self.residual(free)
-        if not (np.isfinite(residual).all() and np.isfinite(slope).all()):
-            raise FloatingPointError("the mismatch model gave a value that is not finite")
-        cost = float(residual @ residual)
-        value = cost + float(self.weight @ (free * free))
-        if gradient.size:
-            gradient[:] = 2.0 * (slope.T @ residual + self.weight * free)
-        if value < self.best_penalised:
-            self.best, self.best_penalised, self.best_cost = free.copy(), value, cost
-        return value
 
 
 def linearisation(model: MismatchModel) -> Callable[[Array], tuple[Array, Array]]:
@@ -148,8 +140,10 @@ class Optimiser:
             trouble = self._descend(search, start[rows], lower, upper)
             if search.best_cost >= self.accept and start[rows].any():
                 trouble = self._descend(search, zero[rows], lower, upper)
-            cost = search.best_cost
-            cost_of_zero = np.inf if cost < self.accept else search.cost(zero[rows])
+            cost, cost_of_zero = search.best_cost, np.inf
+            if not cost < self.accept:
+                residual, _ = search.residual(zero[rows])
+                cost_of_zero = float(residual @ residual)
         except (FloatingPointError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
             return Optimum(zero, float("nan"), False, 0, f"no correction: {' '.join(str(error).split())}")
         if not cost < cost_of_zero:

@@ -62,7 +62,7 @@ def views_module() -> str:
         name, at, source = "_".join(entry.path), "i" if entry.integer else "f", ("numbers", "counts")[entry.integer]
         if entry.path == ("memory", Memory._fields[0]):
             lines.append("    first = f")
-        if entry.path == ("room", *_first(Room)):
+        if entry.path == ("room", *next(layout(Room)).path):
             lines += ["    flat = numbers[first:f]", "    before, f = vector(numbers, f, len(flat))"]
         kind = ("number", "vector", "matrix", "cube")[len(entry.shape)]
         shape = "".join(f", {size}" for size in entry.shape)
@@ -71,11 +71,6 @@ def views_module() -> str:
             else f"    {name}, {at} = {kind}({source}, {at}{shape})"
         )  # fmt: skip
     return head + "\n".join(lines) + f"\n    return {_made(Everything, ())}, flat, before\n"
-
-
-def _first(kind: Any) -> tuple[str, ...]:
-    """The path to the first array of a tuple."""
-    return next(iter(layout(kind))).path
 
 
 def _made(kind: Any, path: tuple[str, ...]) -> str:

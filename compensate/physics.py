@@ -164,17 +164,19 @@ class PhysicsHere:
         found = []
         for k in range(len(commands.wrench_B)):
             held, _ = model.command(commands.take(np.full(count, k)), state, self.dt, self.memory)
-            found.append(_last(held, count - ahead))
+            last, before = held.take(slice(-1, None)), held.take(slice(-2, -1))
+            found.append(between(last, before, count - ahead) if count > ahead else last)
         return concatenated(found)
 
 
-def _last(held: Commands, back: float) -> Commands:
-    """Commands (1) `back` (0 to 1) samples before the last."""
-    if back == 0.0:
-        return held.take(slice(-1, None))
-    weights, tilt, speed = np.array([[back, 1.0 - back]]), held.tilt, held.rotor_speed
-    actuators = (None if part is None else weights @ part[-2:] for part in (tilt, speed))
-    return Commands(weights @ held.wrench_B[-2:], *actuators)
+def between(last: Commands, before: Commands, back: float) -> Commands:
+    """Commands `back` (0 to 1) samples before the last."""
+
+    def mixed(name: str) -> Any:
+        newer, older = getattr(last, name), getattr(before, name)
+        return None if newer is None else back * older + (1.0 - back) * newer
+
+    return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))
 
 
 @dataclass(frozen=True)

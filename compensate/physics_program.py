@@ -15,15 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.physics import PhysicsMismatch, between
 from wrenchgap.compensate.tables import STATE
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable
-from wrenchgap.plant.trace.effects import memory_arrays, memory_of_arrays, traced_effect
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable, memory_arrays, memory_of_arrays, traced_effect
 from wrenchgap.plant.trace.tape import Program, Tape, program
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
@@ -48,15 +47,14 @@ def trace(physics: PhysicsMismatch, dt: float) -> PhysicsPrograms:
 
     Raises Untraceable, naming the effect, where one cannot be written down.
     """
-    model = WrenchModel(physics.model.vehicle, tuple(traced_effect(item) for item in physics.model.effects))
-    tracer = _Tracer(physics, model, dt)
-    tape, mean, after = tracer.run()
+    tracer = _Tracer(physics, dt)
+    mean, after = tracer.run()
     inputs = tracer.inputs
     free = [inputs[k] for k in output_indices(physics.outputs)]
     return PhysicsPrograms(
         outputs=physics.outputs,
-        mismatch=program(tape, inputs, free, mean),
-        sent=program(tape, inputs, [], after),
+        mismatch=program(tracer.tape, inputs, free, mean),
+        sent=program(tracer.tape, inputs, [], after),
         arms=tracer.arms,
         memory=tracer.memory,
         needs_voltage=any(item.effect.needs_voltage for item in physics.model.effects),
@@ -78,15 +76,16 @@ def untraceable(physics: PhysicsMismatch, dt: float) -> dict[str, str]:
 class _Tracer:
     """Writes one step of the physics down."""
 
-    def __init__(self, physics: PhysicsMismatch, model: WrenchModel, dt: float) -> None:
+    def __init__(self, physics: PhysicsMismatch, dt: float) -> None:
+        model = WrenchModel(physics.model.vehicle, tuple(traced_effect(item) for item in physics.model.effects))
         self.physics, self.model, self.dt = physics, model, dt
         self.allocation = Allocation(model.vehicle) if model.vehicle.has_rotors else None
         self.late = any(isinstance(item.effect, CommandEffect) for item in model.effects)
         self.tape, self.inputs = Tape(), list[int]()
         self.arms, self.memory = 0, 0
 
-    def run(self) -> tuple[Tape, list[int], list[int]]:
-        """The tape, the lines of the mismatch, and those of what is kept after a command was sent."""
+    def run(self) -> tuple[list[int], list[int]]:
+        """The lines of the mismatch, and those of what is kept after a command was sent."""
         wrench, numbers = self._inputs("wrench", AXES), self._inputs("state", STATE)
         fresh = self._inputs("fresh", ("",))
         p, q, v, w, t, u = np.split(numbers, [3, 7, 10, 13, 14])
@@ -102,7 +101,7 @@ class _Tracer:
         mean = Traced.of(measured_wrench(self.model.vehicle.body, motion))[0] - wrench
         rows = output_indices(self.physics.outputs)
         after = [node.line for leaf in memory_arrays(kept) for node in self._nodes(leaf)]
-        return self.tape, [node.line for node in self._nodes(mean[rows])], tilt + after
+        return [node.line for node in self._nodes(mean[rows])], tilt + after
 
     def _inputs(self, kind: str, names: Sequence[str]) -> Traced:
         lines = [self.tape.input(f"{kind} {name}".strip()) for name in names]
@@ -150,14 +149,4 @@ class _Tracer:
             found.append(held)
             kept = memory if k == 0 else kept
         back = count - ahead
-        return _between(found[-1], found[-2], back) if back > 0.0 else found[-1], kept if lead is not None else None
-
-
-def _between(last: Commands, before: Commands, back: float) -> Commands:
-    """Commands `back` (0 to 1) samples before the last."""
-
-    def mixed(name: str) -> Any:
-        newer, older = getattr(last, name), getattr(before, name)
-        return None if newer is None else back * older + (1.0 - back) * newer
-
-    return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))
+        return between(found[-1], found[-2], back) if back > 0.0 else found[-1], kept if lead is not None else None

@@ -34,7 +34,7 @@ from wrenchgap.compensate.tables import Observed, ReachRoom, ReachTable
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import about_origin
 
 THRUST_TO_WEIGHT = 20.0
@@ -107,7 +107,9 @@ class Reach:
 def reach_of(vehicle: Vehicle) -> Reach:
     """The reach of a vehicle, computed once. Raises ModelError for one that cannot hover."""
     if not vehicle.has_rotors:
-        authority = THRUST_TO_WEIGHT * vehicle.body.mass * GRAVITY * np.array([1.0] * 3 + [_gyration(vehicle.body)] * 3)
+        body = vehicle.body
+        gyration = math.sqrt(float(np.linalg.eigvalsh(body.inertia)[-1]) / body.mass)  # about the largest moment's axis
+        authority = THRUST_TO_WEIGHT * body.mass * GRAVITY * np.array([1.0] * 3 + [gyration] * 3)
         return _reach(np.zeros((0, 6)), [], np.zeros(0), np.zeros(0), authority, vehicle)
     arms, rotors = vehicle.geometry()
     allocation = Allocation(vehicle)
@@ -138,11 +140,6 @@ def reach_of(vehicle: Vehicle) -> Reach:
     coupled = tuple(axis for axis, own in zip(AXES, any_wrench & others, strict=True) if own)
     found = _reach(rows, [arm for arm, _ in discs], np.array(weak), np.array(idle), reached, vehicle)
     return replace(found, coupled=coupled)
-
-
-def _gyration(body: Body) -> float:
-    """Radius of gyration [m] about the axis of the largest moment of inertia."""
-    return math.sqrt(float(np.linalg.eigvalsh(body.inertia)[-1]) / body.mass)
 
 
 def _reach(rows: Array, tilting: list[int], weak: Array, idle: Array, authority: Array, vehicle: Vehicle) -> Reach:

@@ -28,8 +28,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.rigid_body import NUMBERS, RigidBody, pack, unpack
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.trace.arrays import Untraceable
-from wrenchgap.plant.trace.effects import memory_arrays, memory_of_arrays, traced_model
+from wrenchgap.plant.trace.arrays import Untraceable, memory_arrays, memory_of_arrays, traced_model
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -192,13 +191,9 @@ class _Actuators:
         self.form = self._memory_after_steps(replace(start, voltage=None if self.voltage is None else self.voltage[:1]))
         self.size = sum(np.size(array) for array in memory_arrays(self.form))
         self.stage = Stage(
-            "actuators",
-            self._numpy_step,
-            np.column_stack((clock.time, voltage)),
-            numpy_steps=self.settling if self.size else 0,
-            traced=self._traced_step,
-            user_code=True,
-        )
+            "actuators", self._numpy_step, np.column_stack((clock.time, voltage)),
+            numpy_steps=self.settling if self.size else 0, traced=self._traced_step, user_code=True,
+        )  # fmt: skip
 
     def _memory_after_steps(self, state: State) -> dict[str, Any]:
         """Memory of the effects after `settling` steps, for its shapes alone: rotors at rest may divide by zero."""
@@ -219,9 +214,10 @@ class _Actuators:
 
     def _numpy_step(self, now: Signals, row: Array) -> Signals:
         wrench, self.memory = self._wrench(self.plant, now, row, self.memory)
-        values = np.concatenate([np.zeros(0), *(np.ravel(array) for array in memory_arrays(self.memory))])
-        complete = _shapes(self.memory) == _shapes(self.form)
-        return {"wrench": wrench} | ({"effects": values} if complete else {})
+        if _shapes(self.memory) != _shapes(self.form):
+            return {"wrench": wrench}
+        values = [np.zeros(0), *(np.ravel(array) for array in memory_arrays(self.memory))]
+        return {"wrench": wrench, "effects": np.concatenate(values)}
 
     def _traced_step(self, now: Signals, row: Array) -> Signals:
         place = 0
@@ -251,9 +247,8 @@ def loss_of_control(
     """
     offset = state.position_E - reference.position_E
     far = np.sqrt(np.sum(offset * offset, axis=1))
-    # |<q, p>| = cos(angle / 2)
-    same = np.minimum(np.abs(np.sum(state.quat_EB * reference.quat_ED, axis=1)), 1.0)
-    angle = 2.0 * np.arccos(same)
+    same = np.abs(np.sum(state.quat_EB * reference.quat_ED, axis=1))  # cos(angle / 2)
+    angle = 2.0 * np.arccos(np.minimum(same, 1.0))
     largest = np.finfo(float).max
     finite = (far <= largest) & (np.sum(np.abs(state.omega_B), axis=1) <= largest)
     turned = np.where(angle > attitude_limit, 3.0, 0.0)
@@ -266,8 +261,7 @@ def loss_of_control_stage(reference: Reference, clock: Clock, forgiven: NDArray[
 
     In the periods of `forgiven` (K,) control is lost only where the state is not finite.
     """
-    count = len(reference.time)
-    excused = np.zeros(count) if forgiven is None else np.asarray(forgiven, dtype=float)
+    excused = np.zeros(len(reference.time)) if forgiven is None else np.asarray(forgiven, dtype=float)
 
     def act(now: Signals, row: Array) -> Signals:
         rows = row[None]
@@ -275,9 +269,8 @@ def loss_of_control_stage(reference: Reference, clock: Clock, forgiven: NDArray[
         kind, size = loss_of_control(unpack(reference.time[:1], now["state"][None]), target)
         return {"lost": np.concatenate((np.where((kind > 1.0) & (rows[:, 7] > 0.0), 0.0, kind), size))}
 
-    return Stage(
-        "watch", act, np.column_stack((reference.position_E, reference.quat_ED, excused)), every=clock.per_command
-    )
+    rows = np.column_stack((reference.position_E, reference.quat_ED, excused))
+    return Stage("watch", act, rows, every=clock.per_command)
 
 
 def mean_around_stamps(held: Array) -> Array:

@@ -26,7 +26,7 @@ from wrenchgap.plant.simulation.flight_computer import Compensating, FlightCompu
 from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Motion, State
-from wrenchgap.plant.trace.effects import traced_model
+from wrenchgap.plant.trace.arrays import traced_model
 from wrenchgap.plant.trajectory import Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel

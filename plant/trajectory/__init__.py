@@ -14,9 +14,18 @@ from collections.abc import Callable
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.trajectory.excitation import Excited, Multisine
 from wrenchgap.plant.trajectory.reference import Reference, Trajectory
-from wrenchgap.plant.trajectory.shapes import Circle, FigureEight, Flat, Hover, Recorded, Step, Tilts
+from wrenchgap.plant.trajectory.shapes import (
+    Circle,
+    Excited,
+    FigureEight,
+    Flat,
+    Hover,
+    Multisine,
+    Recorded,
+    Step,
+    Tilts,
+)
 
 __all__ = ["TRAJECTORIES", "Hover", "Recorded", "Reference", "Step", "Tilts", "Trajectory", "named"]
 

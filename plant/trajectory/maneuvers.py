@@ -24,7 +24,6 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.trajectory.excitation import Multisine
 from wrenchgap.plant.trajectory.reference import (
     Profile,
     Reference,
@@ -39,7 +38,7 @@ from wrenchgap.plant.trajectory.reference import (
     scaled,
     sine,
 )
-from wrenchgap.plant.trajectory.shapes import Flat
+from wrenchgap.plant.trajectory.shapes import Flat, Multisine
 
 Vector = tuple[float, float, float]
 
@@ -106,10 +105,11 @@ class Tilt(Move):
         return scaled(bump(time, self.start, self.stop, self.ramp), self.angle)
 
     def direction(self, time: Array) -> Profile:
-        """The azimuth phi."""
+        """The azimuth phi while the tilt lasts, zero else: there it jumps, and the tilt is zero."""
         held = max(self.duration - 2.0 * self.ramp, 1e-6)
         value, rate, change = scaled(quintic(time, self.start + self.ramp, held), self.sweep)
-        return self.azimuth + value, rate, change
+        inside = (time >= self.start) & (time <= self.stop)
+        return inside * (self.azimuth + value), inside * rate, inside * change
 
 
 @dataclass(frozen=True)
@@ -271,17 +271,10 @@ class Moves(Trajectory):
         """R_z(psi + phi) R_y(s) R_z(-phi)."""
         psi = _sum([m.yaw(time) for m in self.moves if isinstance(m, Turn)], time.shape)
         s = _sum([m.lean(time) for m in self.moves if isinstance(m, Tilt)], time.shape)
-        phi = _sum([_during(m, time) for m in self.moves if isinstance(m, Tilt)], time.shape)
+        phi = _sum([m.direction(time) for m in self.moves if isinstance(m, Tilt)], time.shape)
         heading = (psi[0] + phi[0], psi[1] + phi[1], psi[2] + phi[2])
         back = (-phi[0], -phi[1], -phi[2])
         return composed(composed(axis_rotation(_Z, heading), axis_rotation(_Y, s)), axis_rotation(_Z, back))
-
-
-def _during(tilt: Tilt, time: Array) -> Profile:
-    """The azimuth of a tilt while it lasts, zero else: there it jumps, and the tilt is zero."""
-    inside = (time >= tilt.start) & (time <= tilt.stop)
-    value, rate, change = (inside * p for p in tilt.direction(time))
-    return value, rate, change
 
 
 def _sum(profiles: list[Profile], shape: tuple[int, ...]) -> Profile:

@@ -10,9 +10,8 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import ReferenceSeries
 from wrenchgap.plant.trajectory import TRAJECTORIES, Hover, Recorded, named
-from wrenchgap.plant.trajectory.excitation import Excited, Multisine
 from wrenchgap.plant.trajectory.reference import attitude_of_thrust, yaw_of
-from wrenchgap.plant.trajectory.shapes import FigureEight, Flat
+from wrenchgap.plant.trajectory.shapes import Excited, FigureEight, Flat, Multisine
 from wrenchgap.plant.vehicle import GRAVITY
 
 SMOOTH = [name for name in TRAJECTORIES if name != "step"]
