@@ -189,10 +189,8 @@ def conditioning(model: MismatchModel, wrench_cmd: Array) -> Conditioning:
     """Eigenvalues and singular values of I + dmu/dW along `wrench_cmd` (N, 6)."""
     rows = output_indices(model.outputs)
     plant_gain = np.eye(len(rows)) + model.jacobian(wrench_cmd)[:, :, rows]
-    return Conditioning(
-        real_min=np.asarray(np.linalg.eigvals(plant_gain).real.min(axis=1), dtype=float),
-        singular_min=np.asarray(np.linalg.svd(plant_gain, compute_uv=False)[:, -1], dtype=float),
-    )
+    real, singular = np.linalg.eigvals(plant_gain).real, np.linalg.svd(plant_gain, compute_uv=False)
+    return Conditioning(real.min(axis=1), singular[:, -1])
 
 
 @dataclass(frozen=True, eq=False)

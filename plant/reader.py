@@ -39,12 +39,9 @@ class Bounds:
     No quantity of a flying vehicle in SI units comes near these sizes, and products of a few fit single precision.
     """
 
-    largest: float = 1e12
-    """Size of a number."""
-    smallest: float = 1e-15
-    """Size of a number that is positive."""
-    name: int = 200
-    """Characters of a name: as many as a column of a table may have."""
+    largest: float = 1e12  # size of a number
+    smallest: float = 1e-15  # size of a number that is positive
+    name: int = 200  # characters of a name: as many as a column of a table may have
 
 
 BOUNDS = Bounds()
@@ -272,9 +269,8 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
     if kind == "missing":
         return f"{path}: is missing{f'; see {page}' if page else ''}"
     shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
-    got = repr(found["input"])
-    got = quoted(got)
-    return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
+    wanted = f"expected {shapes[kind]}" if kind in shapes else found["msg"]
+    return f"{path}: got {quoted(repr(found['input']))}, {wanted}"
 
 
 def quoted(text: str, most: int = 80) -> str:

@@ -10,25 +10,15 @@ from typing import Annotated, Any
 import numpy as np
 import tomlkit
 from annotated_types import Interval, Len
-from pydantic import AfterValidator, BeforeValidator, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import GRAVITY
-from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
-from wrenchgap.plant.reader import (
-    Number,
-    Positive,
-    Table,
-    Text,
-    expected,
-    rule_error,
-    sibling_file,
-    text_of,
-    toml,
-    toml_document,
-)
+from wrenchgap.plant import reader
+from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Gives, Polynomial
+from wrenchgap.plant.reader import Number, Positive, Table, Text, expected, rule_error
 
-COLUMNS = {
+COLUMNS: dict[str, tuple[Gives, float]] = {
     "thrust": ("thrust", 1.0),
     "thrust_g": ("thrust", GRAVITY / 1000.0),
     "speed": ("speed", 1.0),
@@ -38,19 +28,13 @@ COLUMNS = {
 LAWS = ("thrust_max", "thrust", "speed", "table")
 
 
-def _unit(value: str) -> str:
-    if value not in ("normalised", "pwm"):
-        raise ValueError
-    return value
-
-
 Numbers = Annotated[tuple[Number, ...], expected("a list of numbers")]
 Coefficients = Annotated[
     tuple[Number, ...],
     Len(1, 8),  # thrust has three
     expected("a list of 1 to 8 coefficients, that of u^0 first"),
 ]
-Unit = Annotated[str, AfterValidator(_unit), expected('"normalised" (0 to 1) or "pwm" (pulse widths in us)')]
+Unit = Annotated[CommandUnit, expected('"normalised" (0 to 1) or "pwm" (pulse widths in us)')]
 Ends = Annotated[tuple[Number, Number], expected("two numbers: the commands at no and at full throttle")]
 
 
@@ -76,7 +60,7 @@ class BenchTable(Table):
             raise rule_error(f"got {said}; expected as many of each, two or more")
         return self
 
-    def bench(self) -> tuple[str, Bench]:
+    def bench(self) -> tuple[Gives, Bench]:
         """The measured quantity, and the points."""
         name = next(name for name in COLUMNS if getattr(self, name) is not None)
         gives, factor = COLUMNS[name]
@@ -128,20 +112,17 @@ class CommandTable(Table):
 
     def curve(self) -> CommandCurve:
         """The curve."""
-        gives, law = self._law()
-        unit: CommandUnit = "pwm" if self.unit == "pwm" else "normalised"
-        voltage = None if self.voltage is None else (self.voltage.nominal, self.voltage.exponent)
-        ends = (0.0, 1.0) if self.range is None else self.range
-        return CommandCurve(unit, "speed" if gives == "speed" else "thrust", law, ends, voltage, self.source)
-
-    def _law(self) -> tuple[str, Polynomial | Bench]:
+        gives: Gives = "thrust" if self.speed is None else "speed"
+        law: Polynomial | Bench
         if self.table is not None:
-            return self.table.bench()
-        if self.thrust_max is not None:
+            gives, law = self.table.bench()
+        elif self.thrust_max is not None:
             f = self.factor or 0.0
-            return "thrust", Polynomial(self.thrust_max * np.array([0.0, 1.0 - f, f]))
-        name = "speed" if self.thrust is None else "thrust"
-        return name, Polynomial(np.array(getattr(self, name), dtype=float))
+            law = Polynomial(self.thrust_max * np.array([0.0, 1.0 - f, f]))
+        else:
+            law = Polynomial(np.array(getattr(self, gives), dtype=float))
+        voltage = None if self.voltage is None else (self.voltage.nominal, self.voltage.exponent)
+        return CommandCurve(self.unit, gives, law, self.range or (0.0, 1.0), voltage, self.source)
 
 
 def table_of(curve: CommandCurve) -> dict[str, Any]:
@@ -162,14 +143,14 @@ def with_bench_table(text: str, folder: Path) -> str:
 
     So a model that is written elsewhere still has it, and a bench table that was changed is noticed.
     """
-    if "[command]" not in text and "command" not in toml(text):
+    if "[command]" not in text and "command" not in reader.toml(text):
         return text
-    document = toml_document(text)
+    document = reader.toml_document(text)
     named = document.get("command", {})
     if not isinstance(named, dict) or not isinstance(named.get("table"), str):
         return text
     file = str(named["table"])
-    columns = read_bench(sibling_file(folder, file, ".csv", "command.table"))
+    columns = read_bench(reader.sibling_file(folder, file, ".csv", "command.table"))
     named["table"] = tomlkit.value("{" + ", ".join(f"{head} = {values}" for head, values in columns.items()) + "}")
     named.setdefault("source", f"bench table {Path(file).name}")
     return tomlkit.dumps(document)
@@ -180,7 +161,7 @@ def read_bench(path: Path, max_rows: int = 2000) -> dict[str, list[float]]:
 
     Raises ModelError, which repeats nothing of the file: it may be another one.
     """
-    text = text_of(path, "as a bench table")
+    text = reader.text_of(path, "as a bench table")
     rows = csv.reader(text.splitlines(), skipinitialspace=True)
     try:
         heads = [head.strip() for head in next(rows, [])]

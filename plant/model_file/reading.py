@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant import reader
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.effects.effect import Parameter
@@ -15,21 +16,7 @@ from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.vehicle_table import VehicleTable
-from wrenchgap.plant.reader import (
-    Axes,
-    NotNegative,
-    Number,
-    SixMeasured,
-    Table,
-    Text,
-    check_schema,
-    expected,
-    quoted,
-    read,
-    rule_error,
-    toml,
-    values_of,
-)
+from wrenchgap.plant.reader import Axes, NotNegative, Number, SixMeasured, Table, Text, expected, quoted, rule_error
 from wrenchgap.plant.sensors import SensorNoise
 from wrenchgap.plant.vehicle import Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
@@ -79,10 +66,6 @@ class HeldOutTable(Table):
         numbers = {"change": float(said[1]) / 100.0, "t": float(said[2])}
         return numbers | {key: value for key, value in values.items() if key != "verdict"}
 
-    def trial(self) -> Trial:
-        """The trial."""
-        return Trial(np.array(self.before), np.array(self.after), np.array(self.noise), self.change, self.t)
-
 
 class ValueTable(ParameterTable):
     """One parameter of an effect in a version."""
@@ -113,15 +96,16 @@ class VersionTable(Table):
 
     def to_version(self) -> Version:
         """The version."""
+        trial = None
+        if (found := self.held_out) is not None:
+            trial = Trial(*map(np.array, (found.before, found.after, found.noise)), found.change, found.t)
+        effects = ((e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters)) for e in self.effects)
         return Version(
             int(self.version),
             *(self.command, self.content, self.file, self.parent, self.date, self.wrenchgap),
             tuple((flight.file, flight.sha256) for flight in self.flights),
-            None if self.held_out is None else self.held_out.trial(),
-            tuple(
-                Snapshot(e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters))
-                for e in self.effects
-            ),
+            trial,
+            tuple(Snapshot(*effect) for effect in effects),
         )
 
 
@@ -221,12 +205,12 @@ class ModelTable(Table):
 
 def loads(text: str) -> Model:
     """A model from the text of a model file; raises ModelError in one line."""
-    document = toml(text)
-    check_schema(document, SCHEMA)
-    table = read(ModelTable, document, page=PAGE)
+    document = reader.toml(text)
+    reader.check_schema(document, SCHEMA)
+    table = reader.read(ModelTable, document, page=PAGE)
     vehicle = table.vehicle.vehicle()
-    gains = values_of(ControllerGains, table.controller, where="controller", page=PAGE)
-    noise = values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
+    gains = reader.values_of(ControllerGains, table.controller, where="controller", page=PAGE)
+    noise = reader.values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
     effects = [effect.model_effect(vehicle, f"effects[{k}]") for k, effect in enumerate(table.effects)]
     scatter = table.between_flights
     model = Model(

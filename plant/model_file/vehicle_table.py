@@ -15,20 +15,8 @@ import numpy as np
 from pydantic import AfterValidator, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.reader import (
-    BOUNDS,
-    Direction,
-    Flag,
-    Name,
-    NotNegative,
-    Number,
-    Positive,
-    Table,
-    Vector,
-    expected,
-    partial,
-    rule_error,
-)
+from wrenchgap.plant import reader
+from wrenchgap.plant.reader import BOUNDS, Name, NotNegative, Number, Positive, Table, Vector, expected, rule_error
 from wrenchgap.plant.vehicle import Arms, Body, Rotors, Tolerances, Vehicle
 
 
@@ -47,7 +35,8 @@ def toleranced(tolerance: Callable[[Any], Any]) -> WrapValidator:
         if not isinstance(value, dict):
             return Toleranced(handler(value))
         if set(value) != {"value", "tolerance"}:
-            raise rule_error(f"got a table with {_keys(value)}, expected {{ value = ..., tolerance = ... }}")
+            keys = f"the keys {', '.join(value)}" if value else "no keys"
+            raise rule_error(f"got a table with {keys}, expected {{ value = ..., tolerance = ... }}")
         return Toleranced(handler(value["value"]), tolerance(value["tolerance"]))
 
     return WrapValidator(check)
@@ -56,10 +45,6 @@ def toleranced(tolerance: Callable[[Any], Any]) -> WrapValidator:
 def as_toleranced(value: Any) -> Toleranced:
     """The value as `Toleranced`; a default has no tolerance."""
     return value if isinstance(value, Toleranced) else Toleranced(value)
-
-
-def _keys(table: dict[str, Any]) -> str:
-    return f"the keys {', '.join(table)}" if table else "no keys"
 
 
 def _positive(value: Any, shapes: tuple[tuple[int, ...], ...], words: str) -> Array:
@@ -178,9 +163,9 @@ class ArmTable(Table):
     azimuth_deg: Number | None = None
     length: Number | None = None
     position: Vector | None = None
-    tilt_axis: Direction | None = None
-    thrust_direction: Direction = (0.0, 0.0, 1.0)
-    tilts: Flag = True
+    tilt_axis: reader.Direction | None = None
+    thrust_direction: reader.Direction = (0.0, 0.0, 1.0)
+    tilts: reader.Flag = True
     tilt_min_deg: Number = -1e9
     tilt_max_deg: Number = 1e9
     tilt_rate_deg: Positive = 1e9
@@ -213,7 +198,7 @@ class ArmTable(Table):
         return position, outward if self.tilt_axis is None else np.array(self.tilt_axis)
 
 
-ArmDefaults, RotorDefaults = partial(ArmTable), partial(RotorTable)
+ArmDefaults, RotorDefaults = reader.partial(ArmTable), reader.partial(RotorTable)
 
 
 class VehicleTable(Table):
@@ -242,11 +227,15 @@ class VehicleTable(Table):
                 arm["rotors"] = [over(values.get("rotor"), rotor) for rotor in arm["rotors"]]
         return {**values, "arms": arms}
 
+    @property
+    def rotors(self) -> list[tuple[str, int, RotorTable]]:
+        """All rotors, each with its place in the file and the number of its arm."""
+        return [(f"arms[{i}].rotors[{k}]", i, r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
+
     @model_validator(mode="after")
     def _comparable_rotors(self) -> VehicleTable:
         """Every rotor's full thrust, by which the allocation divides, is at least 1e-6 of the strongest one's."""
-        rotors = [(f"arms[{i}].rotors[{k}]", r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
-        full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
+        full = {place: rotor.c_f * rotor.speed_max**2 for place, _, rotor in self.rotors}
         for place, thrust in full.items():
             if not 1e-6 * max(full.values()) <= thrust <= BOUNDS.largest:
                 raise rule_error(
@@ -259,9 +248,7 @@ class VehicleTable(Table):
     def _own_names(self) -> VehicleTable:
         """Every arm and rotor has a unique name: that of the file, or that of its parameters."""
         arms = [(f"arms[{i}]", arm.name) for i, arm in enumerate(self.arms)]
-        rotors = [
-            (f"arms[{i}].rotors[{k}]", r.name) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)
-        ]
+        rotors = [(place, rotor.name) for place, _, rotor in self.rotors]
         taken: dict[str, str] = {}
         for kind, listed in (("arm", arms), ("rotor", rotors)):
             for number, (place, given) in enumerate(listed):
@@ -279,22 +266,17 @@ class VehicleTable(Table):
         place = np.array(imu.value)
         if not self.arms:
             return Vehicle(self.name, body, None, None, place, tolerances=tolerances)
-        axes = [arm.pose for arm in self.arms]
-        low, high, rate = (
-            np.radians([getattr(arm, f"tilt_{key}_deg") for arm in self.arms]) for key in ("min", "max", "rate")
-        )
+        rows = [(*arm.pose, arm.thrust_direction, arm.tilts) for arm in self.arms]
+        limits = ("tilt_min_deg", "tilt_max_deg", "tilt_rate_deg")
         arms = Arms(
-            np.array([position for position, _ in axes]),
-            np.array([axis for _, axis in axes]),
-            np.array([arm.thrust_direction for arm in self.arms]),
-            np.array([arm.tilts for arm in self.arms]),
-            *(low, high, rate),
+            *(np.array(column) for column in zip(*rows, strict=True)),
+            *(np.radians([getattr(arm, key) for arm in self.arms]) for key in limits),
         )
-        rotors = [(on, rotor) for on, arm in enumerate(self.arms) for rotor in arm.rotors]
+        rotors = [rotor for _, _, rotor in self.rotors]
         keys = [key for key in RotorTable.model_fields if key != "name"]
-        columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in keys}
-        on = np.array([arm for arm, _ in rotors], dtype=np.intp)
-        names = _names(self.arms), _names([rotor for _, rotor in rotors])
+        columns = {key: np.array([getattr(r, key) for r in rotors]) for key in keys}
+        on = np.array([arm for _, arm, _ in self.rotors], dtype=np.intp)
+        names = _names(self.arms), _names(rotors)
         return Vehicle(self.name, body, arms, Rotors(on, **columns), place, *names, tolerances=tolerances)
 
     @property

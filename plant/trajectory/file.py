@@ -24,19 +24,8 @@ from pydantic import Field
 from wrenchgap._escaping import storable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.reader import (
-    Number,
-    Positive,
-    Table,
-    Text,
-    Vector,
-    check_schema,
-    expected,
-    read,
-    text_of,
-    toml,
-    values_of,
-)
+from wrenchgap.plant import reader
+from wrenchgap.plant.reader import Number, Positive, Table, Text, Vector, expected
 from wrenchgap.plant.trajectory.maneuvers import KINDS, Move, Moves
 
 SCHEMA = 1
@@ -93,7 +82,7 @@ class FileTable(Table):
 
 def load(path: Path) -> TrajectoryFile:
     """Read and check a file; UsageError in one line where something is wrong."""
-    text = text_of(path, "as a trajectory file", UsageError, "; `wrenchgap design` writes one")
+    text = reader.text_of(path, "as a trajectory file", UsageError, "; `wrenchgap design` writes one")
     try:
         return loads(text)
     except UsageError as error:
@@ -102,11 +91,11 @@ def load(path: Path) -> TrajectoryFile:
 
 def loads(text: str) -> TrajectoryFile:
     """A trajectory from the text of its file."""
-    document = toml(text, UsageError)
+    document = reader.toml(text, UsageError)
     if "vehicle" in document and "trajectory" not in document:
         raise UsageError("is a model file, not a trajectory; give it with -m, and a file of `wrenchgap design` with -t")
-    check_schema(document, SCHEMA, UsageError)
-    table = read(FileTable, document, page=PAGE, error=UsageError)
+    reader.check_schema(document, SCHEMA, UsageError)
+    table = reader.read(FileTable, document, page=PAGE, error=UsageError)
     head, moves = table.trajectory, tuple(_move(item, number) for number, item in enumerate(table.moves))
     plan = Moves(head.duration, head.home, moves, ATTITUDES[head.attitude])
     return TrajectoryFile(head.name or "trajectory", plan, head.vehicle, table.purpose, text)
@@ -162,7 +151,7 @@ def _move(item: dict[str, Any], number: int) -> Move:
     if not isinstance(kind, str) or kind not in KINDS:
         raise UsageError(f"{where}.kind: got {kind!r}, available: {', '.join(KINDS)}")
     keys = {key: value for key, value in item.items() if key != "kind"}
-    values = values_of(KINDS[kind], keys, where=f"{where} ({kind})", page=PAGE, error=UsageError, degrees=ANGLES)
+    values = reader.values_of(KINDS[kind], keys, where=f"{where} ({kind})", page=PAGE, error=UsageError, degrees=ANGLES)
     try:
         return KINDS[kind](**values)
     except UsageError as error:

@@ -1,4 +1,4 @@
-"""Trajectories: hover, tilts, figure-8, circle, step, the reference of a log; a multisine and a flat attitude on top."""
+"""Trajectories: hover, tilts, figure-8, circle, step, the reference of a log; on top a multisine or a flat attitude."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
