@@ -17,8 +17,7 @@ from wrenchgap.compensate.generated.views import opened
 from wrenchgap.compensate.kernels import COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
 from wrenchgap.compensate.lbfgs import Optimiser, Optimum
 from wrenchgap.compensate.packing import packed
-from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.compensate.physics_program import PhysicsPrograms, trace
+from wrenchgap.compensate.physics import PhysicsMismatch, PhysicsPrograms, trace
 from wrenchgap.compensate.reach import Reach, no_reach
 from wrenchgap.compensate.tables import IMPLAUSIBLE, STATE, Compensation, Gate, Process, Tape, looked_at, state_row
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
@@ -239,7 +238,7 @@ class Stepper:
     def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
         """Consecutive steps, with the mismatch expected before and after, into `out` (K, 24 + 2 L); trouble by step.
 
-        `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
+        `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `compensate.tables.STATE` has them.
         """
         trouble, done = dict[int, str](), 0
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")

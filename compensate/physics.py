@@ -11,29 +11,37 @@ and lags are not compensated. With a `lead` h [s] it is the one at t + h, with s
 commands that were sent have brought them: the solution W then pushes ahead, the more the shorter h. Deadbeat over a
 horizon; e.g. Astrom and Wittenmark, "Computer-Controlled Systems", 3rd ed., 4.3. A first-order lag tau is led by
 1 / (1 - exp(-h / tau)).
+
+`trace` makes two programs of it: the mismatch of a command, and where a command brings the actuators. Nothing is
+written twice: `plant.wrench_model` and the effects' own `apply` run once on arrays that record what is done with them
+(`plant.trace.arrays`). Inputs, in this order: the command (6,) [N, Nm]; the state (15,) of `compensate.tables.STATE`;
+whether nothing was sent yet (1 or 0); the tilts sent last (A,) [rad]; what follows late remembers (M,), with a `lead`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.compensate.lbfgs import linearisation
+from wrenchgap.compensate.tables import STATE
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.state import Commands, State, concatenated
+from wrenchgap.plant.trace.arrays import Node, Traced, Untraceable, memory_arrays, memory_of_arrays, traced_effect
+from wrenchgap.plant.trace.tape import Program, Tape, program
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 STEPS = np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
 """Steps of numerical derivatives, relative to the weight [N] and the weight times a metre [Nm]."""
-
 HORIZON_MAX = 10.0
 """Longest lead, and delay of commands [s]: each period of it is one step of the model, or is remembered."""
 
@@ -58,7 +66,12 @@ class PhysicsMismatch:
                 )
         self.model = WrenchModel(model.vehicle, kept)
         self.outputs, self.lead = outputs, lead
+        self.late = any(isinstance(one.effect, CommandEffect) for one in kept)
         output_indices(outputs)
+
+    def periods_ahead(self, dt: float) -> float:
+        """Periods of `dt` [s] after which the mismatch of a command counts: those of the lead, or one."""
+        return 1.0 if self.lead is None else max(1.0, self.lead / dt + 0.5)
 
     def follow(self, dt: float) -> PhysicsFollower:
         """See `plant.mismatch.Follows`."""
@@ -155,10 +168,10 @@ class PhysicsHere:
         Effects on commands take samples for a signal that is linear in between (`plant.effects.lag`), which a held
         command runs ahead of by half a period.
         """
-        model, lead = self.physics.model, self.physics.lead
-        if not any(isinstance(e.effect, CommandEffect) for e in model.effects):
+        model, physics = self.physics.model, self.physics
+        if not physics.late:
             return commands
-        ahead = 1.0 if lead is None else max(1.0, lead / self.dt + 0.5)
+        ahead = physics.periods_ahead(self.dt)
         count = math.ceil(ahead)
         state = self.state.take(np.zeros(count, dtype=np.intp))
         found = []
@@ -221,3 +234,116 @@ class Sum:
         """See `plant.mismatch.Linearises`."""
         (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
         return mean + more, slope + steeper
+
+
+# -- the same as programs --
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsPrograms:
+    """What the physics makes of a command: `mismatch` (L,) with derivatives, and `sent`: new tilts (A,), memory (M,).
+
+    `memory` is M, `arms` A. `needs_voltage` says that an effect asks for it.
+    """
+
+    mismatch: Program
+    sent: Program
+    arms: int
+    memory: int
+    needs_voltage: bool
+
+
+def trace(physics: PhysicsMismatch, dt: float) -> PhysicsPrograms:
+    """The programs of `physics` stepped every `dt` [s]; raises Untraceable, naming an effect that is no program."""
+    tracer = _Tracer(physics, dt)
+    mean, after = tracer.run()
+    free = [tracer.inputs[k] for k in output_indices(physics.outputs)]
+    return PhysicsPrograms(
+        mismatch=program(tracer.tape, tracer.inputs, free, mean),
+        sent=program(tracer.tape, tracer.inputs, [], after),
+        arms=tracer.arms,
+        memory=tracer.memory,
+        needs_voltage=any(item.effect.needs_voltage for item in physics.model.effects),
+    )
+
+
+def untraceable(physics: PhysicsMismatch, dt: float) -> dict[str, str]:
+    """Effects that cannot be written down, and why; each tried on its own."""
+    found = {}
+    for item in physics.model.effects:
+        alone = PhysicsMismatch(WrenchModel(physics.model.vehicle, (item,)), physics.outputs, physics.lead)
+        try:
+            trace(alone, dt)
+        except Untraceable as error:
+            found[item.name] = str(error)
+    return found
+
+
+class _Tracer:
+    """Writes one step of the physics down."""
+
+    def __init__(self, physics: PhysicsMismatch, dt: float) -> None:
+        model = WrenchModel(physics.model.vehicle, tuple(traced_effect(item) for item in physics.model.effects))
+        self.physics, self.model, self.dt = physics, model, dt
+        self.allocation = Allocation(model.vehicle) if model.vehicle.has_rotors else None
+        self.tape, self.inputs = Tape(), list[int]()
+        self.arms, self.memory = 0, 0
+
+    def run(self) -> tuple[list[int], list[int]]:
+        """The lines of the mismatch, and those of what is kept after a command was sent."""
+        wrench, numbers = self._inputs("wrench", AXES), self._inputs("state", STATE)
+        fresh = self._inputs("fresh", ("",))
+        p, q, v, w, t, u = np.split(numbers, [3, 7, 10, 13, 14])
+        state = State(t, p[None], q[None], v[None], w[None], u)
+        commands = self._allocated(Traced.of(wrench[None]))
+        tilt = [] if commands.tilt is None else self._lines(commands.tilt)
+        memory = self._memory(commands, state, fresh[0])
+        self.tape.section = "effects on commands"
+        held, memories = [commands], []  # as `PhysicsHere._effective`, sample by sample
+        ahead = self.physics.periods_ahead(self.dt)
+        for _ in range(math.ceil(ahead) if self.physics.late else 0):
+            now, memory = self.model.command(commands, state, self.dt, memory)
+            held.append(now)
+            memories.append(memory)
+        back = len(memories) - ahead
+        effective = between(held[-1], held[-2], back) if back > 0.0 else held[-1]
+        self.tape.section = "rotors"
+        motion = self.model.motion(Traced.of(self.model.wrench(effective, state)), state.omega_B)
+        self.tape.section = "measured wrench"
+        mean = Traced.of(measured_wrench(self.model.vehicle.body, motion))[0] - wrench
+        kept = memories[0] if memories and self.physics.lead is not None else None
+        after = [line for leaf in memory_arrays(kept) for line in self._lines(leaf)]
+        return self._lines(mean[output_indices(self.physics.outputs)]), tilt + after
+
+    def _inputs(self, kind: str, names: Sequence[str]) -> Traced:
+        lines = [self.tape.input(f"{kind} {name}".strip()) for name in names]
+        self.inputs += lines
+        return Traced.of([Node(self.tape, line) for line in lines])
+
+    def _lines(self, values: Any) -> list[int]:
+        return [n.line if isinstance(n, Node) else self.tape.constant(float(n)) for n in values.flat]
+
+    def _allocated(self, wrench: Traced) -> Commands:
+        """`plant.allocation.Allocation.allocate` for one sample next to the angles sent last; no limits of rate."""
+        self.tape.section = "allocation"
+        if self.allocation is None:
+            return Commands(wrench)
+        vehicle = self.model.vehicle
+        self.arms = len(vehicle.geometry()[0])
+        before = self._inputs("tilt", [f"arm_{k}" for k in range(self.arms)])
+        tilt, speed, _ = self.allocation.step(Traced.of(about_origin(vehicle.body, wrench))[0], before)
+        return Commands(wrench, tilt[None], speed[None])
+
+    def _memory(self, commands: Commands, state: State, fresh: Node) -> Any:
+        """What effects remember of the commands sent: inputs, or before the first, the equilibrium at this command."""
+        if self.physics.lead is None or not self.physics.late:
+            return None
+        _, equilibrium = self.model.command(commands, state, self.dt, None)
+
+        def leaf(array: Any) -> Traced:
+            given = self._inputs("memory", [f"{self.memory + k}" for k in range(np.size(array))])
+            self.memory += np.size(array)
+            is_fresh = Traced.of(np.full(np.shape(array), fresh))
+            return Traced.of(np.where(is_fresh, array, given.reshape(np.shape(array))))
+
+        return memory_of_arrays(equilibrium, leaf)

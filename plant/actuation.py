@@ -34,7 +34,9 @@ def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = No
         thrust = empty_on_disk(speed.shape)
         for k in pieces(len(speed)):  # so that products of all samples are not in memory at once
             thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
-    return Actuation(vehicle, commands.tilt if posture is None else posture.tilt, speed, thrust, posture=posture)
+    if posture is None:
+        return Actuation(vehicle, commands.tilt, speed, thrust)
+    return Actuation(vehicle, posture.tilt, speed, thrust, posture=posture)
 
 
 @lru_cache(maxsize=64)

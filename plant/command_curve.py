@@ -152,5 +152,5 @@ def as_speeds(found: Flight, curve: CommandCurve | None, vehicle: Vehicle, model
         )
     for role in ("commanded", "desired"):
         if (series := getattr(found, role)) is not None and series.unit == "normalised":
-            found = replace(found, **{role: None})
+            found = replace(found, **{role: None})  # type: ignore[arg-type]
     return replace(found, actuators=replace(sent, rotor_speed=speeds, unit="rad/s"), notes=tuple(notes))

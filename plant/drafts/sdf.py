@@ -123,7 +123,8 @@ def _link(
     name: str, element: Element, joint: Element | None, ordered: list[str], places: dict[str, Pose], where: str
 ) -> Link:
     """One link and its joint; `places` are the poses of all frames in that of the root."""
-    body = Link(name, -1, *places[name], *_inertial(element, places[name], f"{where}: link {name}"))
+    mass, centre, inertia = _inertial(element, places[name], f"{where}: link {name}")
+    body = Link(name, -1, *places[name], mass, centre, inertia)
     if joint is None or name == ordered[0]:
         return body
     parent, called = ordered.index((joint.findtext("parent") or "").strip()), str(joint.get("name"))

@@ -4,7 +4,7 @@
               -> truth: command effects, h(u), thrust and wrench effects, + disturbance -> rigid body -> sensors
 
 Instants are t_k = k / rate, exact; `plant.simulation.closed_loop` says how long each signal is held and what a reading
-sees.
+sees. `as_flight` makes a log of what was flown.
 """
 
 import hashlib
@@ -12,22 +12,31 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from wrenchgap.flight import flight as series
+from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.flight import Array, Flight, ImuSeries
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import NUMBERS, unpack
-from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_pose
-from wrenchgap.plant.simulation.closed_loop import Clock, LoopFlight, disturbance_stage, fly, loss_of_control_stage
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_imu, read_pose
+from wrenchgap.plant.simulation.closed_loop import (
+    Clock,
+    LoopFlight,
+    disturbance_stage,
+    fly,
+    loss_of_control_stage,
+    mean_around_stamps,
+)
 from wrenchgap.plant.simulation.flight_computer import Compensating, FlightComputer
-from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trace.arrays import traced_model
-from wrenchgap.plant.trajectory import Trajectory
+from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
 
@@ -168,6 +177,61 @@ def simulate(
         battery_every=max(round(0.1 / clock.period), 1), notes=notes,
     )  # fmt: skip
     return replace(logged, content_hash=_digest(logged))
+
+
+def as_flight(
+    name: str,
+    flown: LoopFlight,
+    model: Model,
+    desired: Array,
+    reference: Reference,
+    *,
+    start_ns: int,
+    path: Path | None = None,
+    pose: State | None = None,
+    imu_every: int = 1,
+    imu_errors: Array | None = None,
+    battery_every: int = 1,
+    notes: tuple[str, ...] = (),
+) -> Flight:
+    """The log of K periods that `model` flew: desired wrench (K, 6), reference (K or more), readings.
+
+    Sensors are ideal but for what is given: `pose` readings, and `imu_errors` (N, 6) of the IMU, which reads at every
+    `imu_every`th step. The battery is logged with every `battery_every`th command.
+    """
+    time, sent, count = flown.command_time, flown.commands, len(desired)
+    pose = flown.state if pose is None else pose
+    actuators = battery = None
+    if sent.tilt is not None and sent.rotor_speed is not None:
+        actuators = series.ActuatorSeries("/command/actuators", time, sent.tilt, sent.rotor_speed)
+    if flown.state.voltage is not None:
+        voltage = flown.state.voltage[:: flown.clock.per_command]
+        battery = series.BatterySeries("/battery", time[::battery_every], voltage[::battery_every])
+    return Flight(
+        name=name,
+        path=Path(name) if path is None else path,
+        content_hash="",
+        start_ns=start_ns,
+        commanded=series.WrenchSeries("/command/wrench", time, sent.wrench_B),
+        desired=series.WrenchSeries("/desired/wrench", time, desired),
+        actuators=actuators,
+        imu=_imu(flown, model, imu_every, imu_errors),
+        odometry=series.OdometrySeries(
+            "/odometry", pose.time, pose.position_E, so3.continuous(pose.quat_EB), pose.velocity_E, pose.omega_B
+        ),
+        reference=series.ReferenceSeries("/reference", **(vars(reference.take(slice(0, count))) | {"time": time})),
+        battery=battery,
+        notes=notes,
+    )
+
+
+def _imu(flown: LoopFlight, model: Model, every: int, errors: Array | None) -> ImuSeries:
+    """Gyroscope and accelerometer at every so many steps."""
+    at = slice(None, None, every)
+    state, wrench, plant = flown.state.take(at), mean_around_stamps(flown.wrench)[at], model.wrench_model
+    motion = plant.read_imu(plant.motion(wrench, state.omega_B), state)
+    errors = np.zeros((len(wrench), 6)) if errors is None else errors[: len(wrench)]
+    return ImuSeries("/imu", state.time, *read_imu(motion, model.vehicle.imu_position_B, errors))
 
 
 def physics_rate(model: Model, least: int = 400) -> float:

@@ -25,7 +25,7 @@ from wrenchgap.plant.simulation.closed_loop import (
     loss_of_control_stage,
 )
 from wrenchgap.plant.simulation.flight_computer import Compensating, Correction, FlightComputer
-from wrenchgap.plant.simulation.flight_log import as_flight
+from wrenchgap.plant.simulation.simulate import as_flight
 from wrenchgap.plant.simulation.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
 
 

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from wrenchgap._escaping import build_text, c_comment, markdown, printable
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
-from wrenchgap.compensate.physics_program import untraceable
+from wrenchgap.compensate.physics import untraceable
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array

@@ -12,7 +12,7 @@ need not think of it:
     JSON               `json_text`      replay.present.documents, viewer.view_state
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
-    TOML's comments    `printable`      plant.drafts.model_text
+    TOML's comments    `printable`      plant.drafts.draft
     shell completion   `completable`    replay.cli.completion
 """
 

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.compensate import PhysicsMismatch
 from wrenchgap.compensate.fast import tape_of
-from wrenchgap.compensate.physics_program import trace, untraceable
+from wrenchgap.compensate.physics import trace, untraceable
 from wrenchgap.compensate.tables import rows_of
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES

@@ -16,8 +16,8 @@ from wrenchgap.plant.simulation.closed_loop import (
     mean_around_stamps,
     mean_over_periods,
 )
-from wrenchgap.plant.simulation.flight_log import as_flight
 from wrenchgap.plant.simulation.loop import Stage
+from wrenchgap.plant.simulation.simulate import as_flight
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Hover
 from wrenchgap.plant.vehicle import GRAVITY
