@@ -190,7 +190,7 @@ def conditioning(model: MismatchModel, wrench_cmd: Array) -> Conditioning:
     rows = output_indices(model.outputs)
     plant_gain = np.eye(len(rows)) + model.jacobian(wrench_cmd)[:, :, rows]
     real, singular = np.linalg.eigvals(plant_gain).real, np.linalg.svd(plant_gain, compute_uv=False)
-    return Conditioning(real.min(axis=1), singular[:, -1])
+    return Conditioning(np.asarray(real.min(axis=1), dtype=float), np.asarray(singular[:, -1], dtype=float))
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,7 +50,7 @@ class Trial:
         self.context = Context(vehicle, self.state)
         self.actuation = None
         if vehicle.has_rotors:
-            a, r = (0.1 * np.ones((samples, n)) for n in (len(vehicle.geometry()[0]), len(vehicle.geometry()[1])))
+            a, r = (0.1 * np.ones((samples, len(part))) for part in vehicle.geometry())
             self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
 
     @property
@@ -61,10 +61,8 @@ class Trial:
 
     def unchanged(self) -> tuple[Array, ...]:
         """The results of `apply` without an effect."""
-        if self.place is WrenchEffect:
-            return (np.zeros((self.samples, 6)),)
-        if self.place is AirEffect:
-            return (np.zeros((self.samples, 3)),)
+        if self.place in (WrenchEffect, AirEffect):
+            return (np.zeros((self.samples, 6 if self.place is WrenchEffect else 3)),)
         given = self.arguments(np.zeros(0))[0]
         if self.place is ThrustEffect:
             return (given.thrust,)
@@ -72,21 +70,19 @@ class Trial:
 
     def arguments(self, theta: Array, at: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
         """Arguments of `apply` for some of the samples."""
-        context = Context(self.vehicle, self.state.take(at))
-        if self.place is CommandEffect:
-            return (self.commands.take(at), theta, context, 0.01, memory)
-        if self.place is BodyEffect:
-            return (self.vehicle.body, theta)
-        if self.place is AirEffect:
-            return (self.state.take(at), theta)
-        if self.place is SensorEffect:
-            return (rows(self.motion, at), theta, context)
-        act = self.actuation
+        state, act = self.state.take(at), self.actuation
+        context = Context(self.vehicle, state)
         if act is not None:
             act = replace(rows(act, at), rates=rows(act.rates, at))
-        return (
-            (act, theta, context) if self.place is ThrustEffect else (act, self.commands.wrench_B[at], theta, context)
-        )
+        given: dict[type, tuple[Any, ...]] = {
+            CommandEffect: (self.commands.take(at), theta, context, 0.01, memory),
+            BodyEffect: (self.vehicle.body, theta),
+            AirEffect: (state, theta),
+            SensorEffect: (rows(self.motion, at), theta, context),
+            ThrustEffect: (act, theta, context),
+            WrenchEffect: (act, self.commands.wrench_B[at], theta, context),
+        }
+        return given[self.place]
 
     def arrays(self, returned: Any) -> tuple[Array, ...]:
         """The arrays in the result of `apply`; raises Wrong for a result of another kind."""

@@ -42,6 +42,7 @@ from wrenchgap.plant.reader import BOUNDS, text_of
 from wrenchgap.plant.vehicle import Vehicle
 
 PAGE = "see docs/effects/your-own.md"
+LISTED = ", ".join(place.__name__ for place in PLACES)
 _PREFIX = "wrenchgap_own_effect_"
 
 
@@ -71,10 +72,9 @@ def load(path: Path) -> list[tuple[AnyEffect, Source]]:
         raise ModelError(f"{path}:{line}: is not Python: {getattr(error, 'msg', error)}") from None
     module = _run(code, path)
     classes = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
-    found = [_File(path, c).checked() for c in classes if _is_meant(c, path)]
+    found = [file.checked() for file in (_File(path, c) for c in classes) if file.is_meant()]
     if not found:
-        listed = ", ".join(c.__name__ for c in PLACES)
-        raise ModelError(f"{path}:1: defines no effect; expected a subclass of one of {listed}; {PAGE}")
+        raise ModelError(f"{path}:1: defines no effect; expected a subclass of one of {LISTED}; {PAGE}")
     names = [effect.name for effect in found]
     for effect in found:
         where = f"{path}:{_line_of(type(effect), path)}"
@@ -108,19 +108,6 @@ def _run(code: Any, path: Path) -> ModuleType:
         said = blame(error) or f"{path}:1: {type(error).__name__}: {_first_line(error)}"
         raise ModelError(f"{said} (while the file was loaded)") from None
     return module
-
-
-def _is_meant(cls: type, path: Path) -> bool:
-    """Whether a class is an effect to be used; an abstract one without a name is a base of others."""
-    if issubclass(cls, Effect) and not issubclass(cls, tuple(PLACES)):
-        listed = ", ".join(c.__name__ for c in PLACES)
-        raise ModelError(f"{path}:{_line_of(cls, path)}: {cls.__name__} subclasses Effect; subclass one of {listed}")
-    if not issubclass(cls, tuple(PLACES)):
-        return False
-    missing = sorted(getattr(cls, "__abstractmethods__", ()))
-    if missing and "name" in vars(cls):
-        raise ModelError(f"{path}:{_line_of(cls, path)}: {cls.__name__} lacks the method {missing[0]!r}; {PAGE}")
-    return not missing
 
 
 def _line_of(cls: type, path: Path) -> int:
@@ -162,6 +149,17 @@ class _File:
             if said is None:
                 self.fail(f"raised {type(error).__name__}: {_first_line(error)}", method)
             raise ModelError(f"{said} (in a trial of {self.cls.__name__}.{method})") from None
+
+    def is_meant(self) -> bool:
+        """Whether it is an effect to be used; an abstract one without a name is a base of others."""
+        if not issubclass(self.cls, tuple(PLACES)):
+            if issubclass(self.cls, Effect):
+                self.fail(f"subclasses Effect; subclass one of {LISTED}")
+            return False
+        missing = sorted(getattr(self.cls, "__abstractmethods__", ()))
+        if missing and "name" in vars(self.cls):
+            self.fail(f"lacks the method {missing[0]!r}; {PAGE}")
+        return not missing
 
     def checked(self) -> AnyEffect:
         for attribute, pattern in (("name", r"[a-z][a-z0-9_]*"), ("excited_by", r"(?s).+")):
@@ -210,15 +208,12 @@ class _File:
         names = [p.name for p in parameters]
         for p in parameters:
             if not re.fullmatch(r"[A-Za-z0-9_]+", str(p.name)) or names.count(p.name) > 1:
-                self.fail(
-                    f"names a parameter {p.name!r}; expected different names of letters, digits and _", "parameters"
-                )
+                said = f"names a parameter {p.name!r}; expected different names of letters, digits and _"
+                self.fail(said, "parameters")
             if not (isinstance(p.unit, str) and len(p.unit) <= 20 and p.unit.isprintable()):
                 self.fail(f"parameter {p.name}: got unit {p.unit!r}, expected one short line of text", "parameters")
-            numbers = (p.low, p.high, p.scale, p.start)
-            if not all(
-                isinstance(v, int | float | np.floating) and -BOUNDS.largest <= v <= BOUNDS.largest for v in numbers
-            ):
+            numbers = [v for v in (p.low, p.high, p.scale, p.start) if isinstance(v, int | float | np.floating)]
+            if len(numbers) < 4 or not all(-BOUNDS.largest <= v <= BOUNDS.largest for v in numbers):
                 said = f"low, high, scale and start must be numbers of a size up to {BOUNDS.largest:g}"
                 self.fail(f"parameter {p.name}: {said}", "parameters")
             if not p.low <= p.start <= p.high or p.low == p.high:

@@ -53,8 +53,6 @@ __all__ = [
 ]
 
 _PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect, AirEffect)
-
-
 _own: dict[str, tuple[AnyEffect, Source]] = {}
 
 

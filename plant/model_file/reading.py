@@ -98,7 +98,8 @@ class VersionTable(Table):
         """The version."""
         trial = None
         if (found := self.held_out) is not None:
-            trial = Trial(*map(np.array, (found.before, found.after, found.noise)), found.change, found.t)
+            before, after, noise = np.array((found.before, found.after, found.noise))
+            trial = Trial(before, after, noise, found.change, found.t)
         effects = ((e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters)) for e in self.effects)
         return Version(
             int(self.version),

@@ -118,16 +118,6 @@ def _either(numbers: Callable[..., Any], nodes: Callable[..., Any]) -> Callable[
     return apply
 
 
-def _swapped(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    return lambda a, b: function(b, a)
-
-
-def _choose(condition: Any, yes: Any, no: Any) -> Any:
-    if not isinstance(condition, Node):
-        return yes if condition else no
-    return condition._do(Op.SELECT, yes, no)
-
-
 _less, _at_most = _binary(Op.LESS), _binary(Op.LESS_EQUAL)
 _TABLE: dict[Any, Callable[..., Any]] = {
     np.add: lambda a, b: a + b,
@@ -154,8 +144,8 @@ _TABLE: dict[Any, Callable[..., Any]] = {
     np.minimum: _either(min, _binary(Op.MIN)),
     np.less: _either(lambda a, b: a < b, _less),
     np.less_equal: _either(lambda a, b: a <= b, _at_most),
-    np.greater: _either(lambda a, b: a > b, _swapped(_less)),
-    np.greater_equal: _either(lambda a, b: a >= b, _swapped(_at_most)),
+    np.greater: _either(lambda a, b: a > b, lambda a, b: _less(b, a)),
+    np.greater_equal: _either(lambda a, b: a >= b, lambda a, b: _at_most(b, a)),
     np.equal: _either(lambda a, b: a == b, lambda a, b: _at_most(a, b) * _at_most(b, a)),
     np.logical_or: _either(lambda a, b: a or b, _binary(Op.MAX)),
     np.bitwise_or: _either(lambda a, b: a or b, _binary(Op.MAX)),
@@ -201,26 +191,19 @@ class Traced(np.ndarray[Any, Any]):
 
 
 def _where(condition: Any, yes: Any, no: Any) -> Traced:
-    return Traced.of(np.frompyfunc(_choose, 3, 1)(*(np.asarray(x, dtype=object) for x in (condition, yes, no))))
+    def choice(which: Any, a: Any, b: Any) -> Any:
+        if isinstance(which, Node):
+            return which._do(Op.SELECT, a, b)
+        return a if which else b
 
-
-def _clip(values: Any, low: Any, high: Any, **_: Any) -> Any:
-    return np.minimum(np.maximum(Traced.of(values), low), high)
-
-
-def _norm(values: Any, axis: Any = None, keepdims: bool = False) -> Any:
-    return np.sqrt(np.sum(values * values, axis=axis, keepdims=keepdims))
-
-
-def _einsum(form: str, *operands: Any) -> Traced:
-    return Traced.of(np.einsum(form, *(np.asarray(o, dtype=object) for o in operands)))
+    return Traced.of(np.frompyfunc(choice, 3, 1)(*(np.asarray(x, dtype=object) for x in (condition, yes, no))))
 
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
-    np.clip: _clip,
-    np.linalg.norm: _norm,
-    np.einsum: _einsum,
+    np.clip: lambda values, low, high, **_: np.minimum(np.maximum(Traced.of(values), low), high),
+    np.linalg.norm: lambda v, axis=None, keepdims=False: np.sqrt(np.sum(v * v, axis=axis, keepdims=keepdims)),
+    np.einsum: lambda form, *given: Traced.of(np.einsum(form, *(np.asarray(one, dtype=object) for one in given))),
     np.zeros_like: lambda like, shape=None, **_: Traced.of(np.zeros(np.shape(like) if shape is None else shape)),
     np.ones_like: lambda like, **_: Traced.of(np.ones(np.shape(like))),
     np.empty: lambda shape, *_, **__: Traced.of(np.zeros(shape)),

@@ -52,7 +52,11 @@ class Tape:
         """The line with the result of an operation: a new one, or an equal one."""
         given = (a, b, c)[: ARITY.get(op, 1)]
         if all(k in self.constants for k in given):
-            return self.constant(self._folded(op, [self.constants[k] for k in given]))
+            values = (*(self.constants[k] for k in given), 0.0, 0.0)
+            try:
+                return self.constant(value_of(op, *values[:3]))
+            except (ZeroDivisionError, ValueError, OverflowError):
+                return self.constant(math.nan)
         short = self._simplified(op, a, b, c)
         if short is not None:
             return short
@@ -78,14 +82,6 @@ class Tape:
         self.lines.append(line)
         self.sections.append(self.section)
         return len(self.lines) - 1
-
-    @staticmethod
-    def _folded(op: Op, values: Sequence[float]) -> float:
-        padded = (*values, 0.0, 0.0)
-        try:
-            return value_of(op, *padded[:3])
-        except (ZeroDivisionError, ValueError, OverflowError):
-            return math.nan
 
     def _simplified(self, op: Op, a: int, b: int, c: int) -> int | None:
         """An existing line where the operation has no effect; products with zero are zero."""
