@@ -90,16 +90,12 @@ class Settings:
             raise UsageError(f"compensate: regulariser is {self.regulariser}, expected zero or a positive number")
         if self.max_evaluations < 1:
             raise UsageError(f"compensate: max_evaluations is {self.max_evaluations}, expected at least 1")
-        if self.sigma_threshold is not None and not self.sigma_threshold >= 0:
-            raise UsageError(
-                f"compensate: sigma_threshold is {self.sigma_threshold}, expected zero or a positive number"
-            )
-        if self.correction_max is not None and (
-            len(self.correction_max) != len(AXES) or not all(value >= 0 for value in self.correction_max)
-        ):
-            raise UsageError(
-                f"compensate: correction_max is {self.correction_max}, expected six numbers >= 0: {', '.join(AXES)}"
-            )
+        threshold = self.sigma_threshold
+        if threshold is not None and not threshold >= 0:
+            raise UsageError(f"compensate: sigma_threshold is {threshold}, expected zero or a positive number")
+        most = self.correction_max
+        if most is not None and (len(most) != len(AXES) or not all(value >= 0 for value in most)):
+            raise UsageError(f"compensate: correction_max is {most}, expected six numbers >= 0: {', '.join(AXES)}")
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def plan(
         raise Untraceable(f"a {type(model).__name__} is neither a process nor physics")
     programs = None if physics is None else trace(physics, limits.dt)
     constants = _gate(output_indices(model.outputs), expansion, programs, gate, limits)
-    return Plan(expansion, programs, constants, no_reach() if limits.reach is None else limits.reach)
+    return Plan(expansion, programs, constants, limits.reach or no_reach())
 
 
 def _gate(
@@ -192,11 +192,9 @@ def compensation_of(step_plan: Plan) -> Compensation:
     """What a step takes of a plan."""
     outputs = len(step_plan.gate.rows)
     nothing = linear_expansion((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
-    process = process_of(nothing if step_plan.expansion is None else step_plan.expansion)
-    mismatch, sent = (None, None) if step_plan.physics is None else (step_plan.physics.mismatch, step_plan.physics.sent)
-    return Compensation(
-        step_plan.reach.table, process, step_plan.gate, tape_of(mismatch, outputs), tape_of(sent, outputs)
-    )
+    process = process_of(step_plan.expansion or nothing)
+    programs = (None, None) if step_plan.physics is None else (step_plan.physics.mismatch, step_plan.physics.sent)
+    return Compensation(step_plan.reach.table, process, step_plan.gate, *(tape_of(one, outputs) for one in programs))
 
 
 class Stepper:
@@ -232,8 +230,7 @@ class Stepper:
         self._step(self._wrench, self._state, self._row, False)
         if _refused(self._row)[0]:
             self.trouble = IMPLAUSIBLE
-        row: Array = self._row[0]
-        return row
+        return np.asarray(self._row[0])
 
     def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
         """Consecutive steps, with the mismatch expected before and after, into `out` (K, 24 + 2 L); trouble by step.

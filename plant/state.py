@@ -118,7 +118,12 @@ class Posture:
     @property
     def turn(self) -> Array:
         """Cosines, then sines of the angles (N, 2A)."""
-        return self.cached("turn", lambda: _turned(self.tilt))
+        return self.cached("turn", self._turned)
+
+    def _turned(self) -> Array:
+        if rotor_kernels.is_batch(self.tilt):
+            return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.contiguous(self.tilt)))
+        return np.hstack((np.cos(self.tilt), np.sin(self.tilt)))
 
     @property
     def arm_normal_B(self) -> Array:
@@ -136,13 +141,6 @@ class Posture:
         """Positions of the rotors (N, R, 3) from O [m]."""
         arms, rotors = self.vehicle.geometry()
         return self.cached("hub_B", lambda: arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
-
-
-def _turned(tilt: Array) -> Array:
-    """Cosines, then sines (N, 2A) of angles (N, A)."""
-    if rotor_kernels.is_batch(tilt):
-        return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.contiguous(tilt)))
-    return np.hstack((np.cos(tilt), np.sin(tilt)))
 
 
 @lru_cache(maxsize=64)

@@ -118,11 +118,9 @@ def _rates(tilt: Array, speed: Array, dt: float, memory: Any) -> tuple[Rates, An
     before_tilt, before_speed, before_rate = (tilt[0], speed[0], None) if memory is None else memory
     rate = np.diff(tilt, axis=0, prepend=before_tilt[None]) / dt
     rotor_dot = np.diff(speed, axis=0, prepend=before_speed[None]) / dt
+    rate_dot = np.diff(rate, axis=0, prepend=rate[:1] if before_rate is None else before_rate[None]) / dt
     if before_rate is None:  # nothing is known before the first sample: no acceleration until two rates are known
-        rate_dot = np.diff(rate, axis=0, prepend=rate[:1]) / dt
         rate_dot[:2] = 0.0
-    else:
-        rate_dot = np.diff(rate, axis=0, prepend=before_rate[None]) / dt
     first = memory is None and len(tilt) == 1
     return Rates(rate, rate_dot, rotor_dot), (tilt[-1], speed[-1], None if first else rate[-1])
 

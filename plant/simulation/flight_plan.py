@@ -23,25 +23,15 @@ from wrenchgap.plant.trajectory.file import TrajectoryFile, load
 
 @dataclass(frozen=True)
 class Plan:
-    """A flight to simulate.
-
-    Attributes
-    ----------
-    trajectory
-        A name, or a file of `wrenchgap design`.
-    integral
-        Whether the controller has one; None: as in the model file.
-    hidden
-        Effects of the truth that the controller does not know, e.g. `com_offset=x:0.004`.
-    """
+    """A flight to simulate."""
 
     believed: Model
-    trajectory: str
-    duration: float | None = None
-    excitation: float = 0.0
+    trajectory: str  # a name, or a file of `wrenchgap design`
+    duration: float | None = None  # [s]; None: that of the trajectory
+    excitation: float = 0.0  # in usual ones
     seed: int = 0
-    integral: bool | None = None
-    hidden: tuple[str, ...] = ()
+    integral: bool | None = None  # whether the controller has one; None: as in the model file
+    hidden: tuple[str, ...] = ()  # effects of the truth that the controller does not know, e.g. `com_offset=x:0.004`
 
 
 def prepare(

@@ -65,13 +65,8 @@ def named(name: str, duration: float | None = None, excitation: float = 0.0, see
     trajectory = build(length)
     if excitation == 0.0:
         return trajectory
-    sine_sum = Multisine(
-        length,
-        position_peak=0.1 * excitation,
-        attitude_peak=np.radians(7.0) * excitation,
-        fade=min(2.0, length / 4.0),
-        seed=seed,
-    )
+    position, attitude, fade = 0.1 * excitation, np.radians(7.0) * excitation, min(2.0, length / 4.0)  # m, rad, s
+    sine_sum = Multisine(length, position, attitude, fade=fade, seed=seed)
     if isinstance(trajectory, Flat):
         return Flat(Excited(trajectory.base, sine_sum))
     return Excited(trajectory, sine_sum)

@@ -200,7 +200,7 @@ class Shake(Move):
 
     def _multisine(self) -> Multisine:
         band = (self.low_hz, self.high_hz)
-        return _multisine(self.duration, self.size, self.angle, band, self.fade, self.seed)
+        return _multisine(self.duration, self.size, self.angle, band, fade=self.fade, seed=self.seed)
 
     def deflection(self, time: Array) -> Profile:
         """x, y, z [m], roll, pitch, yaw [rad] (N, 6)."""
@@ -210,12 +210,7 @@ class Shake(Move):
         return value, rate, change
 
 
-@lru_cache(maxsize=64)
-def _multisine(
-    duration: float, size: float, angle: float, band: tuple[float, float], fade: float, seed: int
-) -> Multisine:
-    return Multisine(duration, size, angle, band, fade=fade, seed=seed)
-
+_multisine = lru_cache(maxsize=64)(Multisine)
 
 KINDS: dict[str, type[Move]] = {cls.kind: cls for cls in (Tilt, Turn, Shift, Swing, Shake)}
 """Every kind of move by its name."""
@@ -246,15 +241,12 @@ class Moves(Trajectory):
                     f"moves[{number}] ({move.kind}): the attitude follows the thrust and cannot be tilted; "
                     "leave the move (or its axes roll and pitch) out"
                 )
-        tilts = sorted(self._of(Tilt), key=lambda m: m.start)
+        tilts = sorted((m for m in self.moves if isinstance(m, Tilt)), key=lambda m: m.start)
         for first, second in itertools.pairwise(tilts):
             if second.start < first.stop - 1e-9:
                 raise UsageError(
                     f"two tilts overlap: one ends at {first.stop:g} s, the next starts at {second.start:g} s"
                 )
-
-    def _of(self, kind: type[Move]) -> list[Move]:
-        return [m for m in self.moves if isinstance(m, kind)]
 
     def at(self, time: Array) -> Reference:
         """The sum of the moves."""
@@ -284,5 +276,5 @@ def _sum(profiles: list[Profile], shape: tuple[int, ...]) -> Profile:
 
 def axis_rotation(axis: Array, angle: Profile) -> Rotation:
     """Rotation about a fixed axis (3,) by a profile (N,) [rad]."""
-    value, rate, change = (part[:, None] * axis for part in angle)
+    value, rate, change = scaled(angle, axis)
     return so3.exp(value), rate, change
