@@ -3,12 +3,11 @@
 A model is never changed in place: `with_effects` returns a new one. `plant.model_file` reads and writes it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -69,12 +68,12 @@ class Model:
         return WrenchModel(self.vehicle, self.effects)
 
     @property
-    def nominal(self) -> Model:
+    def nominal(self) -> Self:
         """The same vehicle without any effect."""
         return replace(self, effects=())
 
     @property
-    def without_tolerances(self) -> Model:
+    def without_tolerances(self) -> Self:
         """The model without tolerances, for changes of a vehicle since its numbers were measured."""
         return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 
@@ -96,7 +95,7 @@ class Model:
             for e in self.effects
         )
 
-    def with_effects(self, effects: Iterable[ModelEffect]) -> Model:
+    def with_effects(self, effects: Iterable[ModelEffect]) -> Self:
         """A copy with exactly these effects, sorted by name; raises ModelError if one comes twice."""
         listed = sorted(effects, key=lambda e: e.name)
         for first, second in itertools.pairwise(listed):
@@ -104,7 +103,7 @@ class Model:
                 raise ModelError(f"effect {first.name}: it is in the model twice; remove one")
         return replace(self, effects=tuple(listed))
 
-    def without(self, names: Iterable[str]) -> Model:
+    def without(self, names: Iterable[str]) -> Self:
         """A copy without these effects; raises ModelError if the model lacks one."""
         names = tuple(names)
         for name in names:

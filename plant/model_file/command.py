@@ -1,11 +1,9 @@
 """The table [command] of a model file: unit of the rotor commands in logs, and the curve to thrust or speed."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import tomlkit
@@ -49,7 +47,7 @@ class BenchTable(Table):
     voltage: Numbers | None = None
 
     @model_validator(mode="after")
-    def _columns(self) -> BenchTable:
+    def _columns(self) -> Self:
         measured = [name for name in COLUMNS if getattr(self, name) is not None]
         if len(measured) != 1:
             raise rule_error(f"got {' and '.join(measured) or 'neither'}, expected one column of {', '.join(COLUMNS)}")
@@ -95,7 +93,7 @@ class CommandTable(Table):
     source: Text = ""
 
     @model_validator(mode="after")
-    def _one_law(self) -> CommandTable:
+    def _one_law(self) -> Self:
         given = [name for name in LAWS if getattr(self, name) is not None]
         if len(given) != 1:
             raise rule_error(f"got {' and '.join(given) or 'no curve'}, expected one of {', '.join(LAWS)}")

@@ -5,11 +5,9 @@ Tolerances are one standard deviation, in the unit of the value: of a vector one
 of an inertia one for all moments, one for each, or three rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import AfterValidator, ValidatorFunctionWrapHandler, WrapValidator, model_validator
@@ -150,7 +148,7 @@ class RotorTable(Table):
     speed_max: Positive
 
     @model_validator(mode="after")
-    def _speeds(self) -> RotorTable:
+    def _speeds(self) -> Self:
         if self.speed_min >= self.speed_max:
             raise rule_error(f"speed_min: got {self.speed_min:g}, expected less than speed_max, {self.speed_max:g}")
         return self
@@ -172,7 +170,7 @@ class ArmTable(Table):
     rotors: tuple[RotorTable, ...]
 
     @model_validator(mode="after")
-    def _geometry(self) -> ArmTable:
+    def _geometry(self) -> Self:
         if self.position is None:
             for key in ("azimuth_deg", "length"):
                 if getattr(self, key) is None:
@@ -233,7 +231,7 @@ class VehicleTable(Table):
         return [(f"arms[{i}].rotors[{k}]", i, r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
 
     @model_validator(mode="after")
-    def _comparable_rotors(self) -> VehicleTable:
+    def _comparable_rotors(self) -> Self:
         """Every rotor's full thrust, by which the allocation divides, is at least 1e-6 of the strongest one's."""
         full = {place: rotor.c_f * rotor.speed_max**2 for place, _, rotor in self.rotors}
         for place, thrust in full.items():
@@ -245,7 +243,7 @@ class VehicleTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _own_names(self) -> VehicleTable:
+    def _own_names(self) -> Self:
         """Every arm and rotor has a unique name: that of the file, or that of its parameters."""
         arms = [(f"arms[{i}]", arm.name) for i, arm in enumerate(self.arms)]
         rotors = [(place, rotor.name) for place, _, rotor in self.rotors]

@@ -6,8 +6,6 @@ written in numpy. Each is traced once (`plant.trace.arrays`) and then evaluated 
 traced, such as an effect of a user's own, or that must not be, such as a compensator, is called in numpy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -109,6 +107,20 @@ class Stage:
     numpy_steps: int = 0  # steps in which `act` is called in numpy: 0, ALWAYS, or those after which it can be traced
     traced: Callable[[Signals, Array], Signals] | None = None  # in place of `act`, if that has a memory of its own
     user_code: bool = False  # whether it holds a user's own code, called in numpy where it cannot be traced
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The arrays of one stage in a `StageTable`; empty where it is called in numpy."""
+
+    logs: Ints
+    logged: Array
+    code: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int32))
+    value: Array = field(default_factory=lambda: np.zeros(0))
+    reads: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    rows: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    writes: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    inputs: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(eq=False)
@@ -242,17 +254,3 @@ class Loop:
 
 def _pairs(lines: Ints, places: Sequence[int]) -> Ints:
     return np.column_stack((lines, np.array(places, dtype=np.int64)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """The arrays of one stage in a `StageTable`; empty where it is called in numpy."""
-
-    logs: Ints
-    logged: Array
-    code: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int32))
-    value: Array = field(default_factory=lambda: np.zeros(0))
-    reads: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
-    rows: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    writes: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
-    inputs: Array = field(default_factory=lambda: np.zeros(0))

@@ -1,9 +1,8 @@
 """Parts of reference trajectories: samples, smooth profiles, attitudes with consistent rates."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -35,11 +34,11 @@ class Reference:
     omega_D: Array
     omega_dot_D: Array
 
-    def take(self, index: Index) -> Reference:
+    def take(self, index: Index) -> Self:
         """Some of the samples, in the order of `index`."""
         return rows(self, index)
 
-    def sample(self, index: int) -> Reference:
+    def sample(self, index: int) -> Self:
         """One sample, still with the sample axis (N = 1)."""
         return self.take(slice(index, index + 1))
 
@@ -50,7 +49,7 @@ class Trajectory(ABC):
     duration: float
 
     @abstractmethod
-    def at(self, time: Array) -> Reference:
+    def at(self, time: Array) -> Self:
         """The reference at `time` (N,) [s]."""
 
 
