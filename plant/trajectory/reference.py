@@ -49,7 +49,7 @@ class Trajectory(ABC):
     duration: float
 
     @abstractmethod
-    def at(self, time: Array) -> Self:
+    def at(self, time: Array) -> Reference:
         """The reference at `time` (N,) [s]."""
 
 
