@@ -6,33 +6,30 @@ Also exp(-x / 2) of a whole row at once: numba's own exp takes one number at a t
 # mypy: disable-error-code="no-any-return"
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from numba import njit, types
 from numba.extending import intrinsic
 
 from wrenchgap.flight.flight import Array
-
-F = TypeVar("F", bound=Callable[..., Any])
+from wrenchgap.plant.trace.tape import F, compiled
 
 PRINTED = ("printed", "sums", "replaced")
 """Decorators of functions that the export prints."""
 
 
-def _compiled(**options: Any) -> Callable[[F], F]:
-    """Compile without numba's reference counts: no array is allocated, and each call would count every argument."""
-    numba: Any = njit  # whose annotations leave _nrt out
-    decorator: Callable[[F], F] = numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
-    return decorator
-
-
-kernel = _compiled()
+kernel = compiled
 """For Python alone."""
-printed = _compiled()
+printed = compiled
 """Here and in the exported code."""
-sums = _compiled(forceinline=True, fastmath={"reassoc", "contract", "nsz"})
-"""As `printed`, for sums whose order does not matter beyond rounding: they then take four or eight numbers at once.
-What is not finite stays so."""
+
+
+def sums(function: F) -> F:
+    """As `printed`, for sums whose order does not matter beyond rounding: they then take four or eight numbers at once.
+
+    What is not finite stays so.
+    """
+    return compiled(function, forceinline=True, fastmath={"reassoc", "contract", "nsz"})
 
 
 opening = njit(cache=True, error_model="numpy", nogil=True)

@@ -84,16 +84,12 @@ class Model:
     @property
     def snapshot(self) -> tuple[Snapshot, ...]:
         """The effects as plain values."""
-        return tuple(
-            Snapshot(
-                e.name,
-                tuple(
-                    Value(p.name, float(e.theta[k]), None if e.std is None else float(e.std[k]), p.unit)
-                    for k, p in enumerate(e.effect.parameters(self.vehicle))
-                ),
-            )
-            for e in self.effects
-        )
+        found = []
+        for e in self.effects:
+            stds = [None] * len(e.theta) if e.std is None else e.std.tolist()
+            rows = zip(e.effect.parameters(self.vehicle), e.theta.tolist(), stds, strict=True)
+            found.append(Snapshot(e.name, tuple(Value(p.name, value, std, p.unit) for p, value, std in rows)))
+        return tuple(found)
 
     def with_effects(self, effects: Iterable[ModelEffect]) -> Self:
         """A copy with exactly these effects, sorted by name; raises ModelError if one comes twice."""

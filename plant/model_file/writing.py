@@ -182,19 +182,11 @@ def next_version(
         reason, before = (BY_HAND, versions[-1].content) if versions else (GIVEN, "")
         number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else str(parent.path)
         versions.append(Version(number, reason, content, file, before, effects=parent.snapshot))
-    last = versions[-1]
+    last, date = versions[-1], datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     new = Version(
-        last.number + 1,
-        command,
-        content_hash(model),
-        str(path),
-        last.content,
-        datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        tool_version(),
-        tuple(flights),
-        trial,
-        model.snapshot,
-    )
+        last.number + 1, command, content_hash(model), str(path), last.content,
+        date, tool_version(), tuple(flights), trial, model.snapshot,
+    )  # fmt: skip
     return replace(model, history=(*versions, new))
 
 

@@ -154,10 +154,10 @@ def program(tape: Tape, inputs: Sequence[int], free: Sequence[int], results: Seq
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def compiled(function: F) -> F:
+def compiled(function: F, **options: Any) -> F:
     """Compile without numba's reference counts: no array is allocated, and each call would count every argument."""
     numba: Any = njit  # whose annotations leave _nrt out
-    dispatcher: F = numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
+    dispatcher: F = numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)(function)
     return dispatcher
 
 
