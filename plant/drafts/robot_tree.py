@@ -121,17 +121,9 @@ def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: s
     direction = link.rotation[:, 2] if motor.direction is None else motor.direction  # of Gazebo's motors
     turn = Sourced((-1) ** number, f"the {kind} does not say; taken in turn, check every one", assumed=True)
     where = f"{link.name} of the {kind}"
-    return RotorDraft(
-        Sourced(tuple((np.round(position, 9) + 0.0).tolist()), where),
-        Sourced(tuple((np.round(direction, 9) + 0.0).tolist()), where),
-        motor.spin or turn,
-        kappa=motor.kappa,
-        c_f=motor.c_f,
-        speed_max=motor.speed_max,
-        thrust_max=motor.thrust_max,
-        name=link.name,
-        tilt=_tilt(index, links, direction),
-    )
+    place, along = (Sourced(tuple((np.round(v, 9) + 0.0).tolist()), where) for v in (position, direction))
+    told = {name: getattr(motor, name) for name in ("kappa", "c_f", "speed_max", "thrust_max")}
+    return RotorDraft(place, along, motor.spin or turn, **told, name=link.name, tilt=_tilt(index, links, direction))
 
 
 def _tilt(index: int, links: Sequence[Link], direction: Array) -> Tilt | None:

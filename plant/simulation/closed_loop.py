@@ -220,18 +220,14 @@ class _Actuators:
         return {"wrench": wrench, "effects": np.concatenate(values)}
 
     def _traced_step(self, now: Signals, row: Array) -> Signals:
-        place = 0
-
-        def next_array(like: Any) -> Array:
-            nonlocal place
-            place += np.size(like)
-            return now["effects"][place - np.size(like) : place].reshape(np.shape(like))
-
-        wrench, after = self._wrench(traced_model(self.plant), now, row, memory_of_arrays(self.form, next_array))
+        ends = np.cumsum([np.size(array) for array in memory_arrays(self.form)], dtype=int)
+        parts = iter(np.split(now["effects"], ends[:-1]))
+        memory = memory_of_arrays(self.form, lambda like: next(parts).reshape(np.shape(like)))
+        wrench, after = self._wrench(traced_model(self.plant), now, row, memory)
         if _shapes(after) != _shapes(self.form):
             raise Untraceable("the memory of effects changes its shape from step to step")
-        parts = [np.asarray(one, dtype=object).ravel() for one in memory_arrays(after)]
-        return {"wrench": wrench, "effects": np.concatenate([np.zeros(0, dtype=object), *parts])}
+        values = [np.asarray(one, dtype=object).ravel() for one in memory_arrays(after)]
+        return {"wrench": wrench, "effects": np.concatenate([np.zeros(0, dtype=object), *values])}
 
 
 def _shapes(memory: Any) -> list[tuple[int, ...]]:
