@@ -71,10 +71,8 @@ class Expressions:
         return found
 
     def _constant(self, node: ast.Constant) -> Written:
-        if isinstance(node.value, bool):
+        if isinstance(node.value, int):  # or bool
             return str(int(node.value)), INT, ATOM
-        if isinstance(node.value, int):
-            return str(node.value), INT, ATOM
         return f"WG({node.value!r})", REAL, ATOM
 
     def _binop(self, node: ast.BinOp) -> Written:

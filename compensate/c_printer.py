@@ -9,6 +9,7 @@ pointer. Anything else raises `Unprintable`, with the line.
 import ast
 import inspect
 from dataclasses import dataclass, field
+from textwrap import wrap
 from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
@@ -156,11 +157,12 @@ class Printer:
 
     def _text(self, name: str) -> str:
         one = self.functions[name]
-        note = " ".join((ast.get_docstring(one.node) or "").split()).replace("`", "")
+        note = " ".join(f"{ast.get_docstring(one.node) or ''} */".replace("`", "").split())
+        comment = wrap(note, 120, initial_indent="/* ", subsequent_indent=" * ", break_on_hyphens=False)
         body = _Body(self, one)
         statements = body.block(one.node.body[1:], 1)
         declared = [f"    {kind}{name};" for name, kind in body.declared.items()]
-        return "\n".join([*_comment(note), self.signature(name), "{", *declared, *statements, "}"])
+        return "\n".join([*comment, self.signature(name), "{", *declared, *statements, "}"])
 
     def constants(self) -> str:
         """Constants of the module that the functions name: whole numbers as an enum, the others as macros."""
@@ -184,17 +186,6 @@ def _root(node: ast.expr) -> str:
     while isinstance(node, ast.Subscript | ast.Attribute):
         node = node.value
     return node.id if isinstance(node, ast.Name) else ""
-
-
-def _comment(text: str) -> list[str]:
-    """A comment in lines of 120 characters."""
-    lines, line = [], "/*"
-    for word in [*text.split(), "*/"]:
-        if len(line) + len(word) + 1 > 120:
-            lines.append(line)
-            line = " *"
-        line += f" {word}"
-    return [*lines, line]
 
 
 class _Body(Expressions):

@@ -109,10 +109,6 @@ def checked_inertia(entry: Toleranced, rounding: float = 0.03) -> tuple[Array, s
     )
 
 
-MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
-"""Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
-
-
 def _checked(entry: Toleranced) -> Toleranced:
     checked_inertia(entry)
     return entry
@@ -258,7 +254,7 @@ class VehicleTable(Table):
 
     def vehicle(self) -> Vehicle:
         """The vehicle of these values."""
-        mass, inertia, com, imu = (as_toleranced(getattr(self, name)) for name in MASS_PROPERTIES)
+        mass, inertia, com, imu = map(as_toleranced, (self.mass, self.inertia, self.com, self.imu_position))
         tolerances = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
         body = Body(mass.value, checked_inertia(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
