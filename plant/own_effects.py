@@ -16,51 +16,52 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn, cast
 
 import numpy as np
 
+from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.effects import (
-    AnyEffect,
-    BodyEffect,
-    Effect,
-    Parameter,
-    Source,
-    catalogue,
-    find,
-    forget,
-    register,
-    sources,
-)
-from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
+from wrenchgap.plant import effects, model_file
+from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.reader import BOUNDS, text_of
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.state import Commands, Motion, Rates, State, rows
+from wrenchgap.plant.vehicle import Body, Vehicle
 
 PAGE = "see docs/effects/your-own.md"
+PLACES: dict[type, tuple[type, tuple[str, ...]]] = {
+    effects.CommandEffect: (Commands, ("wrench_B", "tilt", "rotor_speed")),
+    effects.BodyEffect: (Body, ("mass", "inertia", "com_B")),
+    effects.SensorEffect: (Motion, ("omega_B", "omega_dot_B", "specific_force_B")),
+    effects.ThrustEffect: (np.ndarray, ("the thrusts",)),
+    effects.WrenchEffect: (np.ndarray, ("the added wrench",)),
+    effects.AirEffect: (np.ndarray, ("the air's velocity",)),
+}
+"""What `apply` returns at each place, and what its arrays are called."""
 LISTED = ", ".join(place.__name__ for place in PLACES)
 _PREFIX = "wrenchgap_own_effect_"
 
 
 def use(paths: Iterable[Path]) -> None:
     """Make the effects of these files the user effects of this process, in place of any others; raises ModelError."""
-    forget()
+    effects.forget()
     for path in paths:
         for effect, source in load(path):
-            register(effect, source)
+            effects.register(effect, source)
 
 
 def files() -> tuple[Path, ...]:
     """The files of the user effects of this process, which another process has to `use`."""
-    modules = (sys.modules.get(type(find(name)).__module__) for name in sources())
+    modules = (sys.modules.get(type(effects.find(name)).__module__) for name in effects.sources())
     return tuple(dict.fromkeys(Path(m.__file__) for m in modules if m is not None and m.__file__ is not None))
 
 
-def load(path: Path) -> list[tuple[AnyEffect, Source]]:
+def load(path: Path) -> list[tuple[effects.AnyEffect, effects.Source]]:
     """The checked effects of a file; raises ModelError with file and line of the first error."""
     if path.is_dir() or not path.exists():
         raise ModelError(f"--effects {path}: no such file; expected a Python file with an effect, {PAGE}")
@@ -78,9 +79,9 @@ def load(path: Path) -> list[tuple[AnyEffect, Source]]:
     names = [effect.name for effect in found]
     for effect in found:
         where = f"{path}:{_line_of(type(effect), path)}"
-        if names.count(effect.name) > 1 or effect.name in catalogue():
+        if names.count(effect.name) > 1 or effect.name in effects.catalogue():
             raise ModelError(f"{where}: name: effect {effect.name!r} exists already; rename yours")
-    source = Source(path.name, hashlib.sha256(text.encode()).hexdigest())
+    source = effects.Source(path.name, hashlib.sha256(text.encode()).hexdigest())
     return [(effect, source) for effect in found]
 
 
@@ -120,12 +121,111 @@ def _first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [""])[0]
 
 
+class Wrong(Exception):
+    """The result of `apply` does not suit its place."""
+
+
+class Trial:
+    """One effect on one vehicle: arguments for `apply` on so many `samples`, and the arrays that it returns."""
+
+    def __init__(self, effect: effects.AnyEffect, vehicle: Vehicle, samples: int = 6) -> None:
+        self.effect, self.vehicle, self.samples = effect, vehicle, samples
+        self.place = next(place for place in PLACES if isinstance(effect, place))
+        self.state, self.commands, self.motion = _flight(vehicle, samples)
+        self.context = effects.Context(vehicle, self.state)
+        self.actuation = None
+        if vehicle.has_rotors:
+            a, r = (0.1 * np.ones((samples, len(part))) for part in vehicle.geometry())
+            self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
+
+    @property
+    def results(self) -> tuple[str, ...]:
+        """Names of the arrays that `apply` returns."""
+        _, names = PLACES[self.place]
+        return names[:1] if self.place is effects.CommandEffect and not self.vehicle.has_rotors else names
+
+    def unchanged(self) -> tuple[Array, ...]:
+        """The results of `apply` without an effect."""
+        if self.place in (effects.WrenchEffect, effects.AirEffect):
+            return (np.zeros((self.samples, 6 if self.place is effects.WrenchEffect else 3)),)
+        given = self.arguments(np.zeros(0))[0]
+        if self.place is effects.ThrustEffect:
+            return (given.thrust,)
+        return self.arrays((given, None) if self.place is effects.CommandEffect else given)
+
+    def arguments(self, theta: Array, at: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
+        """Arguments of `apply` for some of the samples."""
+        state, act = self.state.take(at), self.actuation
+        context = effects.Context(self.vehicle, state)
+        if act is not None:
+            act = replace(rows(act, at), rates=rows(act.rates, at))
+        given: dict[type, tuple[Any, ...]] = {
+            effects.CommandEffect: (self.commands.take(at), theta, context, 0.01, memory),
+            effects.BodyEffect: (self.vehicle.body, theta),
+            effects.AirEffect: (state, theta),
+            effects.SensorEffect: (rows(self.motion, at), theta, context),
+            effects.ThrustEffect: (act, theta, context),
+            effects.WrenchEffect: (act, self.commands.wrench_B[at], theta, context),
+        }
+        return given[self.place]
+
+    def arrays(self, returned: Any) -> tuple[Array, ...]:
+        """The arrays in the result of `apply`; raises Wrong for a result of another kind."""
+        kind, words = PLACES[self.place][0], type(returned).__name__
+        if self.place is effects.CommandEffect:
+            if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], kind)):
+                raise Wrong(f"returned {words}, expected (Commands, memory)")
+            returned = returned[0]
+        elif not isinstance(returned, kind):
+            raise Wrong(f"returned {words}, expected {'an array' if kind is np.ndarray else kind.__name__}")
+        if kind is np.ndarray:
+            return (np.asarray(returned, dtype=float),)
+        return tuple(np.asarray(getattr(returned, name), dtype=float) for name in self.results)
+
+    def one_by_one(self, theta: Array) -> tuple[Array, ...]:
+        """The arrays when samples come one at a time, as in a simulation."""
+        memory: Any = None
+        parts = []
+        for k in range(self.samples):
+            returned = self.effect.apply(*self.arguments(theta, slice(k, k + 1), memory))
+            if self.place is effects.CommandEffect:
+                memory = cast(Any, returned)[1]
+            parts.append(self.arrays(returned))
+        return tuple(np.concatenate(columns) for columns in zip(*parts, strict=True))
+
+
+@cache
+def vehicles() -> tuple[Vehicle, Vehicle]:
+    """Six tilting arms with twelve rotors; and one of which only the wrench is known."""
+    shipped = model_file.load("tilt_hexarotor").vehicle
+    body = replace(shipped.body, com_B=np.array([0.001, -0.002, 0.003]))
+    whole = replace(shipped, name="trial", body=body, imu_position_B=np.array([0.01, 0.0, 0.02]))
+    return whole, replace(whole, arms=None, rotors=None)
+
+
+def _flight(vehicle: Vehicle, n: int) -> tuple[State, Commands, Motion]:
+    """N samples of a vehicle that moves, turns and tilts."""
+    rng = np.random.default_rng(7)
+    quat = so3.exp(rng.normal(0.0, 0.5, (n, 3)))
+    time = np.linspace(0.0, 0.01 * (n - 1), n, dtype=np.float64)
+    omega = rng.normal(size=(n, 3))
+    position = rng.normal((0.0, 0.0, 2.0), 1.0, (n, 3))
+    voltage = np.linspace(16.0, 15.0, n, dtype=np.float64)
+    state = State(time, position, quat, 2.0 * rng.normal(size=(n, 3)), omega, voltage)
+    wrench = rng.normal((0.0, 0.0, 39.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.5, 0.5, 0.5), (n, 6))
+    commands = Commands(wrench)
+    if vehicle.has_rotors:
+        arms, rotors = vehicle.geometry()
+        speed = 650.0 + 50.0 * rng.normal(size=(n, len(rotors)))
+        commands = Commands(wrench, 0.3 * rng.normal(size=(n, len(arms))), speed)
+    return state, commands, Motion(omega, rng.normal(size=(n, 3)), rng.normal((0.0, 0.0, 9.8), 1.0, (n, 3)))
+
+
 class _File:
     """One class of a user's file, and its checks."""
 
     def __init__(self, path: Path, cls: type) -> None:
-        self.path = path
-        self.cls = cls
+        self.path, self.cls = path, cls
 
     def fail(self, words: str, method: str = "") -> NoReturn:
         """Raise the error, at the class or at one of its methods."""
@@ -153,7 +253,7 @@ class _File:
     def is_meant(self) -> bool:
         """Whether it is an effect to be used; an abstract one without a name is a base of others."""
         if not issubclass(self.cls, tuple(PLACES)):
-            if issubclass(self.cls, Effect):
+            if issubclass(self.cls, effects.Effect):
                 self.fail(f"subclasses Effect; subclass one of {LISTED}")
             return False
         missing = sorted(getattr(self.cls, "__abstractmethods__", ()))
@@ -161,7 +261,7 @@ class _File:
             self.fail(f"lacks the method {missing[0]!r}; {PAGE}")
         return not missing
 
-    def checked(self) -> AnyEffect:
+    def checked(self) -> effects.AnyEffect:
         for attribute, pattern in (("name", r"[a-z][a-z0-9_]*"), ("excited_by", r"(?s).+")):
             value = getattr(self.cls, attribute, None)
             if not isinstance(value, str) or not re.fullmatch(pattern, value):
@@ -170,7 +270,7 @@ class _File:
         alike = getattr(self.cls, "confused_with", ())
         if not (isinstance(alike, tuple) and all(isinstance(name, str) for name in alike)):
             self.fail(f"has no valid 'confused_with': got {alike!r}, expected a tuple of names of effects")
-        effect = cast(AnyEffect, self.call("__init__", lambda: self.cls()))
+        effect = cast(effects.AnyEffect, self.call("__init__", lambda: self.cls()))
         tried = 0
         for vehicle in vehicles():
             if vehicle.has_rotors or not (effect.needs_rotors or effect.needs_rates):
@@ -179,7 +279,7 @@ class _File:
             self.fail("could not be tried: it refuses a vehicle with six tilting arms and twelve rotors", "parameters")
         return effect
 
-    def try_on(self, effect: AnyEffect, vehicle: Vehicle) -> bool:
+    def try_on(self, effect: effects.AnyEffect, vehicle: Vehicle) -> bool:
         """Check parameters and `apply` on one vehicle; False where the effect says that it is not for it."""
         try:
             parameters = self.call("parameters", lambda: effect.parameters(vehicle))
@@ -192,18 +292,18 @@ class _File:
         typical = np.array([min(max(p.start or p.scale, p.low), p.high) for p in parameters])
         trial = Trial(effect, vehicle)
         pairs = zip(trial.results, self.shapes(trial, zero), trial.unchanged(), strict=True)
-        unlike = ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
-        if unlike:
+        if unlike := ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12)):
             self.fail(f"changes {unlike} although all parameters are zero; zero must mean no effect", "apply")
         whole = self.shapes(trial, typical)
-        if trial.place is not BodyEffect:
+        if trial.place is not effects.BodyEffect:
             single = self.call("apply", lambda: trial.one_by_one(typical))
             if not all(np.allclose(a, b, rtol=1e-6, atol=1e-9) for a, b in zip(whole, single, strict=True)):
                 self.fail("gives other results for one sample at a time than for all at once", "apply")
         return True
 
     def check_parameters(self, parameters: Any) -> None:
-        if not isinstance(parameters, tuple) or not parameters or not all(isinstance(p, Parameter) for p in parameters):
+        listed = isinstance(parameters, tuple) and all(isinstance(p, effects.Parameter) for p in parameters)
+        if not listed or not parameters:
             self.fail(f"returned {parameters!r}, expected a tuple of one Parameter or more", "parameters")
         names = [p.name for p in parameters]
         for p in parameters:
