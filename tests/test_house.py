@@ -224,7 +224,7 @@ def test_every_effect_has_a_page_and_the_index_is_fresh():
 
 
 WRITERS = {
-    r"(from|import) rich\b": ("replay/present/tables.py", "replay/present/__init__.py", "replay/cli/console.py"),
+    r"(from|import) rich\b": ("replay/present/tables.py", "replay/present/__init__.py", "replay/cli/requests.py"),
     r"\bMarkup\b|\|\s*safe\b|autoescape false": (),
     r"add_markdown": (),
     r"\bEnvironment\(": ("replay/export/export.py",),

@@ -31,7 +31,6 @@ from wrenchgap.replay.cli.commands import (
     compensation,
     demo,
     export,
-    learning,
     logs,
     model,
     view,
@@ -41,9 +40,9 @@ from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
-    *(analysis.check, analysis.inspect, learning.calibrate, analysis.compare, analysis.where, analysis.explain),
+    *(analysis.check, analysis.inspect, model.calibrate, analysis.compare, analysis.where, analysis.explain),
     *(between_flights.changed, between_flights.trend, model.add, model.remove, model.history),
-    *(learning.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
+    *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
     *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),
 )
 """In the order of the help; `GROUPS` of further ones follow."""
@@ -119,25 +118,21 @@ def report(error: BaseException) -> int:
         return 0
     if hasattr(error, "format_message"):  # wrong use of the command line
         return _usage(error)
+    said: str | None
     if errors is not None and isinstance(error, errors.WrenchgapError):
-        say(str(error))
-        return 2
-    if own is not None and (said := own.blame(error)):
-        say(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
-        return 2
-    if isinstance(error, OSError) and error.filename is not None:
-        say(f"{error.filename}: {error.strerror or error}")
-        return 2
-    if isinstance(error, OSError) and error.errno is not None:
-        say(f"a file could not be written or read: {error.strerror}; see the free space and the limits")
-        return 2
-    if (said := removed_kernels(error) or refused_setting(error)) is not None:
-        say(said)
-        return 2
-    if isinstance(error, MemoryError):
-        say("out of memory; use fewer or shorter logs, or raise the limit that `ulimit -a` shows")
-        return 2
-    return _fault(error)
+        said = str(error)
+    elif own is not None and (said := own.blame(error)):
+        said += " (in an effect of your own, see docs/effects/your-own.md)"
+    elif isinstance(error, OSError) and error.filename is not None:
+        said = f"{error.filename}: {error.strerror or error}"
+    elif isinstance(error, OSError) and error.errno is not None:
+        said = f"a file could not be written or read: {error.strerror}; see the free space and the limits"
+    elif (said := removed_kernels(error) or refused_setting(error)) is None and isinstance(error, MemoryError):
+        said = "out of memory; use fewer or shorter logs, or raise the limit that `ulimit -a` shows"
+    if said is None:
+        return _fault(error)
+    say(said)
+    return 2
 
 
 def _code(error: BaseException) -> int:
@@ -200,11 +195,6 @@ def root(
     """
 
 
-def _unwrapped(text: str) -> str:
-    """A docstring with each paragraph on one line, so that the help wraps it to the terminal."""
-    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
-
-
 class Command(TyperCommand):
     """A command in which the options of `SEVERAL` may have more than one value."""
 
@@ -241,7 +231,9 @@ def _repeated(args: Sequence[str], options: Collection[str]) -> Iterator[str]:
 
 def _add_commands(group: typer.Typer, commands: Sequence[Callable[..., None]]) -> None:
     for command in commands:
-        group.command(command.__name__, cls=Command, help=_unwrapped(command.__doc__ or ""))(flat_command(command))
+        paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")  # on one line each: the help wraps them
+        words = "\n\n".join(" ".join(part.split()) for part in paragraphs)
+        group.command(command.__name__, cls=Command, help=words)(flat_command(command))
 
 
 _add_commands(app, COMMANDS)

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.completion import (
-    complete_checks,
-    complete_effects,
-    complete_models,
-    complete_phases,
-    complete_topics,
-)
+from wrenchgap.replay.cli import values
 
 
 def existing_paths(paths: list[Path] | Path | None) -> list[Path] | Path | None:
@@ -59,65 +54,11 @@ Log = Annotated[
 _MODEL = {
     "metavar": "MODEL",
     "help": "Model file (.toml), or the name of a shipped model.",
-    "autocompletion": complete_models,
+    "autocompletion": values.complete_models,
 }
 ModelOption = Annotated[str, typer.Option("--model", "-m", **_MODEL)]
 OptionalModel = Annotated[str | None, typer.Option("--model", "-m", **_MODEL)]
 ModelFile = Annotated[str, typer.Argument(**_MODEL)]
-Topics = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--topic",
-        metavar="ROLE=/TOPIC",
-        help="Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for more.",
-        autocompletion=complete_topics,
-    ),
-]
-Cutoff = Annotated[
-    float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
-]
-Between = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--between",
-        metavar="T0:T1",
-        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
-    ),
-]
-Shift = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--shift",
-        metavar="ROLE=SECONDS",
-        help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
-    ),
-]
-Unmeasured = Annotated[
-    str | None,
-    typer.Option(
-        "--unmeasured",
-        metavar="A,B",
-        help="Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md).",
-    ),
-]
-Accept = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--accept",
-        metavar="CHECK",
-        help="Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for more.",
-        autocompletion=complete_checks,
-    ),
-]
-Keep = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--keep",
-        metavar="PHASE",
-        help="Use this phase too: ground, held, take-off, landing, impact, crash, saturation or all; repeat for more.",
-        autocompletion=complete_phases,
-    ),
-]
 BudgetOption = Annotated[
     str | None,
     typer.Option(
@@ -151,13 +92,16 @@ GpOption = Annotated[
 Against = Annotated[
     list[str] | None,
     typer.Option(
-        "--against", metavar="MODEL2...", help="Other models of the same vehicle.", autocompletion=complete_models
+        "--against",
+        metavar="MODEL2...",
+        help="Other models of the same vehicle.",
+        autocompletion=values.complete_models,
     ),
 ]
 Figure = Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Draw the result.")]
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")]
 Effects = Annotated[
-    list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects)
+    list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=values.complete_effects)
 ]
 ModelOut = Annotated[Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.")]
 NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")]
@@ -203,3 +147,76 @@ OwnEffects = Annotated[
         is_eager=True,
     ),
 ]
+
+
+@dataclass
+class Reading:
+    """How logs are to be read, as typed, and as `options`; raises UsageError for one that is not understood."""
+
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=/TOPIC",
+            help="Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for "
+            "more.",
+            autocompletion=values.complete_topics,
+        ),
+    ] = None
+    shift: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=SECONDS",
+            help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for "
+            "more.",
+        ),
+    ] = None
+    cutoff: Annotated[
+        float, typer.Option(metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
+    ] = 8.0
+    between: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="T0:T1",
+            help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
+        ),
+    ] = None
+    unmeasured: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md).",
+        ),
+    ] = None
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHECK",
+            help="Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for "
+            "more.",
+            autocompletion=values.complete_checks,
+        ),
+    ] = None
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PHASE",
+            help="Use this phase too: ground, held, take-off, landing, impact, crash, saturation or all; repeat for "
+            "more.",
+            autocompletion=values.complete_phases,
+        ),
+    ] = None
+    budget: BudgetOption = None
+
+    def __post_init__(self) -> None:
+        from wrenchgap.learn.data.read_options import ReadOptions
+
+        self.options = ReadOptions(
+            topics=values.parse_topics(self.topic),
+            shifts=values.parse_shifts(self.shift),
+            cutoff_hz=values.parse_cutoff(self.cutoff),
+            between=values.parse_between(self.between),
+            unmeasured=values.parse_unmeasured(self.unmeasured),
+            accept=values.parse_accept(self.accept),
+            keep=values.parse_keep(self.keep),
+            budget=values.parse_budget(self.budget),
+        )

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import os
 import shlex
+import shutil
+import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
@@ -14,10 +18,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 
 import typer
 
+from wrenchgap._escaping import printable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli import values
-from wrenchgap.replay.cli.console import Report, console, progress
 
 if TYPE_CHECKING:
     from wrenchgap.learn.data.opening import OpenFlight
@@ -26,37 +29,63 @@ if TYPE_CHECKING:
     from wrenchgap.plant.model import Model
 
 
-@dataclass
-class Reading:
-    """How logs are to be read, as typed, and as `options`; raises UsageError for one that is not understood."""
+Report = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
 
-    topic: o.Topics = None
-    shift: o.Shift = None
-    cutoff: o.Cutoff = 8.0
-    between: o.Between = None
-    unmeasured: o.Unmeasured = None
-    accept: o.Accept = None
-    keep: o.Keep = None
-    budget: o.BudgetOption = None
+PATIENCE = 10.0
+"""Seconds between lines of progress where standard error is no terminal."""
 
-    def __post_init__(self) -> None:
-        from wrenchgap.learn.data.read_options import ReadOptions
 
-        self.options = ReadOptions(
-            topics=values.parse_topics(self.topic),
-            shifts=values.parse_shifts(self.shift),
-            cutoff_hz=values.parse_cutoff(self.cutoff),
-            between=values.parse_between(self.between),
-            unmeasured=values.parse_unmeasured(self.unmeasured),
-            accept=values.parse_accept(self.accept),
-            keep=values.parse_keep(self.keep),
-            budget=values.parse_budget(self.budget),
-        )
+def console(least: int = 120, least_prose: int = 60) -> Any:
+    """A rich console: sentences are as wide as the terminal, tables wide enough for their numbers on any.
+
+    `least` are the columns that the widest tables need; a narrower terminal wraps their lines, but loses no digit.
+    Sentences are not broken into lines shorter than `least_prose`.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    known = sys.stdout.isatty() or "COLUMNS" in os.environ
+    real = shutil.get_terminal_size().columns if known else 132
+
+    class Terminal(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            tables = any(isinstance(one, Table) and one.show_header for one in objects)
+            width = max(real, least if tables else least_prose)
+            super().print(*objects, **{"width": width} | options)
+
+    return Terminal(width=max(real, least), highlight=False)
+
+
+@contextmanager
+def progress(label: str, quiet: bool = False) -> Iterator[Report]:
+    """Progress of long work: a bar on a terminal that goes away, else a line every `PATIENCE` seconds."""
+    if quiet:
+        yield lambda fraction, words: None
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(printable(label), total=1.0)
+            yield lambda fraction, words: bar.update(task, completed=fraction, description=printable(words or label))
+    else:
+        said = time.monotonic()
+
+        def plain(fraction: float, words: str) -> None:
+            nonlocal said
+            if time.monotonic() - said > PATIENCE:
+                said = time.monotonic()
+                sys.stderr.write(printable(f"{label}: {100 * fraction:.0f} % {words}") + "\n")
+                sys.stderr.flush()
+
+        yield plain
 
 
 FOUND_BAD = 3
 """Exit code where a command did its work, and the log is bad, or its records are not what the export makes."""
-COMMON = (*(one.name for one in fields(Reading)), "own")
+COMMON = (*(one.name for one in fields(o.Reading)), "own")
 """Options that say how flights are read, by the names of their parameters."""
 
 
@@ -105,20 +134,18 @@ class Run:
     def model(self, name: str, role: str = "model") -> Model:
         """The model of this name; its hash is noted now, because the output may replace the file."""
         from wrenchgap.plant import model_file
-        from wrenchgap.replay.present.documents import file_input
 
         found = model_file.load(name)
-        if found.path is not None:
-            self._keep_input(found.path)
-        self.inputs.append(file_input(found.path, role))
+        self.note_input(found.path, role)
         return found
 
-    def note_input(self, path: Path, role: str) -> None:
-        """Note a file that went into the result."""
-        from wrenchgap.replay.present.documents import file_input
+    def note_input(self, path: Path | None, role: str) -> None:
+        """Note a file that went into the result; None is a model that has no file."""
+        from wrenchgap.replay.present.documents import sha256
 
-        self._keep_input(path)
-        self.inputs.append(file_input(path, role))
+        if path is not None:
+            self._keep_input(path)
+        self.inputs.append({"role": role, "file": str(path or ""), "sha256": sha256(path) if path is not None else ""})
 
     def _keep_input(self, path: Path) -> None:
         """Raise UsageError where an output would replace a file that is read; a model may be its own --output."""
@@ -131,11 +158,9 @@ class Run:
         if path is None:
             return None
         from wrenchgap.learn.process import store
-        from wrenchgap.replay.present.documents import file_input
 
         found = store.load(path)
-        self._keep_input(path)
-        self.inputs.append(file_input(path, "gp"))
+        self.note_input(path, "gp")
         return found
 
     def open(
@@ -200,6 +225,31 @@ class Run:
             from wrenchgap.replay.present import save_figure
 
             save_figure(result, path, force=self.force)
+
+    def save(
+        self,
+        command: str,
+        result: Any,
+        *,
+        figure: Path | None = None,
+        csv: Path | None = None,
+        parquet: Path | None = None,
+        page: Path | None = None,
+        **more: Any,
+    ) -> None:
+        """Write what is asked for of a result: picture, every sample or value, page, and JSON with the keys `more`."""
+        from wrenchgap.replay.present.documents import write_csv, write_parquet
+
+        self.draw(result, figure)
+        if csv is not None:
+            write_csv(result.to_frame(), csv)
+        if parquet is not None:
+            write_parquet(result.to_frame(), parquet)
+        if page is not None:
+            from wrenchgap.replay.present.report.page import PAGES, write_page
+
+            write_page(PAGES[type(result)](result, self.command_line()), page)
+        self.write(command, {**result.to_json(), **more}, figure=figure, table=csv or parquet, page=page)
 
     @property
     def read(self) -> list[Mapping[str, Any]]:

@@ -24,8 +24,6 @@ from wrenchgap.plant.model_file import tool_version
 if TYPE_CHECKING:
     import pandas as pd
 
-FORMATS = {"--figure": ".png"}
-"""Endings of files that are written in one format only, by option."""
 VERSIONS = {
     "check": 1,
     "inspect": 2,
@@ -72,24 +70,24 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
             continue
         if str(path) == "-":
             raise UsageError(f"{option} -: --json alone writes to standard output; expected the name of a file")
-        resolved = path.resolve()
-        if resolved in read or (path.exists() and folders & set(resolved.parents)):
-            raise UsageError(f"{option} {path}: is one of the inputs; choose another name")
-        if resolved in seen:
-            raise UsageError(f"{option} {path}: is already the file of {seen[resolved]}; choose another name")
+        resolved, exists = path.resolve(), path.exists()
+        suffix, page = path.suffix.lower(), option == "--page"
+        own = read & {resolved} or (exists and folders & set(resolved.parents))
+        checks = (
+            (own, "is one of the inputs; choose another name"),
+            (resolved in seen, f"is already the file of {seen.get(resolved)}; choose another name"),
+            (path.is_dir(), "is a folder; expected the name of a file"),
+            (exists and not path.is_file(), "is no ordinary file; expected the name of a file to write"),
+            (path.is_symlink() and not exists, "is a link to nothing; choose another name"),
+            (exists and not force, "exists already; choose another name or overwrite it with --force"),
+            (not path.parent.is_dir(), f"the folder {path.parent} does not exist; create it first"),
+            (option == "--figure" and suffix != ".png", "is written as .png and nothing else; name it so"),
+            (page and suffix not in (".html", ".htm"), "the page is a web page; expected a name that ends in .html"),
+        )
+        for wrong, words in checks:
+            if wrong:
+                raise UsageError(f"{option} {path}: {words}")
         seen[resolved] = option
-        if path.is_dir():
-            raise UsageError(f"{option} {path}: is a folder; expected the name of a file")
-        if path.exists() and not path.is_file():
-            raise UsageError(f"{option} {path}: is no ordinary file; expected the name of a file to write")
-        if path.is_symlink() and not path.exists():
-            raise UsageError(f"{option} {path}: is a link to nothing; choose another name")
-        if path.exists() and not force:
-            raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
-        if not path.parent.is_dir():
-            raise UsageError(f"{option} {path}: the folder {path.parent} does not exist; create it first")
-        if option in FORMATS and path.suffix.lower() != FORMATS[option]:
-            raise UsageError(f"{option} {path}: is written as {FORMATS[option]} and nothing else; name it so")
         check_writable(path.parent, f"{option} {path}")
 
 
@@ -103,11 +101,6 @@ def log_input(flight: Flight, role: str = "log") -> dict[str, Any]:
     """A log as an input of a result, with the shifts of its stamps where the user asked for some."""
     shifts = {"shift_s": dict(flight.shifts)} if flight.shifts else {}
     return {"role": role, "file": str(flight.path), "sha256": flight.content_hash, **shifts}
-
-
-def file_input(path: Path | None, role: str) -> dict[str, str]:
-    """Any other file as an input of a result; None is a model that has no file."""
-    return {"role": role, "file": str(path or ""), "sha256": sha256(path) if path is not None else ""}
 
 
 def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:

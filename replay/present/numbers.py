@@ -133,14 +133,22 @@ def yes_no(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def by_axis(name: str, values: Sequence[float] | Array) -> dict[str, float]:
-    """Six values as columns of a frame: `name.force_x`, ..."""
-    return {f"{name}.{axis}": float(value) for axis, value in zip(AXES, values, strict=True)}
+def by_axis(name: str, values: Array) -> dict[str, Any]:
+    """Wrenches (6,) or (N, 6) as columns of a frame: `name.force_x`, ..."""
+    return {f"{name}.{axis}": values[..., k] for k, axis in enumerate(AXES)}
 
 
 def reasons_json(kind: str, reasons: Mapping[str, str]) -> list[dict[str, str]]:
     """Why things of a kind are lacking, by their names."""
     return [{kind: name, "reason": why} for name, why in reasons.items()]
+
+
+def by_reason(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """Names by the reason that they share, of pairs of reason and name."""
+    found: dict[str, list[str]] = {}
+    for reason, name in pairs:
+        found.setdefault(reason, []).append(name)
+    return found
 
 
 def entries(found: object, *names: str) -> dict[str, Any]:

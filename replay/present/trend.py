@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.autopilot import ParameterDifferences
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import parameters
-from wrenchgap.replay.present.documents import check_tables
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
@@ -50,12 +46,7 @@ def parts(found: Trend) -> list[Part]:
     if changes := [p for p in found.changed if p.course.steps]:
         out.append(steps(found, changes))
     out += [Line(LEGEND, "dim"), Line(), values(found)]
-    return [*out, *parameters.parts(autopilot_parameters(found)), *note_lines(notes(found))]
-
-
-def autopilot_parameters(found: Trend) -> ParameterDifferences:
-    """Which parameters of the autopilot differ between the flights; of rows of a batch none are known."""
-    return parameters.of_flights(one.flight for one in found.flights)
+    return [*out, *parameters.parts(parameters.of_flights(found.flights)), *note_lines(notes(found))]
 
 
 def summary(found: Trend) -> list[str]:
@@ -198,7 +189,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "effects_left_out": [
             entries(one, "effect=reason.effect", "flight", "reason=reason.reason") for one in found.left_out
         ],
-        "autopilot_parameters": parameters.to_json(autopilot_parameters(found)),
+        "autopilot_parameters": parameters.to_json(parameters.of_flights(found.flights)),
         "cutoff_hz": found.flights[0].cutoff_hz,
         "notes": notes(found),
     }
@@ -229,24 +220,13 @@ def frame(found: Trend) -> list[dict[str, Any]]:
         for step in p.course.steps:
             segment[step.flight :] += 1
         for k, one in enumerate(found.flights):
-            about = {
-                "flight": found.names[k],
-                "index": k,
-                "file": one.flight.path.name,
-                "sha256": one.flight.content_hash,
-            }
+            file = {"file": one.flight.path.name, "sha256": one.flight.content_hash}
             which = {"effect": p.effect, "parameter": p.name, "where": where(p, found.model.vehicle), "unit": p.unit}
             sizes = {"value": float(p.values[k]), "std": float(p.std[k]), "error": float(p.errors[k])}
             course = {"segment": int(segment[k]), "level": float(p.course.level[k]), "scatter": p.course.scatter}
+            about = {"flight": found.names[k], "index": k, **file}
             rows.append({**about, **which, **sizes, **course, "verdict": str(p.course.verdict)})
     return rows
-
-
-def check_table(path: Path | None) -> None:
-    """Raise UsageError where the name of the table is not that of a Parquet file, or what writes it is not there."""
-    if path is not None and path.suffix.lower() != ".parquet":
-        raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
-    check_tables(path)
 
 
 SIGMAS = 2.0
@@ -309,15 +289,15 @@ def _panel(panel: Any, p: ParameterTrend) -> None:
     bars = {"fmt": "o", "ms": 4.0, "color": style.MEASURED, "ecolor": style.MEASURED, "elinewidth": 0.9, "capsize": 2.0}
     panel.errorbar(flight, p.values, SIGMAS * p.errors, label=f"one flight, ± {SIGMAS:g} standard errors", **bars)
     for step in p.course.steps:
-        _step_mark(panel, step, p.unit)
-
-
-def _step_mark(panel: Any, step: Step, unit: str) -> None:
-    """A line between the flights, and the size of the step beside it."""
-    place = step.flight + 0.5
-    panel.axvline(place, color=style.WARNING, lw=1.0, ls="--", label="step")
-    words = f"{'+' if step.size > 0 else ''}{quantity(step.size, unit, 2)}"
-    if unit in style.PREFIXED:
-        words = f"{'+' if step.size > 0 else ''}{style.written(step.size, unit)}"
-    look = {"fontsize": style.SMALL, "color": style.WARNING, "rotation": 90, "va": "top", "ha": "left"}
-    panel.annotate(words, (place, 1.0), (2, -2), ("data", "axes fraction"), textcoords="offset points", **look)
+        place = step.flight + 0.5
+        panel.axvline(place, color=style.WARNING, lw=1.0, ls="--", label="step")
+        size = style.written(step.size, p.unit) if p.unit in style.PREFIXED else quantity(step.size, p.unit, 2)
+        look = {"fontsize": style.SMALL, "color": style.WARNING, "rotation": 90, "va": "top", "ha": "left"}
+        panel.annotate(
+            f"{'+' if step.size > 0 else ''}{size}",
+            (place, 1.0),
+            (2, -2),
+            ("data", "axes fraction"),
+            textcoords="offset points",
+            **look,
+        )

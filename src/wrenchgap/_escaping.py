@@ -3,7 +3,7 @@
 One function for each kind, called by the outermost writer of that kind and nowhere else, so that whoever prints a name
 need not think of it:
 
-    terminal, errors   `printable`      replay.present.tables, replay.cli.console, flight.errors
+    terminal, errors   `printable`      replay.present.tables, replay.cli.requests, flight.errors
     HTML               `html_templates` the report and the panels of the page
     C                  `c_comment`      replay.export
     Makefile, CMake    `build_text`     replay.export
@@ -13,7 +13,7 @@ need not think of it:
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.draft
-    shell completion   `completable`    replay.cli.completion
+    shell completion   `completable`    replay.cli.values
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from scripts.json_documents import schema
 from tests.replay import autopilot_logs
 from wrenchgap.learn.diagnose import budget, where
 from wrenchgap.replay import report as contents
-from wrenchgap.replay.cli import console
+from wrenchgap.replay.cli import requests
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.present import documents
 
@@ -62,7 +62,7 @@ def result_of(run, tmp_path):
 @pytest.fixture
 def refused(run, monkeypatch):
     """Run a command that must end with exit code 2, and return its one line on standard error."""
-    monkeypatch.setattr(console, "PATIENCE", np.inf)  # no lines of progress on a busy machine
+    monkeypatch.setattr(requests, "PATIENCE", np.inf)  # no lines of progress on a busy machine
 
     def wrapped(*arguments):
         done = run(*arguments)

@@ -21,8 +21,8 @@ from wrenchgap.learn.process import store
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.trajectory import TRAJECTORIES
-from wrenchgap.replay.cli import completion
 from wrenchgap.replay.cli import main as cli
+from wrenchgap.replay.cli import values
 from wrenchgap.replay.present.learning import caution
 
 MODEL = "tilt_hexarotor"
@@ -241,11 +241,11 @@ def test_completion_knows_models_effects_and_trajectories():
 
 
 def test_completion_offers_what_is_there():
-    assert {name for name, _ in completion.complete_effects("")} == set(catalogue())
-    assert completion.complete_effects("com_o")[0][1].startswith("The centre of mass")
-    assert completion.complete_trajectories("") == list(TRAJECTORIES)
-    assert set(completion.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
-    assert completion.complete_topics("im") == ["imu="]
+    assert {name for name, _ in values.complete_effects("")} == set(catalogue())
+    assert values.complete_effects("com_o")[0][1].startswith("The centre of mass")
+    assert values.complete_trajectories("") == list(TRAJECTORIES)
+    assert set(values.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
+    assert values.complete_topics("im") == ["imu="]
 
 
 def test_completion_offers_no_name_that_a_shell_would_run(tmp_path, monkeypatch):
@@ -267,13 +267,13 @@ def test_completion_offers_no_name_that_a_shell_would_run(tmp_path, monkeypatch)
     )
     for name in (*nasty, "fitted", "my_quad-2.1"):
         (tmp_path / f"{name}.toml").touch()
-    assert set(completion.complete_models("")) - {"fitted.toml", "my_quad-2.1.toml"} <= set(shipped_models())
-    assert completion.complete_models("f") == ["fitted.toml"]
-    assert completion.complete_trajectories("x/$") == []
+    assert set(values.complete_models("")) - {"fitted.toml", "my_quad-2.1.toml"} <= set(shipped_models())
+    assert values.complete_models("f") == ["fitted.toml"]
+    assert values.complete_trajectories("x/$") == []
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "$(id).toml").touch()
     (tmp_path / "x" / "ramp.toml").touch()
-    assert completion.complete_trajectories("x/r") == ["x/ramp.toml"]
+    assert values.complete_trajectories("x/r") == ["x/ramp.toml"]
 
 
 def shipped_models():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wrenchgap.replay.cli.console import console
+from wrenchgap.replay.cli.requests import console
 from wrenchgap.replay.present.tables import Line, plain, show
 
 SENTENCE = "Nothing is missing that the catalogue could name here, and " * 4

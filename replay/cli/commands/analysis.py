@@ -9,9 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_models
-from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
-from wrenchgap.replay.cli.values import parse_effects, usage_error
+from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Run
+from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_error
 
 
 def check(
@@ -23,7 +22,7 @@ def check(
     figure: o.Figure = None,
     page: o.Page = None,
     *,
-    reading: Annotated[Reading, Omit("between", "shift", "cutoff", "keep")],
+    reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
     run: Run,
 ) -> None:
     """What to look at first, without a mass and without a model: one screen about a vehicle and its logs.
@@ -38,11 +37,8 @@ def check(
 
     with uncollected():
         from wrenchgap.replay import api_flights
-        from wrenchgap.replay.present.report.page import check as check_page
-        from wrenchgap.replay.present.report.page import health_page, write_page
 
     run.claim({"--figure": figure, "--page": page}, *logs, model)
-    check_page(page)
     known = None if model is None else run.model(model)
     with run.progress("checking") as report:
         found = api_flights.check(logs, known, reading.options, progress=report)
@@ -50,10 +46,7 @@ def check(
         {"role": "log", "file": str(log.inspection.path), "sha256": log.inspection.content_hash} for log in found.logs
     ]
     run.result(found, details=details)
-    run.draw(found, figure)
-    if page is not None:
-        write_page(health_page(found, run.command_line()), page)
-    run.write("check", found.to_json(), figure=figure, page=page)
+    run.save("check", found, figure=figure, page=page)
 
 
 def inspect(
@@ -69,7 +62,7 @@ def inspect(
         ),
     ] = None,
     *,
-    reading: Annotated[Reading, Omit("between")],
+    reading: Annotated[o.Reading, Omit("between")],
     run: Run,
 ) -> None:
     """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
@@ -111,7 +104,7 @@ def compare(
         bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
     ] = False,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Errors of models on flights, per axis and per flight, and where they are worst.
@@ -122,7 +115,7 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.present.documents import check_tables, write_csv
+    from wrenchgap.replay.present.documents import check_tables
 
     check_tables(csv)
     run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
@@ -135,14 +128,11 @@ def compare(
     run.result(result, signed=by_flight)
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{run.common_options()}", style="dim")
-    run.draw(result, figure)
-    if csv is not None:
-        write_csv(result.to_frame(), csv)
-    run.write("compare", result.to_json(), figure=figure, table=csv)
+    run.save("compare", result, figure=figure, csv=csv)
 
 
 def where(
-    logs: o.Logs, model: o.ModelOption, gp: o.GpOption = None, figure: o.Figure = None, *, reading: Reading, run: Run
+    logs: o.Logs, model: o.ModelOption, gp: o.GpOption = None, figure: o.Figure = None, *, reading: o.Reading, run: Run
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -161,20 +151,17 @@ def where(
         result = api.where(flights, base, gp=process, progress=report)
     run.result(result)
     run.notes(base.notes)
-    run.draw(result, figure)
-    run.write("where", result.to_json(), figure=figure)
+    run.save("where", result, figure=figure)
 
 
 def explain(
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
-    effects_only: Annotated[
-        str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
-    ] = None,
+    effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try only these effects.")] = None,
     injections: o.Injections = 1,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Rank the effects that could explain what the model misses, by the reduction of the error on held-out time.
@@ -199,7 +186,7 @@ def explain(
     read = (run.common_options(), run.common_options("cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
-    run.write("explain", found.to_json())
+    run.save("explain", found)
 
 
 def report(
@@ -209,7 +196,7 @@ def report(
     validate: o.Validate = None,
     gp: o.GpOption = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Write one page that says which effect is missing, with what confidence, and how far the error is reduced.

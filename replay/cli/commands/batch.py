@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_models
-from wrenchgap.replay.cli.requests import Reading, Run
-from wrenchgap.replay.cli.values import parse_effects, usage_error
+from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.replay.batch.plan import Plan
@@ -56,16 +55,16 @@ class Where:
 
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask cluster. Default: this machine."),
+        typer.Option(metavar="tcp://HOST:PORT", help="A Dask cluster. Default: this machine."),
     ] = None
     workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine. Default: its cores.")
+        int | None, typer.Option(metavar="N", min=1, help="Processes on this machine. Default: its cores.")
     ] = None
     memory: Annotated[
-        str, typer.Option("--memory", metavar="SIZE", help="Most memory of each of them, e.g. 2GB; `auto`: its share.")
+        str, typer.Option(metavar="SIZE", help="Most memory of each of them, e.g. 2GB; `auto`: its share.")
     ] = "auto"
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
+        str | None, typer.Option(metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
     ] = None
     again: Annotated[
         bool, typer.Option("--again", help="Try logs once more that have failed, or whose row cannot be read.")
@@ -96,7 +95,8 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
         report(0.0, "starting workers")
         with driver.client(where.scheduler, where.workers, where.memory, most=len(found)) as client:
             driver.agree(client, store)
-            run.line(f"Dask's dashboard: {client.dashboard_link}{_without_bokeh()}", style="dim")
+            bokeh = "" if find_spec("bokeh") else " (its pages need bokeh: pip install bokeh)"
+            run.line(f"Dask's dashboard: {client.dashboard_link}{bokeh}", style="dim")
             result = driver.passes(client, found, plan, store, report, passes, again=where.again)
     run.show(*words.parts(result))
     for vehicle, text in plan.models.items():
@@ -106,12 +106,8 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
         raise UsageError(f"all {len(result.rows)} logs failed; the first: {result.failures[0]['reason']}")
 
 
-def _without_bokeh() -> str:
-    return "" if find_spec("bokeh") else " (its pages need bokeh: pip install bokeh)"
-
-
 def inspect(
-    logs: Sources, output: Output, model: SomeModels = None, *, reading: Reading, where: Where, run: Run
+    logs: Sources, output: Output, model: SomeModels = None, *, reading: o.Reading, where: Where, run: Run
 ) -> None:
     """Check every log: a row with its worst check and all that `wrenchgap inspect --json` says.
 
@@ -129,13 +125,12 @@ def compare(
     fit: Annotated[
         str | None,
         typer.Option(
-            "--fit",
             metavar="A,B",
             help="Effects to fit to each flight, for `trend`. Default: those of MODEL, else thrust_scale,com_offset.",
         ),
     ] = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     where: Where,
     run: Run,
 ) -> None:
@@ -153,13 +148,10 @@ def explain(
     logs: Sources,
     model: Models,
     output: Output,
-    effects_only: Annotated[
-        str | None, typer.Option("--effects-only", metavar="A,B", help="Try these effects only.")
-    ] = None,
+    effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try these effects only.")] = None,
     passes: Annotated[
         int,
         typer.Option(
-            "--passes",
             metavar="N",
             min=1,
             help="Most passes over the logs: each linearises candidates where the last found them.",
@@ -169,7 +161,7 @@ def explain(
         bool, typer.Option("--each", help="Search every log by itself as well, as `wrenchgap explain` does.")
     ] = False,
     *,
-    reading: Reading,
+    reading: o.Reading,
     where: Where,
     run: Run,
 ) -> None:
@@ -191,13 +183,11 @@ def explain(
 def changed(
     logs: Sources,
     model: Models,
-    healthy: Annotated[
-        list[str], typer.Option("--healthy", metavar="LOG...", help="Logs of the same vehicle when all was well.")
-    ],
+    healthy: Annotated[list[str], typer.Option(metavar="LOG...", help="Logs of the same vehicle when all was well.")],
     output: Output,
     effects_only: o.ChangesOnly = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     where: Where,
     run: Run,
 ) -> None:

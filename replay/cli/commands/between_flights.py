@@ -8,38 +8,34 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.identify.trend import Trend
     from wrenchgap.plant.model import Model
 
-Suspects = Annotated[
-    list[Path],
-    typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", callback=o.existing_paths),
-]
-Healthy = Annotated[
-    list[Path],
-    typer.Option(
-        "--healthy",
-        metavar="LOG...",
-        help="Logs of the same vehicle when all was well; several say what is usual.",
-        callback=o.existing_paths,
-    ),
-]
-
 
 def changed(
-    suspects: Suspects,
+    suspects: Annotated[
+        list[Path],
+        typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", callback=o.existing_paths),
+    ],
     model: o.ModelOption,
-    healthy: Healthy,
+    healthy: Annotated[
+        list[Path],
+        typer.Option(
+            metavar="LOG...",
+            help="Logs of the same vehicle when all was well; several say what is usual.",
+            callback=o.existing_paths,
+        ),
+    ],
     effects_only: o.ChangesOnly = None,
     injections: o.Injections = 1,
     figure: o.Figure = None,
     page: o.Page = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
@@ -51,10 +47,8 @@ def changed(
     """
     from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import api_flights
-    from wrenchgap.replay.present.report.page import changed_page, check, write_page
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
-    check(page)
     base, names = run.model(model), parse_effects(effects_only)
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
@@ -62,10 +56,7 @@ def changed(
         found = api_flights.changed(bad, good, base, names=names, injections=injections, progress=report)
     run.result(found)
     run.notes(base.notes)
-    run.draw(found, figure)
-    if page is not None:
-        write_page(changed_page(found, run.command_line()), page)
-    run.write("changed", found.to_json(), figure=figure, page=page)
+    run.save("changed", found, figure=figure, page=page)
 
 
 def trend(
@@ -74,21 +65,18 @@ def trend(
     fit: Annotated[
         str | None,
         typer.Option(
-            "--fit",
             metavar="A,B",
             help="Effects to fit to each flight. Default: those of MODEL, else thrust_scale,com_offset.",
         ),
     ] = None,
     figure: o.Figure = None,
-    table: Annotated[
-        Path | None, typer.Option("--table", metavar="FILE", help="Every value as a table (.parquet).")
-    ] = None,
+    table: Annotated[Path | None, typer.Option(metavar="FILE", help="Every value as a table (.parquet).")] = None,
     page: o.Page = None,
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
+        str | None, typer.Option(metavar="NAME", help="Of rows of `batch compare`: whose flights.")
     ] = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Fit each flight by itself and say which parameters stepped or drifted over the flights.
@@ -100,13 +88,12 @@ def trend(
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
     from wrenchgap.replay import api_flights
-    from wrenchgap.replay.present import trend as words
-    from wrenchgap.replay.present.documents import write_parquet
-    from wrenchgap.replay.present.report.page import check, trend_page, write_page
+    from wrenchgap.replay.present.documents import check_tables
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
-    words.check_table(table)
-    check(page)
+    if table is not None and table.suffix.lower() != ".parquet":
+        raise usage_error(f"--table {table}: the table is a Parquet file; expected a name that ends in .parquet")
+    check_tables(table)
     names = parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
@@ -118,12 +105,7 @@ def trend(
             flights, _ = run.open(reading.options, logs, base)
             found = api_flights.trend(flights, base, names, progress=report)
     run.result(found)
-    run.draw(found, figure)
-    if table is not None:
-        write_parquet(found.to_frame(), table)
-    if page is not None:
-        write_page(trend_page(found, run.command_line()), page)
-    run.write("trend", found.to_json(), figure=figure, table=table, page=page)
+    run.save("trend", found, figure=figure, parquet=table, page=page)
 
 
 def _of_rows(run: Run, folder: Path, base: Model, names: tuple[str, ...], vehicle: str | None) -> Trend:

@@ -1,53 +1,135 @@
-"""`wrenchgap replay` and `counterfactual`: the compensation on a recorded flight."""
+"""`wrenchgap learn`, `replay`, `counterfactual`: a Gaussian process, and the compensation on a recorded flight."""
 
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_effects, complete_models
-from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Reading, Run
-from wrenchgap.replay.cli.values import parse_cutoff, usage_error
+from wrenchgap.replay.cli import values
+from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Run
 
 if TYPE_CHECKING:
     from wrenchgap.flight.budget import Budget
 
-Process = Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.")]
-Exported = Annotated[
-    Path | None,
-    typer.Option(
-        "--export",
-        metavar="FOLDER",
-        help="Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
-        "(it is compiled and run).",
-    ),
-]
-Source = Annotated[
-    str | None,
-    typer.Option(
-        "--source",
-        metavar="desired|commanded",
-        help="Logged wrench to compensate; default: desired where it is logged.",
-        autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
-    ),
-]
-CutoffOfGp = Annotated[
-    float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
-]
-Parquet = Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="Every step as Parquet.")]
+Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])
+Mean = StrEnum("Mean", ["physics", "zero", "linear", "constant"])
+Inference = StrEnum("Inference", ["exact", "sparse"])
+Search = StrEnum("Search", {"closed_form": "closed-form", "gpy": "gpy"})
+Scale = StrEnum("Scale", ["standardised", "raw"])
+
+
+def learn(
+    logs: o.Logs,
+    model: o.ModelOption,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="GP", help="File to write.")],
+    validate: o.Validate = None,
+    points: Annotated[int, typer.Option(metavar="N", min=2, help="Training points kept.")] = 200,
+    outputs: Annotated[
+        str, typer.Option(metavar="WHAT", help="torque, wrench, or axes like torque_x,force_z.")
+    ] = "torque",
+    subsample: Annotated[
+        Subsample, typer.Option(help="k-medoids library; pyclustering is the paper's.")
+    ] = Subsample.fasterpam,
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="Inputs besides the command: past, velocity, rates, position, with commas; or auto.",
+        ),
+    ] = None,
+    mean: Annotated[
+        Mean | None,
+        typer.Option(
+            help="Mean function; zero is the paper's, physics the effects of MODEL.",
+            show_default="physics if MODEL has effects, else zero",
+        ),
+    ] = None,
+    inference: Annotated[
+        Inference, typer.Option(help="exact: on N samples, as in the paper; sparse: on all, through N.")
+    ] = Inference.exact,
+    search: Annotated[
+        Search, typer.Option(help="Of the hyperparameters: closed-form, or GPy's, the paper's; slower.")
+    ] = Search.closed_form,
+    scale: Annotated[Scale, typer.Option(help="Inputs of k-medoids; raw is the paper's.")] = Scale.standardised,
+    restarts: Annotated[int, typer.Option(metavar="N", min=0, max=1000, help="Random starts of the likelihood.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of k-medoids and restarts.")] = 0,
+    no_guard: Annotated[
+        bool, typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs.")
+    ] = False,
+    as_fitted: Annotated[
+        bool,
+        typer.Option(
+            "--as-fitted", help="As in the paper: believe the fit in full, whatever held-out time and stability say."
+        ),
+    ] = False,
+    *,
+    reading: o.Reading,
+    run: Run,
+) -> None:
+    """Learn the wrench residual of the model, as a function of the commanded wrench.
+
+    With physics as its mean the process learns the residual of MODEL's effects; the compensation contains both. So name
+    effects first, then learn the residual. If the process reproduces an effect of the catalogue, the result names it.
+
+    Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
+    """
+    # Long because typer reads the options from the signature, one a line.
+    from wrenchgap.learn.identify.learning import default_mean, physics_of
+    from wrenchgap.learn.process.gp import FitSettings
+    from wrenchgap.replay import api
+
+    run.claim({"--output": output}, *logs, *(validate or ()), model)
+    wanted, base = values.parse_outputs(outputs), run.model(model)
+    names = () if inputs == "auto" else values.parse_names(inputs)
+    kind = default_mean(base) if mean is None else mean.value
+    how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
+    how["search"] = search.value
+    settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, guarded=not as_fitted, **how)
+    physics_of(base, settings)  # or it raises, before any log is read
+    with run.progress("learning") as report:
+        flights, tests = run.open(reading.options, logs, base, validate)
+        learnt = api.learn_gp(
+            flights,
+            base,
+            outputs=wanted,
+            settings=settings,
+            validate=tests,
+            best_inputs=inputs == "auto",
+            guard=not no_guard,
+            progress=report,
+        )
+    api.save_gp(learnt, output, force=run.force)
+    run.result(learnt)
+    run.notes(base.notes)
+    run.write("learn", {**learnt.to_json(), "gp": str(output)}, GP=output)
 
 
 def replay(
     log: o.Log,
     model: o.OptionalModel = None,
-    gp: Process = None,
-    export: Exported = None,
+    gp: Annotated[Path | None, typer.Option(metavar="GP", help="A GP of `wrenchgap learn`.")] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
+            "(it is compiled and run).",
+        ),
+    ] = None,
     output: o.LogOut = None,
-    source: Source = None,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            metavar="desired|commanded",
+            help="Logged wrench to compensate; default: desired where it is logged.",
+            autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
+        ),
+    ] = None,
     no_filter: o.NoFilter = False,
     sigma_threshold: o.Threshold = None,
     kappa: o.Slope = None,
@@ -55,11 +137,13 @@ def replay(
     lead: o.Lead = None,
     despite_verdict: o.DespiteVerdict = False,
     csv: o.Csv = None,
-    parquet: Parquet = None,
+    parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Every step as Parquet.")] = None,
     figure: o.Figure = None,
     *,
-    reading: Annotated[Reading, Omit("cutoff")],
-    cutoff: CutoffOfGp = None,
+    reading: Annotated[o.Reading, Omit("cutoff")],
+    cutoff: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
+    ] = None,
     run: Run,
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
@@ -85,7 +169,9 @@ def replay(
 
     if model is None or gp is None:
         missing = "--model MODEL" if model is None else "--gp GP"
-        raise usage_error(f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export")
+        raise values.usage_error(
+            f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export"
+        )
     check_tables(csv, parquet)
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
@@ -98,7 +184,7 @@ def replay(
     base, process, wanted = run.model(model), run.gp(gp), source_by_name(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
+    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else values.parse_cutoff(cutoff))
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
@@ -116,11 +202,11 @@ def replay(
 def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.replay.api_export import prove_flown
-    from wrenchgap.replay.present.documents import check_tables, write_csv
+    from wrenchgap.replay.present.documents import check_tables
 
     used = ("log", "export", "csv", "budget", "own", "json", "force", "quiet")
     if idle := sorted(filter(None, run.given(lambda name: name not in used))):
-        raise usage_error(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
+        raise values.usage_error(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
     check_tables(csv)
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
@@ -128,73 +214,59 @@ def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | Non
     if log.is_file():
         run.note_input(log, "log")
     run.result(found)
-    if csv is not None:
-        write_csv(found.to_frame(), csv)
-    run.write("replay-export", {**found.to_json(), "folder": str(folder)}, table=csv)
+    run.save("replay-export", found, csv=csv, folder=str(folder))
     if not found.proved:
         raise typer.Exit(FOUND_BAD)
-
-
-Compensate = Annotated[
-    Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
-]
-Baselines = Annotated[
-    bool,
-    typer.Option("--baselines", help="Re-simulate with the baselines of a GP too: observer, effects, straight line."),
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--without",
-        metavar="EFFECT",
-        help="Re-simulate the vehicle without this effect of MODEL.",
-        autocompletion=complete_effects,
-    ),
-]
-With = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--with",
-        metavar="EFFECT=P:V,...",
-        help="Re-simulate it with this effect as well.",
-        autocompletion=complete_effects,
-    ),
-]
-Gains = Annotated[
-    list[str] | None,
-    typer.Option("--gains", metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
-]
-Believe = Annotated[
-    str | None,
-    typer.Option(
-        "--believe",
-        metavar="MODEL2",
-        help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
-        autocompletion=complete_models,
-    ),
-]
-Start = Annotated[float, typer.Option("--start", metavar="S", help="Start of the re-simulation, in seconds.")]
-Duration = Annotated[
-    float | None, typer.Option("--duration", metavar="S", help="Its length, in seconds; default: to the end.")
-]
 
 
 def counterfactual(
     log: o.Log,
     model: o.ModelOption,
     output: o.LogOut = None,
-    gp: Compensate = None,
+    gp: Annotated[Path | None, typer.Option(metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")] = None,
     lead: o.Lead = None,
-    baselines: Baselines = False,
+    baselines: Annotated[
+        bool,
+        typer.Option(
+            "--baselines", help="Re-simulate with the baselines of a GP too: observer, effects, straight line."
+        ),
+    ] = False,
     despite_verdict: o.DespiteVerdict = False,
-    without: Without = None,
-    with_: With = None,
-    gains: Gains = None,
-    believe: Believe = None,
-    start: Start = 0.0,
-    duration: Duration = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT",
+            help="Re-simulate the vehicle without this effect of MODEL.",
+            autocompletion=values.complete_effects,
+        ),
+    ] = None,
+    with_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="EFFECT=P:V,...",
+            help="Re-simulate it with this effect as well.",
+            autocompletion=values.complete_effects,
+        ),
+    ] = None,
+    gains: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
+    ] = None,
+    believe: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL2",
+            help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
+            autocompletion=values.complete_models,
+        ),
+    ] = None,
+    start: Annotated[float, typer.Option(metavar="S", help="Start of the re-simulation, in seconds.")] = 0.0,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Its length, in seconds; default: to the end.")
+    ] = None,
     *,
-    reading: Annotated[Reading, Omit("cutoff")],
+    reading: Annotated[o.Reading, Omit("cutoff")],
     run: Run,
 ) -> None:
     """Re-simulate a recorded flight with something changed.

@@ -47,47 +47,38 @@ class Step:
         return [value for option, value in pairs if option in ("-o", "--json", "--csv", "--figure")]
 
 
+STEPS = """
+Fly a training flight: tilts about several axes, excitation on all of them
+$ simulate -m {model} -t multi_axis --duration 40 --excitation 1 --seed 1 {hidden} -o train.mcap
+Fly a test flight, to which nothing is fitted
+$ simulate -m {model} -t multi_axis --duration 20 --seed 2 {hidden} -o test.mcap
+What is in the log?
+$ inspect test.mcap -m {model}
+How large is the model's error?
+$ compare test.mcap -m {model} --json before.json
+Which effects are missing?
+$ explain train.mcap -m {model} --validate test.mcap --json explain.json
+Add one of them
+$ add {added} -m {model} --from train.mcap -o fitted.toml
+How large is the error with it?
+$ compare test.mcap -m {model} --against fitted.toml --figure effect.png --json effect.json
+Learn the residual as a Gaussian process
+$ learn train.mcap -m fitted.toml --points 200 -o torque.gp --json learn.json
+How large is the error with the process?
+$ compare test.mcap -m fitted.toml --gp torque.gp --figure torque.png --json gp.json
+Re-run the compensation on the test flight's recorded wrenches
+$ replay test.mcap -m fitted.toml --gp torque.gp -o replayed.mcap --json replay.json
+Re-simulate the test flight with the compensation in the loop
+$ counterfactual test.mcap -m fitted.toml --gp torque.gp -o reflown.mcap --json reflown.json
+"""
+"""What each step is for, and its command line; file names are relative to the demo's folder."""
+
+
 def _steps() -> list[Step]:
-    """The steps of the demo, file names relative to its folder."""
-
-    def step(title: str, line: str) -> Step:
-        return Step(title, tuple(line.format(model="tilt_hexarotor", hidden=hidden, added=ADDED).split()))
-
+    """The steps of the demo."""
     hidden = " ".join(f"--hide {effect}" for effect in HIDDEN)
-    return [
-        step(
-            "Fly a training flight: tilts about several axes, excitation on all of them",
-            "simulate -m {model} -t multi_axis --duration 40 --excitation 1 --seed 1 {hidden} -o train.mcap",
-        ),
-        step(
-            "Fly a test flight, to which nothing is fitted",
-            "simulate -m {model} -t multi_axis --duration 20 --seed 2 {hidden} -o test.mcap",
-        ),
-        step("What is in the log?", "inspect test.mcap -m {model}"),
-        step("How large is the model's error?", "compare test.mcap -m {model} --json before.json"),
-        step("Which effects are missing?", "explain train.mcap -m {model} --validate test.mcap --json explain.json"),
-        step("Add one of them", "add {added} -m {model} --from train.mcap -o fitted.toml"),
-        step(
-            "How large is the error with it?",
-            "compare test.mcap -m {model} --against fitted.toml --figure effect.png --json effect.json",
-        ),
-        step(
-            "Learn the residual as a Gaussian process",
-            "learn train.mcap -m fitted.toml --points 200 -o torque.gp --json learn.json",
-        ),
-        step(
-            "How large is the error with the process?",
-            "compare test.mcap -m fitted.toml --gp torque.gp --figure torque.png --json gp.json",
-        ),
-        step(
-            "Re-run the compensation on the test flight's recorded wrenches",
-            "replay test.mcap -m fitted.toml --gp torque.gp -o replayed.mcap --json replay.json",
-        ),
-        step(
-            "Re-simulate the test flight with the compensation in the loop",
-            "counterfactual test.mcap -m fitted.toml --gp torque.gp -o reflown.mcap --json reflown.json",
-        ),
-    ]
+    lines = STEPS.format(model="tilt_hexarotor", hidden=hidden, added=ADDED).strip().splitlines()
+    return [Step(title, tuple(line.split()[1:])) for title, line in zip(lines[::2], lines[1::2], strict=True)]
 
 
 def _numbers(folder: Path) -> dict[str, Any]:

@@ -11,64 +11,50 @@ from typing import Annotated, Literal
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_effects
 from wrenchgap.replay.cli.requests import Run
-from wrenchgap.replay.cli.values import usage_error
+from wrenchgap.replay.cli.values import complete_effects, usage_error
 
 Precision = StrEnum("Precision", ["double", "float"])
-
-Process = Annotated[
-    Path | None, typer.Argument(metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.")
-]
-Folder = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.")]
-Numbers = Annotated[Precision, typer.Option("--precision", help="Of the build, unless it says otherwise.")]
-Period = Annotated[
-    float | None,
-    typer.Option("--dt", metavar="S", help="Control period in seconds; default: that of MODEL's controller."),
-]
-Evaluations = Annotated[
-    int, typer.Option("--evaluations", metavar="N", min=1, help="Evaluations of the model in one search, at most.")
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--without", metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=complete_effects
-    ),
-]
-Observer = Annotated[
-    str | None,
-    typer.Option(
-        "--observer",
-        metavar="HZ|log",
-        help="With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file.",
-    ),
-]
-ObserverMax = Annotated[
-    float | None,
-    typer.Option(
-        "--observer-max",
-        metavar="NM",
-        help="Largest torque that the observer corrects; default: three times the largest mismatch learnt.",
-    ),
-]
 
 
 def export(
     model: o.ModelOption,
-    output: Folder,
-    gp: Process = None,
-    precision: Numbers = Precision.double,
-    dt: Period = None,
-    evaluations: Evaluations = 12,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.")],
+    gp: Annotated[
+        Path | None, typer.Argument(metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.")
+    ] = None,
+    precision: Annotated[Precision, typer.Option(help="Of the build, unless it says otherwise.")] = Precision.double,
+    dt: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Control period in seconds; default: that of MODEL's controller."),
+    ] = None,
+    evaluations: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Evaluations of the model in one search, at most.")
+    ] = 12,
     lead: o.Lead = None,
-    without: Without = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=complete_effects),
+    ] = None,
     no_filter: o.NoFilter = False,
     sigma_threshold: o.Threshold = None,
     kappa: o.Slope = None,
     decay_time: o.DecayTime = 0.15,
     despite_verdict: o.DespiteVerdict = False,
-    observer: Observer = None,
-    observer_max: ObserverMax = None,
+    observer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HZ|log",
+            help="With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file.",
+        ),
+    ] = None,
+    observer_max: Annotated[
+        float | None,
+        typer.Option(
+            metavar="NM",
+            help="Largest torque that the observer corrects; default: three times the largest mismatch learnt.",
+        ),
+    ] = None,
     *,
     run: Run,
 ) -> None:
@@ -79,11 +65,14 @@ def export(
 
     Example: `wrenchgap export torque.gp -m fitted.toml -o compensator/`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.compensate import Settings
     from wrenchgap.replay.api_export import export_compensator
 
     run.claim({}, model, gp)
-    _check_outside(output, model, gp)
+    for path in (model, gp):
+        if path is not None and output.resolve() in Path(path).resolve().parents:
+            raise usage_error(f"--output {output}: holds {path}, which is read; choose another folder")
     base, process = run.model(model), run.gp(gp)
     settings = Settings(
         dt=1.0 / base.controller.rate_hz if dt is None else dt,
@@ -112,13 +101,6 @@ def export(
     run.result(made)
     run.write("export", {**made.to_json(), "folder": str(output)}, folder=output)
     run.line(f"next: make -C {shlex.quote(str(output))} test")
-
-
-def _check_outside(folder: Path, *inputs: Path | str | None) -> None:
-    """Raise UsageError for inputs in the folder that is to be replaced."""
-    for path in inputs:
-        if path is not None and folder.resolve() in Path(path).resolve().parents:
-            raise usage_error(f"--output {folder}: holds {path}, which is read; choose another folder")
 
 
 def _bandwidth(text: str | None) -> float | Literal["log"] | None:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_effects, complete_trajectories
-from wrenchgap.replay.cli.requests import Omit, Reading, Run
-from wrenchgap.replay.cli.values import parse_effects, parse_room, usage_error
+from wrenchgap.replay.cli.requests import Omit, Run
+from wrenchgap.replay.cli.values import complete_effects, complete_trajectories, parse_effects, parse_room, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.design.manoeuvres import Limits
@@ -30,44 +29,37 @@ def _list(asked: bool) -> None:
     raise typer.Exit()
 
 
-TrajectoryName = Annotated[
-    str,
-    typer.Option(
-        "--trajectory",
-        "-t",
-        metavar="NAME",
-        help="See --list; or a file of `wrenchgap design`.",
-        autocompletion=complete_trajectories,
-    ),
-]
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")]
-Duration = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")]
-Excitation = Annotated[
-    float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of sensor noise and excitation.")]
-Integral = Annotated[bool | None, typer.Option("--integral/--no-integral", help="Integral action of the controller.")]
-Hide = Annotated[
-    list[str] | None,
-    typer.Option("--hide", metavar="EFFECT=P:V,...", help="Effect of the plant that MODEL does not have."),
-]
-Truth = Annotated[
-    Path | None, typer.Option("--truth", metavar="FILE", help="Write the true model, with the hidden effects.")
-]
-List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")]
-
-
 def simulate(
     model: o.ModelOption,
-    trajectory: TrajectoryName,
-    output: Output,
-    duration: Duration = None,
-    excitation: Excitation = 0.0,
-    seed: Seed = 0,
-    integral: Integral = None,
-    hide: Hide = None,
-    truth: Truth = None,
-    list_: List = False,
+    trajectory: Annotated[
+        str,
+        typer.Option(
+            "--trajectory",
+            "-t",
+            metavar="NAME",
+            help="See --list; or a file of `wrenchgap design`.",
+            autocompletion=complete_trajectories,
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")],
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Length in seconds.")] = None,
+    excitation: Annotated[
+        float, typer.Option(metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of sensor noise and excitation.")] = 0,
+    integral: Annotated[
+        bool | None, typer.Option("--integral/--no-integral", help="Integral action of the controller.")
+    ] = None,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(metavar="EFFECT=P:V,...", help="Effect of the plant that MODEL does not have."),
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the true model, with the hidden effects.")
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")
+    ] = False,
     *,
     run: Run,
 ) -> None:
@@ -105,7 +97,7 @@ def convert(
         Path, typer.Option("--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.")
     ],
     *,
-    reading: Annotated[Reading, Omit("cutoff", "between", "accept", "keep")],
+    reading: Annotated[o.Reading, Omit("cutoff", "between", "accept", "keep")],
     run: Run,
 ) -> None:
     """Write logs of any format as MCAP with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
@@ -160,52 +152,43 @@ def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
 
 READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
 """Options that say how logs are read: nothing that a simulation needs."""
-Trajectory = Annotated[Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).")]
-SizesFrom = Annotated[
-    list[Path] | None,
-    typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
-]
-DesignedDuration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight, in seconds.")]
-Room = Annotated[
-    str | None, typer.Option("--room", metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
-]
-Tilt = Annotated[
-    float | None,
-    typer.Option("--max-tilt", metavar="DEG", help="Largest tilt, in degrees; default: 60, or 30 for fixed rotors."),
-]
-Speed = Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed, in m/s.")]
-Also = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--also",
-        metavar="EFFECT...",
-        help="Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
-        autocompletion=complete_effects,
-    ),
-]
-Anyway = Annotated[bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")]
-Sampled = Annotated[
-    Path | None, typer.Option("--csv", metavar="FILE", help="The sampled reference, for other flight stacks.")
-]
-SeedOfNoise = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sensor noise.")]
 
 
 def design(
     effects: o.Effects,
     model: o.ModelOption,
-    output: Trajectory,
-    logs: SizesFrom = None,
-    duration: DesignedDuration = 30.0,
-    room: Room = None,
-    max_tilt: Tilt = None,
-    max_speed: Speed = 2.0,
-    also: Also = None,
-    anyway: Anyway = False,
-    csv: Sampled = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).")],
+    logs: Annotated[
+        list[Path] | None,
+        typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
+    ] = None,
+    duration: Annotated[float, typer.Option(metavar="S", help="Length of the flight, in seconds.")] = 30.0,
+    room: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
+    ] = None,
+    max_tilt: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="Largest tilt, in degrees; default: 60, or 30 for fixed rotors."),
+    ] = None,
+    max_speed: Annotated[float, typer.Option(metavar="M/S", help="Largest speed, in m/s.")] = 2.0,
+    also: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT...",
+            help="Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
+            autocompletion=complete_effects,
+        ),
+    ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")
+    ] = False,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The sampled reference, for other flight stacks.")
+    ] = None,
     figure: o.Figure = None,
-    seed: SeedOfNoise = 0,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the sensor noise.")] = 0,
     *,
-    reading: Annotated[Reading, Omit("cutoff")],
+    reading: Annotated[o.Reading, Omit("cutoff")],
     run: Run,
 ) -> None:
     """Find the reference trajectory that separates effects, and check it on the simulated vehicle.

@@ -1,4 +1,4 @@
-"""`wrenchgap model new`, `model show`, `add`, `remove`, `history`: model files."""
+"""`wrenchgap model new`, `model show`, `add`, `calibrate`, `remove`, `history`: model files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.completion import complete_effects, complete_models
-from wrenchgap.replay.cli.requests import Reading, Run
-from wrenchgap.replay.cli.values import parse_budget, parse_effects, usage_error
+from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.values import complete_effects, complete_models, parse_budget, parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.plant.model import Model
@@ -27,21 +26,15 @@ def new(
             help="PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.",
         ),
     ] = None,
-    mass: Annotated[
-        float | None, typer.Option("--mass", metavar="KG", help="What the vehicle weighs, with its battery.")
-    ] = None,
+    mass: Annotated[float | None, typer.Option(metavar="KG", help="What the vehicle weighs, with its battery.")] = None,
     mass_tolerance: Annotated[
-        float | None, typer.Option("--mass-tolerance", metavar="KG", help="How well that is known, e.g. 0.005.")
+        float | None, typer.Option(metavar="KG", help="How well that is known, e.g. 0.005.")
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the vehicle.")] = None,
-    frame: Annotated[
-        str | None, typer.Option("--frame", metavar="FRAME", help="Frame with --arm, e.g. quad_x.")
-    ] = None,
-    arm: Annotated[float | None, typer.Option("--arm", help="From the middle to a motor, in metres.")] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the vehicle.")] = None,
+    frame: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame with --arm, e.g. quad_x.")] = None,
+    arm: Annotated[float | None, typer.Option(help="From the middle to a motor, in metres.")] = None,
     radius: Annotated[float | None, typer.Option("--rotor-radius", help="Of the rotors, in metres.")] = None,
-    thrust_max: Annotated[
-        float | None, typer.Option("--thrust-max", metavar="N", help="Thrust of one rotor at full throttle.")
-    ] = None,
+    thrust_max: Annotated[float | None, typer.Option(metavar="N", help="Thrust of one rotor at full throttle.")] = None,
     interactive: Annotated[bool, typer.Option("--interactive", "-i", help="Ask for what SOURCE does not say.")] = False,
     figure: o.Figure = None,
     budget: o.BudgetOption = None,
@@ -113,8 +106,7 @@ def show(model: o.ModelFile, figure: o.Figure = None, *, run: Run) -> None:
     run.claim({"--figure": figure}, model)
     sheet = Sheet(run.model(model))
     run.result(sheet)
-    run.draw(sheet, figure)
-    run.write("model", sheet.to_json(), figure=figure)
+    run.save("model", sheet, figure=figure)
 
 
 def add(
@@ -126,10 +118,10 @@ def add(
     logs: o.FromLogs = None,
     value: Annotated[
         list[str] | None,
-        typer.Option("--value", metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
+        typer.Option(metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
     *,
-    reading: Reading,
+    reading: o.Reading,
     run: Run,
 ) -> None:
     """Fit effects to logs and write the model that has them; the model file's comments stay.
@@ -169,6 +161,30 @@ def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -
     saved = api.save_model(with_values(base, values), output, before=base, command=command, force=run.force)
     run.show(model_table(saved))
     run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
+
+
+def calibrate(
+    logs: o.Logs, model: o.ModelOption, output: o.ModelOut, validate: o.Validate = None, *, reading: o.Reading, run: Run
+) -> None:
+    """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
+
+    An effect is kept where it lowers the error on blocks of time that its fit did not see, and, with several flights,
+    on flights that were left out whole. Values are written with their standard deviation, which has the scatter
+    between flights, and with logs, hashes, date and version.
+
+    Example: `wrenchgap calibrate monday.ulg tuesday.ulg -m vehicle.toml -o calibrated.toml`
+    """
+    from wrenchgap.replay import api, api_models
+
+    run.claim({"--output": output}, *logs, *(validate or ()))
+    base, command = run.model(model), run.command_line()
+    with run.progress("calibrating") as report:
+        flights, tests = run.open(reading.options, logs, base, validate)
+        found = api_models.calibrate(flights, base, validate=tests, progress=report)
+    kept = found.given if found.added is None else found.added
+    saved = api.save_model(kept, output, before=base, command=command, force=run.force)
+    run.result(found)
+    run.write_model("calibrate", found.to_json(), saved, output)
 
 
 def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run: Run) -> None:

@@ -11,30 +11,8 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Run
 from wrenchgap.replay.cli.values import parse_cutoff, usage_error
-
-SavedView = Annotated[
-    Path | None,
-    typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
-]
-Host = Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")]
-SaveTo = Annotated[
-    Path | None,
-    typer.Option(
-        "--save-to",
-        metavar="FOLDER",
-        help="Folder into which the page may write models and trajectories; without it the browser downloads them.",
-    ),
-]
-Replace = Annotated[
-    bool, typer.Option("--force", help="With --save-to: the page may replace files that it did not write.")
-]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")]
-OwnCutoff = Annotated[
-    float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass, in Hz; default: the GP's, or 8.")
-]
-Browser = Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")]
 
 
 def view(
@@ -42,15 +20,28 @@ def view(
     model: o.ModelOption,
     gp: o.GpOption = None,
     against: o.Against = None,
-    saved: SavedView = None,
-    host: Host = "127.0.0.1",
-    port: Port = 8080,
-    save_to: SaveTo = None,
-    force: Replace = False,
-    browser: Browser = False,
+    saved: Annotated[
+        Path | None,
+        typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")] = 8080,
+    save_to: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder into which the page may write models and trajectories; without it the browser downloads them.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="With --save-to: the page may replace files that it did not write.")
+    ] = False,
+    browser: Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")] = False,
     *,
-    reading: Annotated[Reading, Omit("cutoff")],
-    cutoff: OwnCutoff = None,
+    reading: Annotated[o.Reading, Omit("cutoff")],
+    cutoff: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Low-pass, in Hz; default: the GP's, or 8.")
+    ] = None,
     run: Annotated[Run, Omit("json", "force")],
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.

@@ -6,7 +6,8 @@ import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+
+from wrenchgap.replay.present.figures import style
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,12 @@ class Image:
     caption: str
 
     @classmethod
-    def of(cls, figure: Any, alt: str, caption: str, form: str = "png") -> Image:
-        """A figure of matplotlib; a dense one as PNG, a sparse one as SVG, which stays sharp on paper."""
+    def of(cls, picture: style.Picture, alt: str, caption: str, form: str = "png") -> Image:
+        """A picture; a dense one as PNG, a sparse one as SVG, which stays sharp on paper."""
         stream = io.BytesIO()
-        figure.savefig(stream, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None)
+        style.figure_of(picture).savefig(
+            stream, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None
+        )
         kind = "svg+xml" if form == "svg" else form
         return cls(data_uri(stream.getvalue(), f"image/{kind}"), alt, caption)
 

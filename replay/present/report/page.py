@@ -8,10 +8,10 @@ Templates (templates/) escape whatever they are given, so that nothing of a log 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
@@ -19,12 +19,13 @@ from jinja2 import Environment, PackageLoader
 from wrenchgap._escaping import html_templates
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.autopilot import ParameterDifferences
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.inspection import Inspection
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.health.health import Health
+from wrenchgap.learn.identify.steps_and_drift import Drift, Step
 from wrenchgap.learn.identify.steps_and_drift import Verdict as Course
-from wrenchgap.learn.identify.trend import ParameterTrend, Trend
+from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import changed, explanation, health, parameters, staircase, trend, what_to_inspect
 from wrenchgap.replay.present.documents import claim
@@ -75,41 +76,25 @@ def environment() -> Environment:
     return html_templates(PackageLoader("wrenchgap.replay.present.report"))
 
 
-def check(path: Path | None) -> None:
-    """Raise UsageError where the name is not that of a web page."""
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise UsageError(f"--page {path}: the page is a web page; expected a name that ends in .html")
-
-
 def write_page(text: str, path: Path) -> None:
     """Write a page, all of it or nothing."""
     with atomic(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
-class LogFlight(Protocol):
-    """Anything made of one log."""
-
-    @property
-    def flight(self) -> Flight:
-        """The log."""
-
-
-def flights_page(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
-    """The page of a command, with today's date, the logs, and at the top what the checks of the logs warn of."""
-    said = [f"check: {text}" for text in warnings(findings(list(flights)))]
-    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return (
-        environment()
-        .get_template("flights.html.jinja")
-        .render(**{"tool": tool, "date": date, "files": files(flights), "warnings": said, "inspect": [], **parts})
-    )
-
-
-def files(flights: Sequence[LogFlight]) -> Table:
-    """The logs and their hashes."""
-    rows = [[str(k + 1), f.flight.path.name, f.flight.content_hash] for k, f in enumerate(flights)]
-    return Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs.")
+def flights_page(tool: str, logs: Sequence[Flight | Inspection], flights: Sequence[Any] = (), **parts: Any) -> str:
+    """The page of a command, with today's date, the logs, and at the top what the checks of `flights` warn of."""
+    rows = [[str(k), log.path.name, log.content_hash] for k, log in enumerate(logs, 1)]
+    usual = {
+        "tool": tool,
+        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "files": Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs."),
+        "warnings": [f"check: {text}" for text in warnings(findings(list(flights)))],
+        "inspect": [],
+        "caveat": "",
+        "view": None,
+    }
+    return environment().get_template("flights.html.jinja").render(**{**usual, **parts})
 
 
 BOXES = {Verdict.CHANGED: "effect", Verdict.NOTHING: "nothing", Verdict.UNKNOWN: "unknown"}
@@ -118,22 +103,21 @@ BOXES = {Verdict.CHANGED: "effect", Verdict.NOTHING: "nothing", Verdict.UNKNOWN:
 
 def changed_page(found: Changed, command: str = "") -> str:
     """The whole page."""
-    differences = parameters.of_flights(one.flight for one in found.flights)
-    figure = style.figure_of(changed.picture(found))
+    differences = parameters.of_flights(found.flights)
     caption = (
         "Left: what the given model leaves on average of each flight, in what healthy flights differ by. Middle: each "
         "change by itself. Right: where it is."
     )
     return flights_page(
         "changed",
+        [one.flight for one in found.flights],
         found.flights,
         title=f"{found.model.name}: what changed on {', '.join(found.suspect)}",
         vehicle=found.model.vehicle.name,
         verdict=BOXES[found.verdict],
         summary=[changed.summary(found), *changed.outliers(found), *classes_in_words(found.classes)],
         caveat=" ".join(s[0].upper() + s[1:] for s in (changed.baseline(found), *changed.feedback(found))),
-        chart=Image.of(figure, "Flights, changes, and the vehicle from above.", caption, "svg"),
-        view=None,
+        chart=Image.of(changed.picture(found), "Flights, changes, and the vehicle from above.", caption, "svg"),
         tables=[*_changed_tables(found), *_differences(differences)],
         inspect=what_to_inspect.sentences(found),
         notes=[*changed.not_compared(found), *parameters.sentences(differences), *changed.notes(found)],
@@ -157,60 +141,53 @@ def _changed_tables(found: Changed) -> Iterator[Table]:
 
 def health_page(found: Health, command: str = "") -> str:
     """The whole page of `check`."""
-    figure = style.figure_of(health.picture(found))
     levels = {one.level for log in found.logs for one in statements(log)}
     tables = [Table(("", *(log.name for log in found.logs)), health.rows(found), left=1 + len(found.logs))]
     tables += _differences(found.parameters)
     notes = [text for log in found.logs for text in grouped(log.inspection.notes)]
     caption = "Left: commanded thrust of each motor. Right: power spectral density of the logged specific force."
-    files = [[str(k + 1), log.name, log.inspection.content_hash] for k, log in enumerate(found.logs)]
     return flights_page(
         "check",
-        (),
+        [log.inspection for log in found.logs],
         title=", ".join(log.name for log in found.logs),
         vehicle="as its logs show it, without a model",
         verdict="effect" if "bad" in levels else "unknown" if levels else "nothing",
         summary=[text for text, _ in health.answer(found)],
-        caveat="",
-        chart=Image.of(figure, "Thrust of the motors, and spectrum of the vibration, by log.", caption, "svg"),
-        view=None,
+        chart=Image.of(
+            health.picture(found), "Thrust of the motors, and spectrum of the vibration, by log.", caption, "svg"
+        ),
         tables=tables,
         inspect=[f"{log.name}: {one.words}" for log in found.logs for one in statements(log)],
         notes=[*parameters.sentences(found.parameters), *notes],
         command=command,
-        files=Table(("", "log", "SHA-256"), files, left=3, code=(2,), caption="Logs."),
     )
 
 
 def _differences(found: ParameterDifferences) -> list[Table]:
     """Which parameters of the autopilot differ; no table where none does."""
-    rows = [parameters.row(found, k) for k in range(len(found.differ))]
-    left = 1 if len(found.logs) <= parameters.COLUMNS else 2
-    return [Table(parameters.heads(found), rows, left, caption="Parameters that differ.")] if rows else []
+    return [Table(*parameters.differences(found), caption="Parameters that differ.")] if found.differ else []
 
 
 def trend_page(found: Trend, command: str = "") -> str:
     """The whole page."""
-    figure = style.figure_of(trend.picture(found))
+    differences = parameters.of_flights(found.flights)
     caption = (
         f"Every flight fitted by itself. Band: {trend.SIGMAS:g} times the scatter of the flights about their level; "
         "dashed: a step."
     )
     return flights_page(
         "trend",
+        [one.flight for one in found.flights],
         found.flights,
         title=f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights",
         vehicle=found.model.vehicle.name,
         verdict="unknown" if found.changed else "nothing",
         summary=trend.summary(found),
         caveat=trend.CAVEAT if found.changed else "",
-        chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
+        chart=Image.of(trend.picture(found), "Parameters over the flights.", caption, "svg"),
         view=_view(found),
-        tables=[
-            *(_parameters(found), *([_steps(found)] if found.changed else []), _trend_values(found)),
-            *_differences(trend.autopilot_parameters(found)),
-        ],
-        notes=[*parameters.sentences(trend.autopilot_parameters(found)), *trend.notes(found)],
+        tables=[*_trend_tables(found), *_differences(differences)],
+        notes=[*parameters.sentences(differences), *trend.notes(found)],
         command=command,
     )
 
@@ -220,10 +197,9 @@ def _view(found: Trend) -> Image | None:
     marks, moved = vehicle_marks(found)
     if not marks:
         return None
-    figure = style.figure_of(top_view.picture(found.model.vehicle, marks, moved_B=moved))
     alt = f"The vehicle from above; marked: {', '.join(trend.places(found))}."
     caption = "The change from the first flights to the last; an arrow shows a direction, no size."
-    return Image.of(figure, alt, caption, "svg")
+    return Image.of(top_view.picture(found.model.vehicle, marks, moved_B=moved), alt, caption, "svg")
 
 
 def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
@@ -240,42 +216,39 @@ def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
     return marks, moved if np.any(moved) else None
 
 
-def _name(p: ParameterTrend, found: Trend) -> str:
-    return f"{p.effect} {label(p.name, found.model.vehicle)}"
-
-
-def _parameters(found: Trend) -> Table:
+def _trend_tables(found: Trend) -> Iterator[Table]:
+    """Parameters, what changed of them, values."""
+    names = {id(p): f"{p.effect} {label(p.name, found.model.vehicle)}" for p in found.parameters}
     rows = []
     for p in found.parameters:
         sizes = (float(p.values.mean()), p.course.scatter, float(np.median(p.errors)))
-        rows.append([_name(p, found), trend.WORDS[p.course.verdict], *(number(v) for v in sizes), unit(p.unit)])
-    heads = ("parameter", "over the flights", "mean", "scatter", "error", "unit")
-    return Table(heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
+        rows.append([names[id(p)], trend.WORDS[p.course.verdict], *(number(v) for v in sizes), unit(p.unit)])
+    heads: Sequence[str] = ("parameter", "over the flights", "mean", "scatter", "error", "unit")
+    yield Table(heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
 
-
-def _steps(found: Trend) -> Table:
     rows = []
     for p in found.changed:
-        for s in p.course.steps:
-            sizes = [number(v) for v in (s.before, s.after, s.size)]
-            interval = f"{number(s.low)} to {number(s.high)}"
-            place = f"{s.flight + 1} {found.names[s.flight]}"
-            rows.append([_name(p, found), place, *sizes, interval, unit(p.unit), f"{s.t:.1f}", f"{s.p:.1g}"])
-        if (line := p.course.drift) is not None and not p.course.steps:
-            interval = f"{number(line.low)} to {number(line.high)}"
-            ends = [number(float(p.course.level[k])) for k in (0, -1)]
-            place = "drift, a flight"
-            rows.append([_name(p, found), place, *ends, number(line.slope), interval, unit(p.unit)])
-            rows[-1] += [f"{line.t:.1f}", f"{line.p:.1g}"]
+        course = p.course
+        changes: list[tuple[Step | Drift, str, tuple[float, ...]]] = [
+            (s, f"{s.flight + 1} {found.names[s.flight]}", (s.before, s.after, s.size)) for s in course.steps
+        ]
+        if course.drift is not None and not course.steps:
+            changes = [(course.drift, "drift, a flight", (*course.level[[0, -1]], course.drift.slope))]
+        for one, place, levels in changes:
+            numbers = (*(number(float(v)) for v in levels), f"{number(one.low)} to {number(one.high)}", unit(p.unit))
+            rows.append([names[id(p)], place, *numbers, f"{one.t:.1f}", f"{one.p:.1g}"])
     heads = ("parameter", "from flight", "before", "after", "size", "95 % interval", "unit", "t", "p")
-    return Table(heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
+    if rows:
+        yield Table(heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
 
-
-def _trend_values(found: Trend) -> Table:
     shown = [p for p in found.parameters if p.course.verdict is not Course.OPEN]
-    heads = ["", "flight", *(f"{_name(p, found)}{f' [{p.unit}]' if unit(p.unit) else ''}" for p in shown)]
+    heads = ["", "flight", *(trend.column(p, found) for p in shown)]
     rows = [
-        [str(k + 1), name, *(f"{number(p.values[k])} ± {number(p.errors[k], 2)}" for p in shown)]
-        for k, name in enumerate(found.names)
+        [str(k), name, *(f"{number(p.values[k - 1])} ± {number(p.errors[k - 1], 2)}" for p in shown)]
+        for k, name in enumerate(found.names, 1)
     ]
-    return Table(heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
+    yield Table(heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
+
+
+PAGES: dict[type, Callable[[Any, str], str]] = {Health: health_page, Changed: changed_page, Trend: trend_page}
+"""The page of a result, with the command that asked for it."""
