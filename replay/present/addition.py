@@ -166,6 +166,5 @@ def bars_by_axis(panels: Any, rows: list[tuple[str, str, Array]], noise: Array |
         panel.set_ylim(0.0, None)
         panel.set_xticks(range(3), [f"{kind} {axis}" for axis in "xyz"], fontsize=style.USUAL)
         style.labelled(panel, f"{kind} error, rms", unit)
-        style.grid(panel)
-        panel.grid(visible=False, axis="x")
+        style.grid(panel, without="x")
         style.legend(panel)

@@ -63,18 +63,10 @@ def summary(found: Calibration) -> list[str]:
 
 def values(found: Calibration) -> Part:
     """One row for each parameter."""
-    names = zip(first_only(p.effect for p in found.trimmed), found.trimmed, strict=True)
-    rows = [
-        (
-            first,
-            label(p.name, found.model.vehicle),
-            number(p.value, 4),
-            number(p.std, 2),
-            number(p.scatter, 2),
-            unit(p.unit),
-        )
-        for first, p in names
-    ]
+    rows = []
+    for first, p in zip(first_only(p.effect for p in found.trimmed), found.trimmed, strict=True):
+        sizes = (number(p.value, 4), number(p.std, 2), number(p.scatter, 2))
+        rows.append((first, label(p.name, found.model.vehicle), *sizes, unit(p.unit)))
     heads = ("effect", "parameter", "value", "+-", "scatter", "unit")
     return plain(f"effects of {found.model.name}", heads, rows, left=2, texts=(-1,))
 
@@ -104,7 +96,7 @@ def notes(found: Calibration) -> list[str]:
 
 def to_json(found: Calibration) -> dict[str, Any]:
     """The body of the `calibrate` schema."""
-    added = found.added
+    added, none = found.added, {"lack": None, "reason": None}
     return {
         "summary": summary(found),
         "flights": list(found.names),
@@ -113,11 +105,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "cutoff_hz": found.flights[0].records[0].cutoff_hz,
         "effects": effects_json(found.model.snapshot),
         "tried": [
-            {
-                **entries(one, "effect", "fate", "t"),
-                "lack": one.reason and one.reason.lack,
-                "reason": one.reason and one.reason.reason,
-            }
+            entries(one, "effect", "fate", "t") | (entries(one.reason, "lack", "reason") if one.reason else none)
             for one in found.tried
         ],
         "parameters": found.trimmed,

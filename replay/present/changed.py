@@ -18,7 +18,17 @@ from wrenchgap.replay.present import detection, parameters, timing, what_to_insp
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, number, quantity, row, share, unit, unmeasured
+from wrenchgap.replay.present.numbers import (
+    UNIT_HEADS,
+    by_reason,
+    entries,
+    number,
+    quantity,
+    row,
+    share,
+    unit,
+    unmeasured,
+)
 from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
 
@@ -49,7 +59,7 @@ def parts(found: Changed) -> list[Part]:
         heads, rows, left = by_flight(found)
         out.append(plain("what changed, on each flight by itself", heads, rows, left))
     out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
-    out += parameters.parts(parameters.of_flights(one.flight for one in found.flights))
+    out += parameters.parts(parameters.of_flights(found.flights))
     return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
 
 
@@ -109,13 +119,11 @@ def feedback(found: Changed) -> list[str]:
 
 def notes(found: Changed) -> list[str]:
     """Those of the flights, alike ones once."""
-    by_text: dict[str, list[str]] = {}
-    for flight in found.flights:
-        for text in sentences(flight.notes):
-            own, name = text, f"{flight.flight.name}: "
-            if text.startswith(name):
-                own = text[len(name) :]
-            by_text.setdefault(own, []).append(flight.flight.name)
+    by_text = by_reason(
+        (text.removeprefix(f"{one.flight.name}: "), one.flight.name)
+        for one in found.flights
+        for text in sentences(one.notes)
+    )
     return [
         f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
         for text, names in by_text.items()
@@ -233,8 +241,7 @@ def by_flight(found: Changed, wide: int = 5) -> tuple[list[str], list[list[str]]
 def to_json(found: Changed) -> dict[str, Any]:
     """The body of the `changed` schema."""
     return {
-        "verdict": str(found.verdict),
-        "firm": list(found.firm),
+        **entries(found, "verdict", "firm"),
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "parameters": [_parameter(p) for p in found.parameters],
         "odd": [o.flight for o in found.odd],
@@ -242,17 +249,14 @@ def to_json(found: Changed) -> dict[str, Any]:
         "summary": summary(found),
         "inspect": what_to_inspect.sentences(found),
         "effects": [{"effect": n, "confidence": found.confidence(n), "family": family(n)} for n in found.names],
-        "places": found.places,
-        "nothing": found.nothing,
+        **entries(found, "places", "nothing"),
         "alone": [
             {"effect": a.effect, "log_odds": a.odds, "large": a.large, "parameters": [_parameter(p) for p in a.sizes]}
             for a in found.alone
         ],
         "odd_because": found.odd,
         "settle": settle_json(found.settle),
-        "healthy": list(found.healthy),
-        "suspect": list(found.suspect),
-        "scatter": found.scatter,
+        **entries(found, "healthy", "suspect", "scatter"),
         "scatter_from": "flights" if found.scatter_known else "typical values",
         "by_flight": [
             {
@@ -263,13 +267,12 @@ def to_json(found: Changed) -> dict[str, Any]:
         ],
         "axes": list(AXES),
         "answering": [AXES[a] for a in found.answering],
-        "by_means": found.by_means,
-        "louder": list(found.louder),
+        **entries(found, "by_means", "louder"),
         "not_tried": not_tried_json(found.untried),
         "sensitivity": detection.to_json(found),
         "unmeasured": unmeasured(found.scatter),
         "timing": [timing.to_json(one) for one in found.timing],
-        "autopilot_parameters": parameters.to_json(parameters.of_flights(one.flight for one in found.flights)),
+        "autopilot_parameters": parameters.to_json(parameters.of_flights(found.flights)),
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
         "notes": of_flights(found.flights),
     }
@@ -294,19 +297,8 @@ def of_axes(found: Changed) -> dict[str, Any]:
 
 def of_parameters(found: Changed) -> list[dict[str, Any]]:
     """Of the likeliest set of changes."""
-    names = (
-        "effect",
-        "parameter=name",
-        "where",
-        "healthy",
-        "scatter",
-        "suspect",
-        "change",
-        "std",
-        "unit",
-        "significance",
-    )
-    return [entries(p, *names) for p in found.parameters]
+    names = ("effect", "parameter=name", "where", "healthy", "scatter", "suspect", "change", "std", "unit")
+    return [entries(p, *names, "significance") for p in found.parameters]
 
 
 def frame(found: Changed) -> list[dict[str, Any]]:

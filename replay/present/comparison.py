@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import Comparison, Stretch
-from wrenchgap.learn.data.errors import Errors, force_and_torque
+from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
+from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, unmeasured
 from wrenchgap.replay.present.tables import Part, Table, note_lines, reductions, styled, table
 
 if TYPE_CHECKING:
@@ -21,18 +21,15 @@ if TYPE_CHECKING:
 
 def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
     """Errors, by flight where there are several, and where the last model is worst; `signed`: with means by flight."""
-    several = [by_flight(result)] if len(result.flights) > 1 else []
-    if signed:
-        several = [means_by_flight(result)]
+    several = [by_flight(result, signed=signed)] if signed or len(result.flights) > 1 else []
     last = result.evaluations[-1]
     return [errors(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
 
 
 def errors(comparison: Comparison) -> Table:
     """Errors by model and axis, and the noise floor."""
-    flights = comparison.flights
-    where = flights[0] if len(flights) == 1 else f"{len(flights)} flights"
-    out = table(f"|measured - predicted| on {where}, {filtered(comparison)}", "model", "", *UNIT_HEADS, left=2)
+    title = f"|measured - predicted| on {_where(comparison)}, {filtered(comparison)}"
+    out = table(title, "model", "", *UNIT_HEADS, left=2)
     for index, one in enumerate(comparison.evaluations):
         e = one.pooled
         out.add_row(styled(one.name, "bold"), "mean", *row(e.mean_abs))
@@ -45,36 +42,34 @@ def errors(comparison: Comparison) -> Table:
     return out
 
 
+def _where(comparison: Comparison) -> str:
+    flights = comparison.flights
+    return flights[0] if len(flights) == 1 else f"{len(flights)} flights"
+
+
 def filtered(comparison: Comparison) -> str:
     """Behind which filter the errors are: both sides, the same."""
     return f"both filtered at {comparison.records[0].cutoff_hz:g} Hz"
 
 
-def by_flight(comparison: Comparison) -> Table:
-    """Root mean square by flight."""
-    out = table("rms of |measured - predicted| by flight", "flight", "model", *UNIT_HEADS, left=2)
-    for flight, name, own, last in _by_flight(comparison):
-        out.add_row(flight, name, *row(own.rms), end_section=last)
-    return out
-
-
-def _by_flight(comparison: Comparison) -> Iterator[tuple[str, str, Errors, bool]]:
-    """Of each flight and model: the flight's name at its first model, the model's, errors, whether it is the last."""
-    last = len(comparison.evaluations) - 1
+def by_flight(comparison: Comparison, *, signed: bool) -> Table:
+    """Root mean square by flight; `signed`: with the mean of the residual above it, and the sensors' noise below."""
+    title = (
+        "measured - predicted by flight: signed mean, and rms" if signed else "rms of |measured - predicted| by flight"
+    )
+    heads = ("flight", "model", "") if signed else ("flight", "model")
+    out = table(title, *heads, *UNIT_HEADS, left=len(heads))
     for index, flight in enumerate(comparison.flights):
-        for place, one in enumerate(comparison.evaluations):
-            yield "" if place else flight, one.name, one.by_flight[index], place == last
-
-
-def means_by_flight(comparison: Comparison) -> Table:
-    """Mean of the residual with its sign, and its root mean square, by flight."""
-    title = "measured - predicted by flight: signed mean, and rms"
-    out = table(title, "flight", "model", "", *UNIT_HEADS, left=3)
-    for flight, name, own, last in _by_flight(comparison):
-        means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
-        out.add_row(flight, name, "mean", *means)
-        out.add_row("", "", "rms", *row(own.rms), end_section=last)
-    out.add_row(styled("sensor noise", "dim"), "", "rms", *row(comparison.noise))
+        for one in comparison.evaluations:
+            own = one.by_flight[index]
+            names: tuple[str, ...] = ("" if one is not comparison.evaluations[0] else flight, one.name)
+            if signed:
+                means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
+                out.add_row(*names, "mean", *means)
+                names = ("", "", "rms")
+            out.add_row(*names, *row(own.rms), end_section=one is comparison.evaluations[-1])
+    if signed:
+        out.add_row(styled("sensor noise", "dim"), "", "rms", *row(comparison.noise))
     return out
 
 
@@ -136,7 +131,7 @@ def frame(result: Comparison) -> pd.DataFrame:
     for index, record in enumerate(result.records):
         wrenches = {"commanded": record.commanded, "measured": record.measured}
         wrenches |= {e.name: e.predictions[index] for e in result.evaluations}
-        columns = {f"{name}.{axis}": v[:, k] for name, v in wrenches.items() for k, axis in enumerate(AXES)}
+        columns = {key: column for name, v in wrenches.items() for key, column in by_axis(name, v).items()}
         found.append(pd.DataFrame({"flight": record.flight, "time": record.time, **columns}))
     return pd.concat(found, ignore_index=True)
 
@@ -152,7 +147,8 @@ def picture(result: Comparison) -> style.Picture:
         (rows, 2),
         (14.0, 2.0 * rows),
         lambda axes: _draw(result, axes),
-        title=_title(result),
+        title=f"{_where(result)}: wrench measured, commanded and predicted, and residual by model; "
+        f"filtered at {result.records[0].cutoff_hz:g} Hz",
         split=lambda f: _split(f, rows),
     )
 
@@ -167,21 +163,15 @@ def _split(figure: Any, rows: int) -> Any:
     return axes
 
 
-def _title(result: Comparison) -> str:
-    flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
-    cutoff = result.records[0].cutoff_hz
-    return f"{flights}: wrench measured, commanded and predicted, and residual by model; filtered at {cutoff:g} Hz"
-
-
 def _draw(result: Comparison, axes: Any) -> None:
-    starts, shaded = _starts(result), False
+    pieces, shaded = _pieces(result), False
     for axis in range(6):
         wrench, residual = axes[2 * (axis % 3) : 2 * (axis % 3) + 2, axis // 3]
-        shaded |= _wrenches(wrench, result, starts, axis) | _residuals(residual, result, starts, axis)
+        shaded |= _wrenches(wrench, result, pieces, axis) | _residuals(residual, result, pieces, axis)
         name, unit = style.QUANTITIES[axis]
         for panel, label in ((wrench, name), (residual, "residual")):
             style.labelled(panel, label, unit)
-            _flights(panel, result, starts, named=axis % 3 == 0 and panel is wrench)
+            _flights(panel, result, pieces, named=axis % 3 == 0 and panel is wrench)
             panel.margins(x=0.005)
     for column, panel in enumerate(axes[5]):
         several = len(result.flights) > 1
@@ -195,38 +185,30 @@ def _draw(result: Comparison, axes: Any) -> None:
     axes[0, 0].get_figure(root=False).align_ylabels(list(axes.ravel()))
 
 
-def _starts(result: Comparison) -> list[float]:
-    """What to add to the time of each record so that flights follow one another."""
-    seconds = {name: _span(result, name) for name in result.flights}
-    pause = 0.015 * sum(stop - start for start, stop in seconds.values())
+Pieces = list[tuple[Array, float]]
+"""Of each record the time [s] at which it is drawn, and the part of the panel's width that it takes."""
+
+
+def _pieces(result: Comparison, pause: float = 0.015) -> Pieces:
+    """Flights follow one another, with a `pause` between them as a share of their time."""
+    times = {name: [r.time for r in result.records if r.flight == name] for name in result.flights}
+    spans = {name: (float(min(t[0] for t in own)), float(max(t[-1] for t in own))) for name, own in times.items()}
+    whole = sum(stop - start for start, stop in spans.values())
     shift, end = {}, 0.0
-    for index, (name, (start, stop)) in enumerate(seconds.items()):
-        shift[name] = 0.0 if index == 0 else end + pause - start
+    for index, (name, (start, stop)) in enumerate(spans.items()):
+        shift[name] = 0.0 if index == 0 else end + pause * whole - start
         end = stop + shift[name]
-    return [shift[record.flight] for record in result.records]
+    return [(r.time + shift[r.flight], float(r.time[-1] - r.time[0]) / max(whole, 1e-9)) for r in result.records]
 
 
-def _span(result: Comparison, flight: str) -> tuple[float, float]:
-    """First and last time of a flight [s]."""
-    times = [r.time for r in result.records if r.flight == flight]
-    return float(min(t[0] for t in times)), float(max(t[-1] for t in times))
-
-
-def _share(result: Comparison, time: Array) -> float:
-    """Part of the panel's width that a record takes."""
-    whole = sum(stop - start for start, stop in (_span(result, name) for name in result.flights))
-    return float(time[-1] - time[0]) / max(whole, 1e-9)
-
-
-def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int, sigmas: float = 2.0) -> bool:
+def _wrenches(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas: float = 2.0) -> bool:
     """Commanded, measured, and what every model predicts; the first is left out where it is the command.
 
     The prediction of a process has a band of +- `sigmas` standard deviations.
     """
     hidden = {result.evaluations[0].name} if _is_command(result) else set()
     last, shaded = result.evaluations[-1], False
-    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
-        time, share = record.time + start, _share(result, record.time)
+    for index, (record, (time, share)) in enumerate(zip(result.records, pieces, strict=True)):
         drawn = [(record.commanded, style.COMMANDED, "commanded", 1.2)]
         drawn.append((record.measured, style.MEASURED, "measured", 1.7))
         for place, e in enumerate(result.evaluations):
@@ -244,20 +226,17 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int, si
     return shaded
 
 
-def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int, sigmas: float = 2.0) -> bool:
+def _residuals(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas: float = 2.0) -> bool:
     """Measured minus predicted of every model, the last on top, and `sigmas` of the sensors' noise as a band."""
     shaded = False
-    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
-        time, share = record.time + start, _share(result, record.time)
-        for place, e in enumerate(result.evaluations):
-            if not record.measured_axes[axis]:
-                continue
-            residual = record.measured[:, axis] - e.predictions[index][:, axis]
-            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
-        words = "" if index else f"± {sigmas:g} sigma of the sensor noise"
+    for index, (record, (time, share)) in enumerate(zip(result.records, pieces, strict=True)):
         if not record.measured_axes[axis]:
             panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
             continue
+        for place, e in enumerate(result.evaluations):
+            residual = record.measured[:, axis] - e.predictions[index][:, axis]
+            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
+        words = "" if index else f"± {sigmas:g} sigma of the sensor noise"
         style.band(panel, [float(time[0]), float(time[-1])], sigmas * float(record.noise[axis]), words)
     return shaded
 
@@ -277,22 +256,21 @@ def _is_command(result: Comparison, same: float = 0.01) -> bool:
     return all(np.max(np.abs(a - b)) <= same * np.max(np.abs(b)) for a, b in pairs)
 
 
-def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool) -> None:
+def _flights(panel: Any, result: Comparison, pieces: Pieces, *, named: bool) -> None:
     """Where one flight ends and the next begins; above them the names, or where these are too long the numbers."""
     if len(result.flights) == 1:
         return
-    shift = dict(zip((r.flight for r in result.records), starts, strict=True))
-    spans = {name: _span(result, name) for name in result.flights}
-    begins = [start + shift[name] for name, (start, _) in spans.items()]
-    ends = [stop + shift[name] for name, (_, stop) in spans.items()]
+    flown = [r.flight for r in result.records]
+    times = [[time for name, (time, _) in zip(flown, pieces, strict=True) if name == one] for one in result.flights]
+    begins, ends = [min(t[0] for t in own) for own in times], [max(t[-1] for t in own) for own in times]
     for end, begin in zip(ends, begins[1:], strict=False):
         panel.axvline(0.5 * (end + begin), color="0.4", lw=0.8, ls="--")
     width = panel.get_position().width * panel.get_figure(root=True).get_size_inches()[0] * 72.0
     letters = width / (ends[-1] - begins[0]) / (0.6 * style.SMALL) * (np.array(ends) - begins)
-    names = [str(k + 1) for k in range(len(spans))] if np.any(list(map(len, spans)) > letters) else list(spans)
-    for name, begin in zip(names if named else (), begins, strict=False):
+    long = np.any([len(name) for name in result.flights] > letters)
+    for k, begin in enumerate(begins if named else ()):
         place = {"xycoords": ("data", "axes fraction"), "va": "bottom", "fontsize": style.SMALL}
-        panel.annotate(name, (begin, 1.01), **place)
+        panel.annotate(str(k + 1) if long else result.flights[k], (begin, 1.01), **place)
 
 
 def _bars(panel: Any, result: Comparison, part: int) -> None:

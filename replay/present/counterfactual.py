@@ -11,9 +11,8 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.identify.disturbance import DisturbanceSize
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors
+from wrenchgap.plant.simulation.tracking import Tracking
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.counterfactual.counterfactual import (
     ATTITUDE_GOAL_DEG,
@@ -35,7 +34,7 @@ from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
 from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
 
 
@@ -86,16 +85,15 @@ _WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}
 def parts(result: Counterfactual) -> list[Part]:
     """The null run, the disturbance, and the tracking errors."""
     null, size = result.null_run, result.inference.size
-    first = table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
-    first.add_row("attitude [deg]", f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}")
-    first.add_row("position [mm]", f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
-
-    second = table("what the model does not explain", "", *UNIT_HEADS)
-    above = f"rms above {DisturbanceSize.fast_hz:g} Hz"
-    for values, name in ((size.mean, "mean"), (size.rms, "rms"), (size.rms_fast, above), (size.largest, "max")):
-        second.add_row(f"disturbance, {name}", *row(values))
-    shares = [share(float(s)) for s in result.inference.explained]
-    second.add_row("command explained by the control law", *shares)
+    off = [
+        ("attitude [deg]", f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}"),
+        ("position [mm]", f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}"),
+    ]
+    first = plain("null run: nothing changed, against the recorded odometry", ("", "largest", "rms"), off)
+    sizes = {"mean": size.mean, "rms": size.rms, f"rms above {size.fast_hz:g} Hz": size.rms_fast, "max": size.largest}
+    disturbance = [(f"disturbance, {name}", *row(values)) for name, values in sizes.items()]
+    explained = ("command explained by the control law", *(share(float(s)) for s in result.inference.explained))
+    second = plain("what the model does not explain", ("", *UNIT_HEADS), [*disturbance, explained])
 
     words = "; ".join(result.change.words)
     names = {"recorded": "recorded", "null_run": "null run", "counterfactual": words}
@@ -149,7 +147,7 @@ def write_log(
 ) -> None:
     """The re-flight as MCAP, with the disturbance, the compensator's decisions and where it all comes from."""
     null = result.null_run
-    metadata: dict[str, str] = {
+    metadata = {
         "command": "counterfactual",
         "version": tool_version(),
         "changes": "; ".join(result.change.words) or "nothing",
@@ -222,19 +220,14 @@ def picture(result: Counterfactual) -> style.Picture:
     )
 
 
-def _runs(result: Counterfactual) -> dict[str, TrackingErrors]:
-    """Errors of the runs that differ, by name; the last is drawn on top."""
+def _draw(result: Counterfactual, axes: Any) -> None:
+    panels = axes[:, 0]
     runs = {"recorded": result.inference.recording.tracking_errors, "null run": result.null.tracking_errors}
     if result.uncompensated is not None and result.uncompensated is not result.null:
         runs["not compensated"] = result.uncompensated.tracking_errors
     if result.changed is not result.null:
         runs["changed"] = result.changed.tracking_errors
-    return runs
-
-
-def _draw(result: Counterfactual, axes: Any) -> None:
-    panels = axes[:, 0]
-    for name, errors in _runs(result).items():
+    for name, errors in runs.items():  # the last on top
         angles = np.degrees(np.arcsin(np.clip(errors.attitude, -1.0, 1.0)))
         width = 1.8 if name == "recorded" else 0.9
         for panel, values in zip(panels, (*angles.T, errors.position), strict=True):

@@ -269,7 +269,13 @@ def _draw(design: Design, axes: Any) -> None:
     for panel, direction in zip(panels[5:], _shown(design), strict=True):
         _direction(panel, design, direction)
     style.over_time(axes)
-    _manoeuvres(panels, design)
+    starts = np.linspace(SEARCH.rest, design.trajectory.duration - SEARCH.rest, len(design.segments) + 1)
+    for start, segment in zip(starts, design.segments, strict=False):
+        place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}
+        panels[0].annotate(str(segment), (start, 1.02), **place, fontsize=style.SMALL)
+    for panel in panels:
+        for start in starts:
+            panel.axvline(start, color="0.6", lw=0.7, ls="--", zorder=0)
 
 
 def _reference(panels: Any, design: Design) -> None:
@@ -301,13 +307,3 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
     found = f"separation {d.separation:.1f} expected, {design.simulated(d.truth, d.imitator):.1f} simulated"
     panel.set_title(f"{d.truth} or {d.imitator}? {found}", loc="left", fontsize=style.USUAL, pad=18)
     style.legend(panel)
-
-
-def _manoeuvres(panels: Any, design: Design) -> None:
-    starts = np.linspace(SEARCH.rest, design.trajectory.duration - SEARCH.rest, len(design.segments) + 1)
-    for start, segment in zip(starts, design.segments, strict=False):
-        place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}
-        panels[0].annotate(str(segment), (start, 1.02), **place, fontsize=style.SMALL)
-    for panel in panels:
-        for start in starts:
-            panel.axvline(start, color="0.6", lw=0.7, ls="--", zorder=0)

@@ -37,7 +37,10 @@ def sentences(
         said.append(f"Would have been shown: {_listed(words, most_shown)}.")
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     if hidden or lacking:
-        words = [_hidden_in_words(name, own) for name, own in hidden.items()]
+        words = []
+        for name, own in hidden.items():
+            instead = " or ".join(dict.fromkeys(n for one in own for n in one.instead))
+            words.append(f"{name} ({instead} could make the same)" if instead else f"{name} (too weak here)")
         words += [f"{name} (not excited)" for name in lacking]
         said.append(f"Could not have been shown: {_listed(words, most_hidden)}.")
     more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
@@ -80,11 +83,6 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
     return f"{name} {names} from {size}"
 
 
-def _hidden_in_words(name: str, limits: Sequence[DetectionLimit]) -> str:
-    instead = dict.fromkeys(n for one in limits for n in one.instead)
-    return f"{name} ({' or '.join(instead)} could make the same)" if instead else f"{name} (too weak here)"
-
-
 def _checked(recoveries: Sequence[Recovery], vehicle: Vehicle) -> list[str]:
     """What injections say of the limits."""
     if not recoveries:
@@ -106,15 +104,17 @@ def lines(found: Explanation | Changed) -> list[Line]:
 
 def to_json(found: Explanation | Changed) -> dict[str, Any]:
     """The key `sensitivity`."""
-    names = ("effect", "parameter", "unit", "plausible")
-    listed = [
-        {**entries(one, *names), "size": one.size if one.shown else None, "instead": list(one.instead)}
-        for one in found.limits
-    ]
-    injected = ("effect", "parameter", "unit", "size", "share", "firm", "as_stated")
+    injected = ("effect", "parameter", "unit", "size", "share", "firm", "as_stated", "others")
     return {
-        "limits": listed,
-        "injected": [{**entries(one, *injected), "others": list(one.others)} for one in found.recoveries],
+        "limits": [
+            {
+                **entries(one, "effect", "parameter", "unit", "plausible"),
+                "size": one.size if one.shown else None,
+                "instead": list(one.instead),
+            }
+            for one in found.limits
+        ],
+        "injected": [entries(one, *injected) for one in found.recoveries],
         "summary": sentences(found),
     }
 
@@ -149,5 +149,4 @@ def _draw(found: Explanation, panel: Any) -> None:
     panel.set_xlim(1e-4, 1.0)
     panel.set_yticks(range(len(by_effect)), [name for name, _ in by_effect], fontsize=style.SMALL)
     panel.set_xlabel("smallest firm change as a share of the largest plausible one [-]")
-    style.grid(panel)
-    panel.grid(visible=False, axis="y")
+    style.grid(panel, without="y")

@@ -12,7 +12,7 @@ from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
-from wrenchgap.replay.present import comparison, detection, timing
+from wrenchgap.replay.present import comparison, detection, posterior, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -24,20 +24,6 @@ from wrenchgap.replay.present.numbers import (
     parameters_in_words,
     share,
     unmeasured,
-)
-from wrenchgap.replay.present.posterior import (
-    class_json,
-    classes_in_words,
-    largest_residual,
-    nearest,
-    nothing_missing,
-    residual_in_words,
-    residual_json,
-    settle_json,
-    settle_lines,
-    turbulence,
-    unproven,
-    with_values,
 )
 from wrenchgap.replay.present.tables import (
     INTERVAL_LEGEND,
@@ -104,26 +90,33 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    fitted = (with_values(found.fit, found.model, m.name) for m in found.members)
-    members = [
-        f"{said}, confidence {100 * found.confidence(m):.0f} %" for said, m in zip(fitted, found.members, strict=True)
-    ]
-    names = " and ".join(members)
-    residual = largest_residual(found)
+    names = " and ".join(
+        f"{posterior.with_values(found.fit, found.model, m.name)}, {_confidence(found, m)}" for m in found.members
+    )
+    turbulence, unproven = posterior.turbulence(found), posterior.unproven(found)
+    residual = posterior.largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        words = (nothing_missing(found), nearest(found), turbulence(found), unproven(found), residual)
-        return " ".join(filter(None, words))
+        none = posterior.nothing_missing(found)
+        return _joined(none, posterior.nearest(found), turbulence, unproven, residual)
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
         if short(found) and not names:
-            return " ".join(filter(None, ("Too short to tell what is missing.", nearest(found, at_all=True), residual)))
+            return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
-        return " ".join(filter(None, (partly or none, residual_in_words(found), unproven(found), residual)))
+        return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"Explained by {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
-    return " ".join(filter(None, (*first, turbulence(found), unproven(found), residual)))
+    return _joined(*first, turbulence, unproven, residual)
+
+
+def _joined(*sentences: str) -> str:
+    return " ".join(filter(None, sentences))
+
+
+def _confidence(found: Explanation, member: Member) -> str:
+    return f"confidence {100 * found.confidence(member):.0f} %"
 
 
 def what_next(
@@ -161,7 +154,10 @@ RANKING_LEGEND = (
 
 def open_in_words(found: Explanation) -> tuple[str, ...]:
     """Classes of sets with their weights, and what would settle which of them is true, a sentence each."""
-    return (*classes_in_words(found.classes), *(line.text for line in settle_lines(found.posterior.settle)))
+    return (
+        *posterior.classes_in_words(found.classes),
+        *(line.text for line in posterior.settle_lines(found.posterior.settle)),
+    )
 
 
 def members(found: Explanation) -> Table:
@@ -194,21 +190,31 @@ def ranking(found: Explanation, most: int = 10) -> Table:
 def to_json(found: Explanation) -> dict[str, Any]:
     """The body of the `explain` schema."""
     fitted = {s.effect: s.values for s in found.fit.snapshot}
-    ranked = [_candidate_json(c) for c in found.ranking]
+    names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
+    ranked = [entries(c, *names, "companions", "implausible") for c in found.ranking]
     first = next((c.name for c in found.ranking if c.name in found.effects), None)
     return {
         "verdict": str(found.verdict),
         "effects": list(found.effects),
         "groups": [list(group) for group in found.groups],
-        "members": [_member_json(found, m) for m in found.members],
-        "left": residual_json(found),
+        "members": [
+            {
+                "effect": m.name,
+                "probability": found.confidence(m),
+                **entries(m, "share", "significance", "evidence"),
+                "group": [m.name, *(r.name for r in m.alike)],
+                "rivals": [entries(r, "effect=name", "separation", "cosine", "alike", "weight") for r in m.rivals],
+            }
+            for m in found.members
+        ],
+        "left": posterior.residual_json(found),
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": fitted.get(name, ())} for name in found.effects],
         "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
-        "classes": [class_json(c, found.model.vehicle) for c in found.classes],
-        "settle": settle_json(found.posterior.settle),
+        "classes": [posterior.class_json(c, found.model.vehicle) for c in found.classes],
+        "settle": posterior.settle_json(found.posterior.settle),
         "firm": list(found.firm),
         "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
@@ -225,27 +231,13 @@ def to_json(found: Explanation) -> dict[str, Any]:
     }
 
 
-def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
-    rivals = [{**entries(r, "effect=name", "separation", "cosine", "alike", "weight")} for r in member.rivals]
-    return {
-        "effect": member.name,
-        "probability": found.confidence(member),
-        **entries(member, "share", "significance", "evidence"),
-        "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": rivals,
-    }
-
-
-def _candidate_json(candidate: Candidate) -> dict[str, Any]:
-    names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
-    return entries(candidate, *names, "companions", "implausible")
-
-
 def _validation_json(tested: Validation) -> dict[str, Any]:
     body = comparison.to_json(tested.comparison)
-    ranges = [(flight, [{**vars(r), "outside": r.outside} for r in found]) for flight, found in tested.ranges]
-    listed = [{"flight": flight, "ranges": found} for flight, found in ranges]
-    return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
+    ranges = [
+        {"flight": flight, "ranges": [{**vars(r), "outside": r.outside} for r in found]}
+        for flight, found in tested.ranges
+    ]
+    return {**body, "fall": tested.reduction, "ranges": ranges, "warnings": validation_warnings(tested)}
 
 
 def brief(found: Explanation) -> list[Part]:
@@ -266,16 +258,24 @@ def of_parameters(found: Explanation) -> list[dict[str, Any]]:
 
 def frame(found: Explanation) -> list[dict[str, Any]]:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
-    rows = []
-    for c in found.ranking:
-        numbers = entries(c, "score", "t=significance", "evidence")
-        words = {"parameters": parameters_in_words(c.values)}
-        named = {"effect": c.name, "named": c.name in found.effects}
-        rows.append({**named, **numbers, **by_axis("reduction", c.reduction), **words})
-    return rows
+    return [
+        {
+            "effect": c.name,
+            "named": c.name in found.effects,
+            **entries(c, "score", "t=significance", "evidence"),
+            **by_axis("reduction", c.reduction),
+            "parameters": parameters_in_words(c.values),
+        }
+        for c in found.ranking
+    ]
 
 
-NAMED, ALIKE, OTHER, IMPLAUSIBLE = "tab:blue", "#8fb3dc", "0.8", "#e3b5b5"
+COLOURS = {
+    "named": "tab:blue",
+    "indistinguishable from a named one": "#8fb3dc",
+    "not named": "0.8",
+    "implausible: at its limit": "#e3b5b5",
+}
 
 
 def picture(found: Explanation) -> style.Picture:
@@ -303,17 +303,12 @@ def _draw(found: Explanation, panel: Any) -> None:
         style.nothing(panel, "no effect of the catalogue could be tried")
         return
     kinds = [_kind(found, c) for c in shown]
-    for word, colour in (
-        ("named", NAMED),
-        ("indistinguishable from a named one", ALIKE),
-        ("not named", OTHER),
-        ("implausible: at its limit", IMPLAUSIBLE),
-    ):
+    for word, colour in COLOURS.items():
         rows = [k for k, kind in enumerate(kinds) if kind == word]
         if rows:
             panel.barh(rows, [100.0 * max(shown[k].score, 0.0) for k in rows], 0.75, color=colour, label=word)
     for row, c in enumerate(shown):
-        sure = [f"confidence {100 * found.confidence(m):.0f} %" for m in found.members if m.name == c.name]
+        sure = [_confidence(found, m) for m in found.members if m.name == c.name]
         words = ", ".join([share(c.score), *sure])
         place = (100.0 * max(c.score, 0.0), row)
         panel.annotate(words, place, (4, 0), textcoords="offset points", va="center", fontsize=8)
@@ -322,8 +317,7 @@ def _draw(found: Explanation, panel: Any) -> None:
     panel.set_xlim(0.0, 125.0)
     style.labelled(panel, "error energy explained on held-out time", "%", "x")
     panel.set_xticks(range(0, 101, 20))
-    style.grid(panel)
-    panel.grid(visible=False, axis="y")
+    style.grid(panel, without="y")
     style.legend(panel)
 
 

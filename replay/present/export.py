@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from wrenchgap.learn.identify.observer import OBSERVER
-from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.counting import KINDS
 from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
@@ -33,7 +32,10 @@ def parts(made: Export) -> list[Part]:
     inputs = ", ".join(("command", *made.inputs))
     process = [f"process of {made.points} points on {inputs}"] if made.has_process else []
     effects = [f"effects {', '.join(made.effects)}"] if made.effects else []
-    observer = [] if made.judged is None else [_observer_in_words(made.judged)]
+    observer = []
+    if (judged := made.judged) is not None:
+        told = f", told a lag of {1e3 * judged.observer.lag:.0f} ms" if judged.observer.lag else ""
+        observer = [f"observer of {judged.observer.hz:.2g} Hz{told} (M_s {judged.peak:.2f})"]
     contents = [*process, *effects, "gate" if made.has_process else "no gate", "search", *observer]
     out: list[Part] = [
         Line(f"{made.model.vehicle.name}: corrects {made.corrected}, every {made.dt:g} s in {made.precision}"),
@@ -81,11 +83,6 @@ def _observer(made: Export) -> dict[str, Any] | None:
         "sensitivity_peak": judged.peak if math.isfinite(judged.peak) else None,
         "loop": {"lag_s": judged.loop.lag, "delay_s": judged.loop.delay},
     }
-
-
-def _observer_in_words(judged: Judged) -> str:
-    told = f", told a lag of {1e3 * judged.observer.lag:.0f} ms" if judged.observer.lag else ""
-    return f"observer of {judged.observer.hz:.2g} Hz{told} (M_s {judged.peak:.2f})"
 
 
 def _too_fast(made: Export) -> list[str]:

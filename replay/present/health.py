@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.plant.drafts.px4 import placeholders
@@ -17,8 +16,8 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.health_rows import ROWS
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number, share
-from wrenchgap.replay.present.statements import LEVELS, Statement, rotor, setting, statements
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, styled, table
+from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, styled
 
 LINES = 8
 """Lines of the answer, all told."""
@@ -34,18 +33,17 @@ def parts(found: Health, details: bool = False) -> list[Part]:
     return out
 
 
-def brief(found: Health) -> list[Part]:
-    """The same without details."""
-    return parts(found)
-
-
 def answer(found: Health) -> list[tuple[str, str]]:
     """At most `LINES` lines, with their looks: the result, what to look at, what is not answered, the next command."""
     flown_at_all = any(log.phases.lack is not NoPhases.POWER for log in found.logs)
-    tail = [*_changed(found), *(_lacks(found) if flown_at_all else ()), (f"next: {next_command(found)}", "bold")]
+    tail = [(f"next: {next_command(found)}", "bold")]
+    if flown_at_all:
+        tail[:0] = _lacks(found)
+    if found.parameters.differ:
+        tail.insert(0, (f"Parameters that differ: {parameters.named(found.parameters)}.", "yellow"))
     room = LINES - 1 - len(tail)
     if len(found.logs) > 1:
-        every = [(_in_short(log), LOOKS[_worst(log)]) for log in sorted(found.logs, key=_urgency)]
+        every = sorted(map(_in_short, found.logs), key=lambda line: list(LOOKS.values()).index(line[1]))
         what = "logs"
     else:
         every = [(one.words, LOOKS[one.level]) for one in statements(found.logs[0])]
@@ -54,22 +52,17 @@ def answer(found: Health) -> list[tuple[str, str]]:
     return [(summary(found), "bold"), *shown, *tail]
 
 
-def _in_short(log: LogHealth) -> str:
-    return f"{log.name}: {flown(log)}; {', '.join(one.short for one in statements(log)) or _quiet([log])}"
+def _in_short(log: LogHealth) -> tuple[str, str]:
+    """A line on one of several logs, with the look of the worst that is to be said of it."""
+    said = statements(log)
+    text = f"{log.name}: {flown(log)}; {', '.join(one.short for one in said) or _quiet([log])}"
+    return text, LOOKS[said[0].level if said else "ok"]
 
 
 def _quiet(logs: Sequence[LogHealth]) -> str:
     """What is said where nothing was found."""
     judged = any(log.phases.lack is None for log in logs)
     return "nothing out of the ordinary" if judged else "nothing of the flight could be judged"
-
-
-def _worst(log: LogHealth) -> Level:
-    return next((one.level for one in statements(log)), "ok")
-
-
-def _urgency(log: LogHealth) -> int:
-    return LEVELS.index(_worst(log))
 
 
 def summary(found: Health) -> str:
@@ -92,11 +85,6 @@ def flown(log: LogHealth) -> str:
     if log.phases.lack is not None:
         return f"{length}, phases unknown ({log.phases.lack})"
     return f"{length}, {log.phases.seconds(*AIRBORNE):.0f} s of them in the air"
-
-
-def _changed(found: Health) -> list[tuple[str, str]]:
-    differ = found.parameters.differ
-    return [(f"Parameters that differ: {parameters.named(found.parameters)}.", "yellow")] if differ else []
 
 
 def _lacks(found: Health) -> list[tuple[str, str]]:
@@ -162,17 +150,12 @@ def _source(log: LogHealth) -> list[str]:
 
 def overview(found: Health) -> Part:
     """A row for each quantity, a column for each log."""
-    out = table("", "", *(log.name for log in found.logs), left=1 + len(found.logs))
-    said = [statements(log) for log in found.logs]
-    for head, cell, about in ROWS:
-        cells = [styled(cell(log), _look(some, about)) for log, some in zip(found.logs, said, strict=True)]
-        out.add_row(head, *cells)
-    return out
-
-
-def _look(said: Sequence[Statement], about: str) -> str:
-    level = next((one.level for one in said if about and one.about == about), None)
-    return "" if level is None else LOOKS[level]
+    looks = [{one.about: LOOKS[one.level] for one in reversed(statements(log))} for log in found.logs]
+    cells = [
+        (head, *(styled(cell(log), look.get(about, "")) for log, look in zip(found.logs, looks, strict=True)))
+        for head, cell, about in ROWS
+    ]
+    return plain("", ("", *(log.name for log in found.logs)), cells, left=1 + len(found.logs))
 
 
 def rows(found: Health) -> list[list[str]]:
@@ -184,14 +167,10 @@ def _details(log: LogHealth, *, several: bool) -> list[Part]:
     """Motors, phases, test ratios, checks and notes of one log."""
     out: list[Part] = [Line(), Line(log.name, "bold")] if several else [Line()]
     if log.motors is not None:
-        each = [
-            (
-                rotor(m.rotor),
-                f"{100 * m.deviation:+.1f} %",
-                *("-" if v is None else share(v) for v in (m.at_least, m.at_most)),
-            )
-            for m in log.motors.motors
-        ]
+        each = []
+        for m in log.motors.motors:
+            ends = ("-" if v is None else share(v) for v in (m.at_least, m.at_most))
+            each.append((rotor(m.rotor), f"{100 * m.deviation:+.1f} %", *ends))
         heads = ("motor", f"thrust in {log.motors.condition}, of the mean", "at smallest command", "at largest command")
         out.append(plain("motors", heads, each))
     if log.phases.phases:

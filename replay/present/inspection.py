@@ -20,7 +20,7 @@ from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number
-from wrenchgap.replay.present.tables import Line, Part, Table, bare, note_lines, styled, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, styled, table
 
 COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
@@ -28,7 +28,9 @@ COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 def parts(seen: LogReport) -> list[Part]:
     """Checks, topics, phases, timing, notes."""
     out: list[Part] = [checks((*seen.inspection.checks, *seen.model_checks))]
-    out += [topics(seen.inspection), *_more(seen.inspection)]
+    out.append(topics(seen.inspection))
+    if hidden := len(seen.inspection.topics) - len(rows_of(seen.inspection.topics)):
+        out.append(Line(f"and {hidden:,} more topics, which play no role; --json FILE lists them all", "dim"))
     if seen.phases:
         out += [Line(), phases(seen.phases)]
     if seen.timing is not None:
@@ -64,13 +66,6 @@ def rows_of(every: Sequence[TopicReport], most: int = 300) -> list[TopicReport]:
     return [t for t in every if t.plays or any(t is other for other in others)]
 
 
-def _more(seen: Inspection) -> list[Part]:
-    """How many topics have no row."""
-    hidden = len(seen.topics) - len(rows_of(seen.topics))
-    said = f"and {hidden:,} more topics, which play no role; --json FILE lists them all"
-    return [Line(said, "dim")] if hidden else []
-
-
 def _namespace(names: Sequence[str], shortest: int = 8) -> str:
     """The namespace that all topics share, with its last slash; nothing below `shortest` characters."""
     absolute = all(name.startswith("/") for name in names)
@@ -80,7 +75,7 @@ def _namespace(names: Sequence[str], shortest: int = 8) -> str:
 
 def checks(found: Sequence[Check]) -> Table:
     """Findings, the bad ones first."""
-    out = bare()
+    out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     for check in sorted(found, key=lambda c: list(COLOURS).index(c.level)):
         out.add_row(styled(check.level, COLOURS[check.level]), check.name, _words(check))
     return out
@@ -137,7 +132,7 @@ def picture(seen: LogReport) -> style.Picture:
 
     Axes are (R, 1), one for each role that a topic plays; one with a sentence where none does.
     """
-    rows = max(1, len(_series(seen)))
+    rows = max(1, len({} if seen.inspection.flight is None else seen.inspection.flight.series()))
     return style.Picture(
         (rows, 1),
         (10.0, 1.25 * rows + 1.0),
@@ -147,15 +142,12 @@ def picture(seen: LogReport) -> style.Picture:
     )
 
 
-def _series(seen: LogReport) -> dict[str, Series]:
-    return {} if seen.inspection.flight is None else dict(seen.inspection.flight.series())
-
-
 def _draw(seen: LogReport, panels: Any) -> None:
-    if not _series(seen):
+    flight = seen.inspection.flight
+    if flight is None or not flight.series():
         style.nothing(panels[0], "no topic plays a role; map one with --topic ROLE=/your/topic")
         return
-    for panel, (role, series) in zip(panels, _series(seen).items(), strict=True):
+    for panel, (role, series) in zip(panels, flight.series().items(), strict=True):
         _rate(panel, series, seen.inspection.duration)
         panel.set_title(
             f"{role}: {style.shortened(series.topic, style.LONGEST_LABEL)}", fontsize=style.SMALL, loc="left"

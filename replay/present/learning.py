@@ -43,8 +43,7 @@ def parts(learnt: Learnt) -> list[Part]:
     gp = learnt.gp
     points = f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart)"
     out: list[Part] = [Line(f"{points} on top of {gp.provenance.physics}")]
-    tested = (("training", learnt.training), ("unseen", learnt.validation))
-    out += [_prediction(title, result) for title, result in tested if result is not None]
+    out += [_prediction(title, result) for title, result in _tested(learnt).items()]
     sigmas = [(name, *row(pair)) for name, *pair in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)]
     heads = ("output", "far from the data", "99 % of the training samples below")
     out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
@@ -59,14 +58,19 @@ def parts(learnt: Learnt) -> list[Part]:
     out += [Line(words) for words in (observer_in_words(gp), *lags_in_words(gp)) if words]
     if learnt.alternatives is not None and learnt.alternatives.tried:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
-    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
-    out += [Line(words, "bold") for words in said if words]
+    out += [Line(words, "bold") for words in _advice(learnt)]
     out += [*note_lines(map(caution, learnt.cautions), "warning"), *note_lines(_notes(learnt))]
     return [*out, *verdicts(gp)]
 
 
 def _notes(learnt: Learnt) -> list[str]:
-    return sentences([*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())])
+    return sentences(note for one in _tested(learnt).values() for note in one.notes)
+
+
+def _advice(learnt: Learnt) -> list[str]:
+    """Which inputs would be better, and which effects to add."""
+    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
+    return [words for words in said if words]
 
 
 def _prediction(title: str, result: Comparison) -> Table:
@@ -105,9 +109,8 @@ def _calibration(learnt: Learnt) -> Table:
     for flights, (before, after) in learnt.coverage.items():
         for k, name in enumerate(learnt.gp.outputs):
             shares = (before.within_95[k], after.within_95[k], before.within_3_sigma[k], after.within_3_sigma[k])
-            scale = f"{learnt.gp.sigma_scale[k]:.2f}"
             words = (f"{100 * s:.1f} %" if np.isfinite(s) else "-" for s in shares)
-            rows.append((flights, name, scale, *words))
+            rows.append((flights, name, f"{learnt.gp.sigma_scale[k]:.2f}", *words))
     heads = ("flights", "output", "sigma scaled by", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
     return plain("calibration: expected 95 % within 1.96 sigma, 99.7 % within 3", heads, rows, left=2)
 
@@ -187,8 +190,9 @@ def better_inputs(learnt: Learnt) -> str:
 
 def to_json(learnt: Learnt) -> dict[str, Any]:
     """The body of the `learn` schema."""
-    gp, margin = learnt.gp, learnt.margin
+    gp, margin, found = learnt.gp, learnt.margin, learnt.alternatives
     low, middle, high = learnt.real_min
+    of_alternative = ("inputs=settings.inputs", "inference=settings.inference", "rms", "gain", "significance=t")
     of_fit = ("outputs", "settings", "blind=settings.blind", "sigma_prior", "sigma_training", "sigma_scale")
     of_source = ("cutoff_hz=provenance.cutoff_hz", "physics=provenance.physics", "lags_s=provenance.lags")
     return {
@@ -205,15 +209,12 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
         "training": comparison.to_json(learnt.training),
         "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
         "warnings": [caution(c) for c in learnt.cautions],
-        "alternatives": [] if learnt.alternatives is None else _alternatives_json(learnt.alternatives),
+        "alternatives": [{**entries(one, *of_alternative), "best": one.settings == found.best} for one in found.tried]
+        if found
+        else [],
         "absorbs": None if learnt.absorption is None else absorption_json(learnt.absorption),
         "notes": _notes(learnt),
     }
-
-
-def _alternatives_json(found: Alternatives) -> list[dict[str, Any]]:
-    names = ("inputs=settings.inputs", "inference=settings.inference", "rms", "gain", "significance=t")
-    return [{**entries(one, *names), "best": one.settings == found.best} for one in found.tried]
 
 
 def absorption_json(found: Absorption) -> dict[str, Any]:
@@ -231,8 +232,7 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
 def brief(learnt: Learnt) -> list[Part]:
     """The verdicts, what would be better, warnings, and the errors on the flights that were kept apart."""
     title, tested = list(_tested(learnt).items())[-1]
-    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
-    lines = [*(Line(words) for words in said if words), *note_lines(map(caution, learnt.cautions), "warning")]
+    lines = [*map(Line, _advice(learnt)), *note_lines(map(caution, learnt.cautions), "warning")]
     return [*verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]
 
 
@@ -245,8 +245,8 @@ def of_axes(learnt: Learnt) -> dict[str, Any]:
 def frame(learnt: Learnt) -> list[dict[str, Any]]:
     """One row for each predictor, flights (training, unseen) and axis: mean, std, rms and maximum of the error."""
     rows = []
-    for flights, result in (("training", learnt.training), ("unseen", learnt.validation)):
-        for e in result.evaluations if result is not None else ():
+    for flights, result in _tested(learnt).items():
+        for e in result.evaluations:
             for k, axis in enumerate(AXES):
                 errors = {name: float(np.asarray(values)[k]) for name, values in vars(e.pooled).items()}
                 rows.append({"flights": flights, "model": e.name, "axis": axis, **errors})

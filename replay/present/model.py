@@ -45,7 +45,10 @@ def overview(model: Model) -> list[str]:
     if vehicle.has_rotors:
         lines.append(f"full thrust is {number(full_thrust(vehicle), 2)} times the weight")
     if model.command is not None:
-        lines.append(f"rotor commands: {_curve(model.command)}; hover at {_hover(model)}")
+        hover = "no command: the curve never carries the weight"
+        if (at := hover_command(model)) is not None:
+            hover = f"{at:.0f} us" if at > 10.0 else f"{100.0 * at:.0f} % of full throttle"
+        lines.append(f"rotor commands: {_curve(model.command)}; hover at {hover}")
     return lines
 
 
@@ -80,13 +83,6 @@ def hover_command(model: Model, steps: int = 400) -> float | None:
     lift = (rotors.c_f * speeds**2) @ np.abs(arms.normal_B[rotors.arm, 2])
     carried = np.flatnonzero(lift >= vehicle.body.mass * GRAVITY)
     return float(commands[carried[0]]) if carried.size else None
-
-
-def _hover(model: Model) -> str:
-    at = hover_command(model)
-    if at is None:
-        return "no command: the curve never carries the weight"
-    return f"{at:.0f} us" if at > 10.0 else f"{100.0 * at:.0f} % of full throttle"
 
 
 def _rows(vehicle: Vehicle) -> list[dict[str, Any]]:

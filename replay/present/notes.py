@@ -12,8 +12,20 @@ from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
-from wrenchgap.replay.present.numbers import entries
+from wrenchgap.replay.present.numbers import by_reason, entries
 from wrenchgap.replay.present.tables import Line
+
+SENTENCES: dict[type, str] = {
+    LeftOut: "{0.model}: left out, {0.reason}",
+    WithoutEffects: "{0.model}: has no effects; it differs from nominal only where its vehicle does.",
+    OtherFilter: "the GP was learnt with a low-pass of {0.learnt_hz:g} Hz, this analysis uses {0.used_hz:g} Hz; say "
+    "--cutoff {0.learnt_hz:g} to use the same one.",
+    OtherPhysics: "the GP was learnt on another version of this model ({0.physics}); its sum with this one is shown.",
+    NoProcess: "too little data to hold anything out for a Gaussian process; its part of the budget is zero.",
+    NotCompiled: "the compensation is not compiled, its steps take tens of times as long: {0.reason}. Corrections are "
+    "those of L-BFGS on plain models.",
+}
+"""What a note says, by its class."""
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
@@ -41,31 +53,10 @@ def of_flights(flights: Iterable[Any]) -> list[str]:
 
 def sentence(note: object) -> str:
     """One note. What readers of logs say is a sentence already."""
-    match note:
-        case LeftOut():
-            return f"{note.model}: left out, {note.reason}"
-        case WithoutEffects():
-            return f"{note.model}: has no effects; it differs from nominal only where its vehicle does."
-        case OtherFilter():
-            return (
-                f"the GP was learnt with a low-pass of {note.learnt_hz:g} Hz, this analysis uses {note.used_hz:g} Hz; "
-                f"say --cutoff {note.learnt_hz:g} to use the same one."
-            )
-        case OtherPhysics():
-            physics = note.physics
-            return f"the GP was learnt on another version of this model ({physics}); its sum with this one is shown."
-        case FittedHere():
-            what = "the GP was learnt" if note.model is None else f"the effects of {note.model} were fitted"
-            return f"{what} on {', '.join(note.flights)}: this part is not held out."
-        case NoProcess():
-            return "too little data to hold anything out for a Gaussian process; its part of the budget is zero."
-        case NotCompiled():
-            return (
-                f"the compensation is not compiled, its steps take tens of times as long: {note.reason}. Corrections "
-                "are those of L-BFGS on plain models."
-            )
-        case _:
-            return str(note)
+    if isinstance(note, FittedHere):
+        what = "the GP was learnt" if note.model is None else f"the effects of {note.model} were fitted"
+        return f"{what} on {', '.join(note.flights)}: this part is not held out."
+    return SENTENCES[type(note)].format(note) if type(note) in SENTENCES else str(note)
 
 
 def too_short(seconds: float, least: float = 8.0) -> list[str]:
@@ -138,10 +129,7 @@ def checks_json(result: Any) -> dict[str, Any]:
 
 def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
     """Effects that these logs or this model do not allow, by reason."""
-    by_reason: dict[str, list[str]] = {}
-    for one in untried:
-        by_reason.setdefault(reason(one), []).append(one.effect)
-    return by_reason
+    return by_reason((reason(one), one.effect) for one in untried)
 
 
 def not_tried_lines(untried: Sequence[Untried]) -> list[Line]:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, GRAVITY
-from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
+from wrenchgap.learn.diagnose.residual_patterns import Oscillation
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.single_effects import Candidate
-from wrenchgap.learn.posterior.unexplained_bands import OpenBand
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
@@ -44,19 +43,16 @@ def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
     ]
 
 
-def class_in_words(one: EquivalenceClass, most: int = 5) -> str:
-    """The heaviest sets of a class with their weights, and on what all of them agree."""
-    shown = [s for s in one.sets[:most] if s.weight >= LIGHT or s is one.sets[0]]
-    listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
-    if len(listed) == 1:
-        return f"{share(one.weight)} of the weight: {listed[0]}"
-    common = f"; in all of them: {', '.join(one.established)}" if one.established else ""
-    return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
-
-
-def classes_in_words(classes: Sequence[EquivalenceClass], most: int = 3) -> list[str]:
-    """The heaviest classes, a sentence each."""
-    return [class_in_words(c) for c in classes[:most] if c.weight >= LIGHT]
+def classes_in_words(classes: Sequence[EquivalenceClass], most: int = 3, most_sets: int = 5) -> list[str]:
+    """The heaviest classes, a sentence each: their heaviest sets with their weights, and on what all of them agree."""
+    out = []
+    for one in (c for c in classes[:most] if c.weight >= LIGHT):
+        shown = [s for s in one.sets[:most_sets] if s.weight >= LIGHT or s is one.sets[0]]
+        listed = " or ".join(f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown)
+        alike = ", indistinguishable here" if len(shown) > 1 else ""
+        common = f"; in all of them: {', '.join(one.established)}" if alike and one.established else ""
+        out.append(f"{share(one.weight)} of the weight{alike}: {listed}{common}")
+    return out
 
 
 def class_json(one: EquivalenceClass, vehicle: Vehicle) -> dict[str, Any]:
@@ -172,9 +168,20 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> st
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
     """Sentences on what nothing explains; above `concentrated` of it in a tenth of the time, that is said."""
-    said = [bands_in_words(found.bands)] if found.bands else []
+    said = []
+    for axis in dict.fromkeys(b.axis for b in found.bands):  # the loudest first
+        own = [b for b in found.bands if b.axis == axis]
+        low, high = min(b.low_hz for b in own), max(b.high_hz for b in own)
+        times = max(b.over_noise for b in own)
+        said.append(f"{AXES[axis]} at {low:.2g} to {high:.2g} Hz ({times:.2g} times the noise)")
+    said = [f"What is named leaves more than noise in {', '.join(said)}"] if said else []
     said += [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
-    said += [] if found.one_rotor is None else [one_rotor_in_words(found.one_rotor, found.model.vehicle)]
+    if (one := found.one_rotor) is not None:
+        rotors = " or ".join(found.model.vehicle.rotor_name(k) for k in one.rotors)
+        said.append(
+            f"{100 * one.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing "
+            "logged tells: a propeller or hub that slips, a motor or its controller that stutters"
+        )
     clues = [f"{words[:1].upper()}{words[1:]}." for words in said]
     if found.depends is not None and found.depends.chosen:
         inputs = " and ".join(g.label for g in found.depends.chosen[:3])
@@ -189,17 +196,6 @@ def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
     return " ".join(clues)
 
 
-def bands_in_words(bands: Sequence[OpenBand]) -> str:
-    """One clause: on each axis the frequencies at which more than the noise is left, the loudest axis first."""
-    said = []
-    for axis in dict.fromkeys(b.axis for b in bands):
-        own = [b for b in bands if b.axis == axis]
-        low, high = min(b.low_hz for b in own), max(b.high_hz for b in own)
-        times = max(b.over_noise for b in own)
-        said.append(f"{AXES[axis]} at {low:.2g} to {high:.2g} Hz ({times:.2g} times the noise)")
-    return f"What is named leaves more than noise in {', '.join(said)}"
-
-
 def oscillation_in_words(found: Oscillation) -> str:
     """One clause."""
     where = {
@@ -210,15 +206,6 @@ def oscillation_in_words(found: Oscillation) -> str:
     return (
         f"a lightly damped mode at {found.frequency_hz:.2g} Hz (damping {found.damping:.2g}, {100 * found.share:.0f} % "
         f"of the residual): {where}"
-    )
-
-
-def one_rotor_in_words(found: OneRotor, vehicle: Vehicle) -> str:
-    """One clause."""
-    rotors = " or ".join(vehicle.rotor_name(k) for k in found.rotors)
-    return (
-        f"{100 * found.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing logged "
-        "tells: a propeller or hub that slips, a motor or its controller that stutters"
     )
 
 

@@ -20,7 +20,7 @@ from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
+from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, plain, table
 
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "max": 100}
@@ -185,7 +185,7 @@ def frame(replay: Replay) -> dict[str, Any]:
     """
     columns: dict[str, Any] = {"time": replay.time}
     for name, values in _wrenches(replay).items():
-        columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
+        columns |= by_axis(name, values)
     return columns | _scalars(replay)
 
 
@@ -247,13 +247,22 @@ def picture(replay: Replay) -> style.Picture:
 
 
 def _draw(replay: Replay, axes: Any) -> None:
-    bands = _std(replay)
-    for place, k in enumerate(output_indices(replay.outputs)):
-        _wrench_panel(axes[place, 0], replay, int(k))
-        _correction(axes[place, 1], replay, int(k), None if bands is None else bands[:, place])
-    _sigma(axes[-1, 0], replay)
-    _beta(axes[-1, 1], replay)
-    for panel in (*axes[0], axes[-1, 0]):
+    gp, optimum = replay.gp, replay.steps.optimum  # no band for a process that looks at more than the command
+    bands = None if gp.settings.inputs else gp.std(replay.wrench + optimum)
+    for place, k in enumerate(map(int, output_indices(replay.outputs))):
+        _wrench_panel(axes[place, 0], replay, k)
+        _correction(axes[place, 1], replay, k, None if bands is None else bands[:, place])
+    sigma, beta = axes[-1]
+    style.curve(sigma, replay.time, replay.steps.sigma, style.MEASURED, "sigma, the largest of the outputs")
+    if np.isfinite(replay.sigma_threshold):
+        label = "threshold: half of the optimum is withheld"
+        sigma.axhline(replay.sigma_threshold, color=style.WARNING, lw=1.0, ls="--", label=label)
+    sigma.set_ylim(min(0.0, float(replay.steps.sigma.min())), None)
+    style.labelled(sigma, "sigma", sigma_unit(replay))
+    style.curve(beta, replay.time, 100.0 * replay.steps.beta, style.MEASURED)
+    beta.set_ylim(-3.0, 103.0)
+    style.labelled(beta, "beta: share of the\noptimum that is withheld", "%")
+    for panel in (*axes[0], sigma):
         style.legend(panel)
     style.over_time(axes)
 
@@ -282,25 +291,3 @@ def _correction(panel: Any, replay: Replay, k: int, std: Array | None) -> None:
         panel.fill_between(replay.time, low, high, color=SIGMA, alpha=0.25, lw=0, label="± sigma of the GP", zorder=1)
     name, unit = style.QUANTITIES[k]
     style.labelled(panel, f"correction of\n{name}", unit)
-
-
-def _std(replay: Replay) -> Array | None:
-    """Standard deviation (K, L) at each command; None for a process that looks at more than the command."""
-    gp = replay.gp
-    return None if gp.settings.inputs else gp.std(replay.wrench + replay.steps.optimum)
-
-
-def _sigma(panel: Any, replay: Replay) -> None:
-    """The number that decides: largest standard deviation of the outputs, in their unit or relative to the prior."""
-    style.curve(panel, replay.time, replay.steps.sigma, style.MEASURED, "sigma, the largest of the outputs")
-    if np.isfinite(replay.sigma_threshold):
-        label = "threshold: half of the optimum is withheld"
-        panel.axhline(replay.sigma_threshold, color=style.WARNING, lw=1.0, ls="--", label=label)
-    panel.set_ylim(min(0.0, float(replay.steps.sigma.min())), None)
-    style.labelled(panel, "sigma", sigma_unit(replay))
-
-
-def _beta(panel: Any, replay: Replay) -> None:
-    style.curve(panel, replay.time, 100.0 * replay.steps.beta, style.MEASURED)
-    panel.set_ylim(-3.0, 103.0)
-    style.labelled(panel, "beta: share of the\noptimum that is withheld", "%")

@@ -15,7 +15,7 @@ from wrenchgap.learn.health.motors import MOTORS, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace
 from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
-from wrenchgap.replay.present.numbers import direction, number, share
+from wrenchgap.replay.present.numbers import by_reason, direction, number, share
 
 LEVELS = ("bad", "warn", "ok")
 LOST = 0.01
@@ -170,19 +170,15 @@ def _battery(log: LogHealth) -> Iterator[Statement]:
     if battery is None or battery.level == "ok":
         return
     if battery.none:
-        words = (
-            f"The battery reads {battery.flight:.2g} V in flight: not a battery. Set up the power module; until then "
-        )
-        words += "nothing can be said of thrust and voltage."
+        short, words = "no battery", f"The battery reads {battery.flight:.2g} V in flight: not a battery. Set up the "
+        words += "power module; until then nothing can be said of thrust and voltage."
     elif battery.cells_wrong:
-        words = f"{battery.flight:.1f} V over {battery.cells} cells is {battery.flight / (battery.cells or 1):.1f} V a "
-        words += "cell, which none has: correct the number of cells, or the calibration of the voltage."
+        each = battery.flight / (battery.cells or 1)
+        short, words = "battery cells", f"{battery.flight:.1f} V over {battery.cells} cells is {each:.1f} V a cell, "
+        words += "which none has: correct the number of cells, or the calibration of the voltage."
     else:
-        words = (
-            f"The battery was below the autopilot's own limit of {battery.limit:.1f} V for {battery.below:.0f} s of "
-        )
-        words += f"flight (lowest {battery.lowest:.1f} V): land earlier, or check the limit."
-    short = "no battery" if battery.none else "battery cells" if battery.cells_wrong else "battery low"
+        short, words = "battery low", f"The battery was below the autopilot's own limit of {battery.limit:.1f} V for "
+        words += f"{battery.below:.0f} s of flight (lowest {battery.lowest:.1f} V): land earlier, or check the limit."
     yield Statement("warn", "battery", short, words)
 
 
@@ -225,11 +221,8 @@ def _logger(log: LogHealth) -> Iterator[Statement]:
 
 def unanswered(answers: Sequence[Answer]) -> str:
     """What a log cannot answer and why, by reason; empty where it can answer everything."""
-    by_lack: dict[str, list[str]] = {}
-    for answer in answers:
-        if answer.lack is not None:
-            by_lack.setdefault(lack(answer), []).append(answer.question)
-    return "; ".join(f"{', '.join(questions)} ({why})" for why, questions in by_lack.items())
+    lacking = by_reason((lack(answer), answer.question) for answer in answers if answer.lack is not None)
+    return "; ".join(f"{', '.join(questions)} ({why})" for why, questions in lacking.items())
 
 
 def lack(answer: Answer) -> str:

@@ -79,11 +79,6 @@ def table(title: str, *heads: str | Sequence[str], left: int = 1, texts: Sequenc
     return out
 
 
-def bare() -> Table:
-    """An empty table without a title, heads and lines."""
-    return Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
-
-
 def plain(
     title: str,
     heads: Sequence[str | Sequence[str]],

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.offsets import Offset, Problem
-from wrenchgap.learn.diagnose.response import Response
 from wrenchgap.learn.diagnose.timing import (
     Drift,
     FeedbackDominated,
@@ -17,7 +16,7 @@ from wrenchgap.learn.diagnose.timing import (
     TimingWarning,
     UnevenOffset,
 )
-from wrenchgap.replay.present.numbers import entries
+from wrenchgap.replay.present.numbers import by_reason, entries
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 TWO_CLOCKS = "two clocks; record both with one"
@@ -58,22 +57,17 @@ def offsets_table(found: FlightTiming) -> Table:
     for o in found.offsets:
         if o.seconds is None:
             continue
-        response = forms.get(id(o))
+        error, response, matters = errors.get(id(o)), forms.get(id(o)), "-"
+        if error is not None:
+            matters = f"{100 * error:.1f} %"
+        elif response is not None and response.leaves is not None and response.noise:
+            matters = f"{response.leaves / response.noise:.0f} x noise"
         delay, drift = "same series" if o.same else milliseconds(o), "-"
         if o.drift is not None and not o.same:
             drift = f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}"
         band, form = f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}", "-" if response is None else response.shape or "-"
-        row = (o.second, o.first, delay, drift, band, form, _matters(errors.get(id(o)), response))
-        out.add_row(*row, style="" if o.certain else "dim")
+        out.add_row(o.second, o.first, delay, drift, band, form, matters, style="" if o.certain else "dim")
     return out
-
-
-def _matters(error: float | None, response: Response | None) -> str:
-    if error is not None:
-        return f"{100 * error:.1f} %"
-    if response is not None and response.leaves is not None and response.noise:
-        return f"{response.leaves / response.noise:.0f} x noise"
-    return "-"
 
 
 def sentences(found: FlightTiming) -> list[str]:
@@ -105,12 +99,12 @@ def problem(offset: Offset) -> str:
 
 def problems(found: FlightTiming) -> list[str]:
     """What cannot be estimated, by reason."""
-    reasons: dict[str, list[str]] = {}
     axes = {id(r.offset): r.axis for r in found.responses}
-    for o in found.offsets:
-        if o.problem is not None:
-            name = f"response on {axes[id(o)]}" if id(o) in axes else f"{o.second} against {o.first}"
-            reasons.setdefault(problem(o), []).append(name)
+    reasons = by_reason(
+        (problem(o), f"response on {axes[id(o)]}" if id(o) in axes else f"{o.second} against {o.first}")
+        for o in found.offsets
+        if o.problem is not None
+    )
     return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
 
 
@@ -170,15 +164,13 @@ def to_json(found: FlightTiming) -> dict[str, Any]:
         "sensors": [{**_offset_json(o), "effect_error": e} for o, e in rows],
         "tracking": [_offset_json(o) for o in found.tracking],
         "controller": None if found.controller is None else _offset_json(found.controller),
-        "responses": [_response_json(r) for r in found.responses],
+        "responses": [
+            {**_offset_json(r.offset), **entries(r, "axis", "shape", "lag", "leaves", "residual", "noise", "matters")}
+            for r in found.responses
+        ],
         "warnings": warnings(found),
         "words": sentences(found),
     }
-
-
-def _response_json(r: Response) -> dict[str, Any]:
-    own = entries(r, "axis", "shape", "lag", "leaves", "residual", "noise", "matters")
-    return {**_offset_json(r.offset), **own}
 
 
 def _offset_json(offset: Offset) -> dict[str, Any]:

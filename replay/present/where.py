@@ -10,7 +10,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import length
 from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
-from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
+from wrenchgap.learn.diagnose.relevance import Relevance
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WHITENESS, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
@@ -91,16 +91,14 @@ def _on_axes(words: str, shares: Array, least: float = 0.2) -> str:
 
 
 def _relevant(relevant: Relevance) -> str:
+    """What each group of inputs explains, and on which axes it is missed."""
     if not relevant.chosen:
         return "No input predicts the residual on held-out time."
-    listed = ", then ".join(_group(g) for g in relevant.chosen)
+    listed = ", then ".join(
+        f"{g.label} ({share(g.alone)} alone, {share(g.lost)} lost without{_on_axes(', on', g.lost_axes)})"
+        for g in relevant.chosen
+    )
     return f"On held-out time {share(relevant.explained)} of the residual is predicted by {listed}."
-
-
-def _group(group: GroupRelevance) -> str:
-    """What a group of inputs explains, and on which axes it is missed."""
-    lost = f"{share(group.lost)} lost without{_on_axes(', on', group.lost_axes)}"
-    return f"{group.label} ({share(group.alone)} alone, {lost})"
 
 
 def _autocorrelation(auto: Autocorrelation) -> str:
@@ -148,7 +146,6 @@ def budget_table(budget: Budget) -> Table:
 def _map(dependence: Dependence) -> Table:
     """The bins of one quantity: how long, how large the error, and the share of it that sits there."""
     b = dependence.binned
-    explained = f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
     heads = ("", "time", "F rms [N]", "noise", "M rms [Nm]", "noise", "error", "share of all error above the noise")
     longest = max(float(b.whole_share.max()), 1e-9)
     rows = []
@@ -157,7 +154,7 @@ def _map(dependence: Dependence) -> Table:
         bar = "#" * round(24 * float(b.whole_share[i]) / longest)
         words = span(dependence.name, float(b.low[i]), float(b.high[i]))
         rows.append((words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar))
-    return plain(f"{dependence.label} [{dependence.unit}]: {explained}", heads, rows, texts=(-1,))
+    return plain(f"{dependence.label} [{dependence.unit}]: {panels.explains(dependence)}", heads, rows, texts=(-1,))
 
 
 def _others(result: Where) -> Table:
@@ -187,6 +184,7 @@ def _relevance(relevant: Relevance) -> Table:
 
 def to_json(where: Where) -> dict[str, Any]:
     """The body of the `where` schema."""
+    of_quantity = ("quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant", "axes")
     return {
         "axes": list(AXES),
         **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
@@ -196,21 +194,16 @@ def to_json(where: Where) -> dict[str, Any]:
             "whole_shares": where.budget.whole(),
             "process_source": str(where.budget.source),
         },
-        "failure_map": _failure_map_json(where.failure_map),
+        "failure_map": {
+            "quantities": [entries(d, *of_quantity, "bins=binned") for d in where.failure_map.dependences],
+            "grid": where.failure_map.grid,
+            "lacking": reasons_json("quantity", where.failure_map.lacking),
+        },
         "whiteness": _whiteness_json(where.whiteness),
         "relevance": relevance_json(where.relevance),
         "worst": where.worst,
         "summary": list(summary(where)),
         "notes": sentences(where.notes),
-    }
-
-
-def _failure_map_json(mapped: FailureMap) -> dict[str, Any]:
-    own = ("quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant", "axes")
-    return {
-        "quantities": [entries(d, *own, "bins=binned") for d in mapped.dependences],
-        "grid": mapped.grid,
-        "lacking": reasons_json("quantity", mapped.lacking),
     }
 
 

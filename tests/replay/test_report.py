@@ -26,6 +26,7 @@ from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.present import report as report_package
 from wrenchgap.replay.present import staircase
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
 from wrenchgap.replay.present.report import summary as page_words
@@ -243,10 +244,16 @@ def test_cells_that_are_empty_are_not_called_unmeasured(made):
     assert not shown["grid"]
     assert "independent samples" in shown["no_grid"]
     half = replace(made.after, failure_map=replace(bare, grid=replace(grid, torque=void)))
-    texts = [text.get_text() for panel in where_figures.grid_figure(half).axes for text in panel.texts]
+    texts = [
+        text.get_text() for panel in style.figure_of(where_figures.grid_picture(half)).axes for text in panel.texts
+    ]
     assert texts == ["torque: too few samples in every cell"]
     noise = np.array([*made.after.noise[:3], *[np.nan] * 3])
-    texts = [t.get_text() for panel in where_figures.grid_figure(replace(half, noise=noise)).axes for t in panel.texts]
+    texts = [
+        t.get_text()
+        for panel in style.figure_of(where_figures.grid_picture(replace(half, noise=noise))).axes
+        for t in panel.texts
+    ]
     assert texts == ["torque: not measured"]
 
 

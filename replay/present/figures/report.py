@@ -12,7 +12,6 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.changed import Changed, Verdict
-from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.identify.staircase import Basis, Staircase
 from wrenchgap.replay.present.figures import style
@@ -170,14 +169,9 @@ def changes(found: Changed, panel: Any, most: int = 12) -> None:
         style.nothing(panel, "no effect of the catalogue could be tried")
         return
     colours = ["tab:red" if a.effect in found.names else "0.75" for a in shown]
-    panel.barh(range(len(shown)), [a.largest.significance for a in shown], 0.7, color=colours)
-    panel.set_yticks(range(len(shown)), [_label(a.largest) for a in shown], fontsize=style.SMALL)
+    largest = [a.largest for a in shown]
+    names = [f"{s.effect}: {s.where if s.name.startswith(('rotor_', 'arm_')) else s.name}" for s in largest]
+    panel.barh(range(len(shown)), [s.significance for s in largest], 0.7, color=colours)
+    panel.set_yticks(range(len(shown)), names, fontsize=style.SMALL)
     style.labelled(panel, "each change by itself", "standard deviations", "x")
-    style.grid(panel)
-    panel.grid(visible=False, axis="y")
-
-
-def _label(size: Size) -> str:
-    """Effect, and the rotor or arm that it is of."""
-    own = size.where if size.name.split("_")[0] in ("rotor", "arm") else size.name
-    return f"{size.effect}: {own}"
+    style.grid(panel, without="y")

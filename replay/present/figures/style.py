@@ -155,10 +155,12 @@ def written(value: float, unit: str) -> str:
     return f"{number(value * factor, 2)} {prefix}{unit}"
 
 
-def grid(panels: Any) -> None:
-    """Thin lines behind the curves, no frame at the top and on the right."""
+def grid(panels: Any, without: str = "") -> None:
+    """Thin lines behind the curves, but none from the axis `without`; no frame at the top and on the right."""
     for panel in np.ravel(np.asarray(panels, dtype=object)):
         panel.grid(alpha=0.25)
+        if without:
+            panel.grid(visible=False, axis=without)
         panel.set_axisbelow(True)
         for side in ("top", "right"):
             panel.spines[side].set_visible(False)

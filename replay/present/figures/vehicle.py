@@ -105,10 +105,8 @@ def _arms(panel: Any, vehicle: Vehicle, marks: Mapping[str, str]) -> None:
         return
     for i, (x, y, _) in enumerate(vehicle.arms.position_B):
         name = f"arm_{i}"
-        width = 5.0 if name in marks else 3.0
-        panel.plot(
-            [0.0, y], [0.0, x], zorder=1.5, color=_colour(name, marks, ARM), lw=width, solid_capstyle="round", gid=name
-        )
+        look = {"color": _colour(name, marks, ARM), "lw": 5.0 if name in marks else 3.0, "solid_capstyle": "round"}
+        panel.plot([0.0, y], [0.0, x], zorder=1.5, gid=name, **look)
         if vehicle.named("arm", i) or name in marks:
             _name(panel, 0.42 * y, 0.42 * x, vehicle.arm_name(i), _colour(name, marks, "0.3"))
 

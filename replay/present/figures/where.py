@@ -1,6 +1,6 @@
 """Panels of where a model fails: error budget, map over two quantities, failure maps, correlations with their bands.
 
-`present.where.picture` puts all of them on one page; `budget_figure` and those after it draw each alone.
+`present.where.picture` puts all of them on one page; `budget_picture` and those after it are each alone.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ HARMFUL = -100.0
 """Share [%] below which the budget's axis becomes logarithmic: effects that do great harm."""
 
 
-def budget_figure(where: Where) -> Any:
+def budget_picture(where: Where) -> style.Picture:
     """Stacked bars: what the nominal error is made of, per axis and for the whole."""
-    return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: draw_budget(panel, where)))
+    return style.Picture((), (8.0, 3.6), lambda panel: draw_budget(panel, where))
 
 
-def maps_figure(where: Where) -> Any:
+def maps_picture(where: Where) -> style.Picture:
     """One panel per quantity: rms of force and torque by bin, against the noise floor."""
     count = len(shown(where))
     columns = 4 if count > 2 else 2
@@ -41,22 +41,27 @@ def maps_figure(where: Where) -> Any:
         for spare in panels.ravel()[count:]:
             spare.set_axis_off()
 
-    return style.figure_of(style.Picture((rows, columns), (3.7 * columns, 2.9 * rows), draw))
+    return style.Picture((rows, columns), (3.7 * columns, 2.9 * rows), draw)
 
 
-def grid_figure(where: Where) -> Any:
+def grid_picture(where: Where) -> style.Picture:
     """Map of the rms over two quantities, force and torque; an empty figure where the logs give none."""
-    return style.figure_of(style.Picture((1, 2), (8.6, 3.4), lambda panels: draw_grid(panels[0], where)))
+    return style.Picture((1, 2), (8.6, 3.4), lambda panels: draw_grid(panels[0], where))
 
 
-def correlation_figure(where: Where) -> Any:
+def correlation_picture(where: Where) -> style.Picture:
     """Autocorrelation of each axis, and its strongest correlation with an input, with bands."""
-    return style.figure_of(style.Picture((2, 6), (14.0, 5.4), lambda panels: draw_correlations(panels, where)))
+    return style.Picture((2, 6), (14.0, 5.4), lambda panels: draw_correlations(panels, where))
 
 
 def shown(where: Where, most: int = 8) -> tuple[Dependence, ...]:
     """The quantities that are drawn."""
     return where.failure_map.dependences[:most]
+
+
+def explains(dependence: Dependence) -> str:
+    """Which share of the error depends on a quantity, in words."""
+    return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
 
 
 def draw_budget(panel: Any, where: Where) -> None:
@@ -80,8 +85,7 @@ def draw_budget(panel: Any, where: Where) -> None:
     panel.axhline(0.0, color="black", lw=0.6)
     if np.nanmin(below) < HARMFUL:
         panel.set_yscale("symlog", linthresh=-HARMFUL)
-    style.grid(panel)
-    panel.grid(visible=False, axis="x")
+    style.grid(panel, without="x")
     style.legend(panel)
 
 
@@ -124,7 +128,10 @@ def _draw_map(panel: Any, dependence: Dependence) -> None:
     if dependence.name == "direction":
         _sides(panel)
     panel.tick_params(axis="x", labelsize=7)
-    panel.set_title(_title(dependence), fontsize=style.SMALL, color="black" if dependence.significant else "0.5")
+    title, colour = "no significant dependence", "0.5"
+    if dependence.significant:
+        title, colour = explains(dependence), "black"
+    panel.set_title(title, fontsize=style.SMALL, color=colour)
     panel.grid(alpha=0.25)
 
 
@@ -132,12 +139,6 @@ def _sides(panel: Any) -> None:
     """Names instead of degrees on the axis of the tilt direction."""
     panel.set_xticks(*SIDES)
     panel.set_xlabel("tilt direction (lowest side of the body)", fontsize=style.SMALL)
-
-
-def _title(dependence: Dependence) -> str:
-    if not dependence.significant:
-        return "no significant dependence"
-    return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
 
 
 def draw_grid(panels: Any, where: Where) -> None:

@@ -18,7 +18,6 @@ from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import design, detection, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
-from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import not_tried, sentences
 from wrenchgap.replay.present.numbers import (
@@ -64,7 +63,7 @@ def of_error(report: Report, _: Repetition) -> Content:
     absorbed = report.rest.absorption
     absorbs = "" if absorbed is None else learning.absorption_in_words(absorbed) or "the GP absorbs no known effect."
     return {
-        "chart": Image.of(style.figure_of(charts.picture(report)), f"Error step by step. {said}", caption, "svg"),
+        "chart": Image.of(charts.picture(report), f"Error step by step. {said}", caption, "svg"),
         "tables": [_steps(case) for case in report.staircases],
         "rest": summary.rest(report.rest),
         "residual": _residual(report),
@@ -88,9 +87,9 @@ def _residual(report: Report) -> Image | None:
     if compared is None or len(case.falling) < 2:
         return None
     last = case.stairs.index(case.falling[-1])
-    figure = style.figure_of(charts.residuals(compared, 0, last))
     alt = f"Measured minus predicted wrench over time on {compared.flights[0]}, before and after."
-    return Image.of(figure, alt, "Residual: measured minus predicted wrench. The table above has its RMS.")
+    caption = "Residual: measured minus predicted wrench. The table above has its RMS."
+    return Image.of(charts.residuals(compared, 0, last), alt, caption)
 
 
 def of_ranking(report: Report, _: Repetition) -> Content:
@@ -102,7 +101,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
-        "chart": Image.of(style.figure_of(explanation.picture(found)), alt, caption, "svg"),
+        "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
         "first": _candidates("Each effect alone", shown, found.model.vehicle),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
@@ -185,11 +184,11 @@ def _maps(found: Where) -> dict[str, Any]:
     empty = grid is not None and np.isnan([grid.force, grid.torque]).all()
     return {
         "summary": where.summary(found),
-        "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
+        "maps": Image.of(where_figures.maps_picture(found), alt, caption) if shown else None,
         "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
         "grid": grid
         and not empty
-        and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
+        and Image.of(where_figures.grid_picture(found), over, f"{over} Each map has its own scale."),
         "no_grid": summary.no_grid(grid) if grid is not None and empty else "",
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
@@ -212,11 +211,11 @@ def of_residual(report: Report, _: Repetition) -> Content:
     caption = "Shares of the residual's variance on held-out time that the inputs predict."
     energy = "What the nominal error energy is made of, by axis."
     return {
-        "budget": Image.of(where_figures.budget_figure(found), alt, energy),
+        "budget": Image.of(where_figures.budget_picture(found), alt, energy),
         "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
         "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
         "correlations": Image.of(
-            where_figures.correlation_figure(found),
+            where_figures.correlation_picture(found),
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
@@ -242,27 +241,18 @@ def _sensitivity(found: Explanation) -> Content:
         return {"limits": None}
     caption = "Each parameter by itself, beside what is named. A short bar says that only a large change would show."
     alt = "The smallest change of each effect that would have been firm, as a share of what is plausible."
-    return {
-        "limits": Image.of(style.figure_of(detection.picture(found)), alt, caption, "svg"),
-        "said": detection.sentences(found),
-        "sizes": _limits(found),
-    }
-
-
-def _limits(found: Explanation) -> Table:
-    rows = [
-        [
-            one.effect,
-            label(one.parameter, found.model.vehicle),
-            unit(one.unit),
-            number(one.size, 2),
-            number(one.plausible, 2),
-            " or ".join(one.instead),
-        ]
-        for one in found.limits
-    ]
     heads = ("effect", "parameter", "unit", "firm from", "plausible to", "instead")
-    return Table(heads, rows, left=3, texts=(5,), caption="The smallest change of each that would have been firm.")
+    rows = []
+    for one in found.limits:
+        named, sizes = label(one.parameter, found.model.vehicle), (number(one.size, 2), number(one.plausible, 2))
+        rows.append([one.effect, named, unit(one.unit), *sizes, " or ".join(one.instead)])
+    return {
+        "limits": Image.of(detection.picture(found), alt, caption, "svg"),
+        "said": detection.sentences(found),
+        "sizes": Table(
+            heads, rows, left=3, texts=(5,), caption="The smallest change of each that would have been firm."
+        ),
+    }
 
 
 def _shown_by(names: Sequence[str]) -> Table:
@@ -274,6 +264,11 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
     found = flight.design
     if found is None:
         return {"title": title, "shown_by": shown_by, "file": None, "why_not": summary.why_not(flight)}
+    rows = [
+        [f.truth, imitator, separation(value), f"{np.degrees(f.tilt_max):.0f}", f"{f.speed_max:.1f}"]
+        for f in found.flown
+        for imitator, value in f.separation.items()
+    ]
     heads = ("effect in the vehicle", "effect in the model", "separation", "largest tilt [deg]", "speed [m/s]")
     caption = "The same flight on the simulated vehicle."
     return {
@@ -281,7 +276,7 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
         "shown_by": shown_by,
         "file": Saved(f"next-flight-{place}.toml", trajectory_file.dumps(found.file)),
         "words": summary.designed(found),
-        "table": Table(heads, summary.rehearsal(found), left=2, caption=caption) if found.flown else None,
+        "table": Table(heads, rows, left=2, caption=caption) if found.flown else None,
         "advice": () if found.separable else design.advice(found),
     }
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
@@ -70,15 +68,6 @@ def designed(found: Design) -> str:
         f"{before}; the effects are separable above {SIGNIFICANCE.indistinct:g}."
     )
     return said if found.separable else f"{said} No flight that was tried separates them reliably."
-
-
-def rehearsal(found: Design) -> list[list[str]]:
-    """The designed flight on the simulated vehicle, a row for each effect in the vehicle and each in the model."""
-    return [
-        [f.truth, imitator, separation(value), f"{np.degrees(f.tilt_max):.0f}", f"{f.speed_max:.1f}"]
-        for f in found.flown
-        for imitator, value in f.separation.items()
-    ]
 
 
 def parts(report: Report) -> list[Part]:
