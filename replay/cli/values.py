@@ -86,20 +86,16 @@ def parse_unmeasured(text: str | None) -> tuple[str, ...]:
 
 def parse_accept(texts: Sequence[str] | None) -> tuple[str, ...]:
     """Names of checks; raises UsageError for one that there is not."""
-    if not texts:
-        return ()
     from wrenchgap.flight.check import accepted_names
 
-    return accepted_names(name for text in texts for name in parse_names(text))
+    return accepted_names(name for text in texts or () for name in parse_names(text))
 
 
 def parse_keep(texts: Sequence[str] | None) -> tuple[str, ...]:
     """Names of phases; raises UsageError for one that there is not."""
-    if not texts:
-        return ()
     from wrenchgap.learn.data.phases.phase import phase_names
 
-    return phase_names(name for text in texts for name in parse_names(text))
+    return phase_names(name for text in texts or () for name in parse_names(text))
 
 
 def parse_budget(text: str | None) -> str | None:

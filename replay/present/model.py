@@ -11,11 +11,11 @@ from wrenchgap.plant.command_curve import CommandCurve
 from wrenchgap.plant.drafts.draft import Sheet
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.addition import effects_json
+from wrenchgap.replay.present.addition import effects_json, model_table
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.figures.vehicle import hubs
 from wrenchgap.replay.present.numbers import entries, number, quantity
-from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
 
 ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
 
@@ -27,7 +27,7 @@ def parts(sheet: Sheet) -> list[Part]:
     if model.vehicle.has_rotors:
         out += [Line(), rotor_table(model.vehicle), Line(ROTOR_LEGEND, "dim")]
     if model.effects:
-        out += [Line(), parameters(model.snapshot, f"effects of {model.name}", model.vehicle)]
+        out += [Line(), model_table(model)]
     out += [Line(), *note_lines(sheet.assumed, "assumed")] if sheet.assumed else []
     return [*out, *note_lines([*sheet.notes, *model.notes])]
 

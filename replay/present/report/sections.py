@@ -12,10 +12,8 @@ from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
-from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.trajectory import file as trajectory_file
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import design, detection, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import where as where_figures
@@ -100,27 +98,25 @@ def of_ranking(report: Report, _: Repetition) -> Content:
         return {"chart": None}
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
+    rows = []
+    for c in shown:
+        words = parameters_in_words(c.values, found.model.vehicle)
+        words += " (implausible: at its limit)" if c.implausible else ""
+        falls = [change(-float(v)) for v in c.reduction]
+        rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
+    heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
+    legend = (
+        "Each effect alone. Score: share of the given model's error energy that is gone. F, M: change of RMS on "
+        "held-out time. Evidence: sum of the logarithms of RMS ratios. t: paired over blocks of time; significant "
+        f"above {SIGNIFICANCE.alone:g}."
+    )
     return {
         "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
-        "first": _candidates("Each effect alone", shown, found.model.vehicle),
+        "first": Table(heads, rows, left=2, caption=legend),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
     }
-
-
-def _candidates(title: str, candidates: Sequence[Candidate], vehicle: Vehicle) -> Table:
-    rows = []
-    for c in candidates:
-        words = parameters_in_words(c.values, vehicle) + (" (implausible: at its limit)" if c.implausible else "")
-        falls = [change(-float(v)) for v in c.reduction]
-        rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
-    legend = (
-        "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
-        f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANCE.alone:g}."
-    )
-    heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
-    return Table(heads, rows, left=2, caption=f"{title}. {legend}" if title else legend)
 
 
 def _members(found: Explanation) -> Table | None:
