@@ -26,18 +26,16 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
-from wrenchgap.learn.changed.healthy_model import HealthyModel, healthy_model
+from wrenchgap.learn.changed.by_flight import FlightRow, NotCompared, not_compared, rows_by_flight, values_by_flight
+from wrenchgap.learn.changed.healthy_model import HealthyModel, OutlierFlight, healthy_model, outlier_flights
 from wrenchgap.learn.changed.linearised_effects import over_both_sides
-from wrenchgap.learn.changed.outlier_flights import OutlierFlight, outlier_flights
-from wrenchgap.learn.changed.overlap import NotCompared, not_compared
 from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
-from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
-from wrenchgap.learn.changed.search import Weighed, parts_of, weigh
+from wrenchgap.learn.changed.search import ODDS, Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.changed.varying import means_by_flight, scatter_between
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
@@ -45,10 +43,9 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.discriminating_tests import Check
-from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
-from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
+from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
@@ -268,7 +265,7 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
-    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle, parts_of)
+    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle, ODDS)
     limits = tuple(one for one in limits if one.effect not in NAMELESS)
     certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE and found.settled
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()

@@ -4,6 +4,8 @@ What changes is multiplied by what is always there: a mass that was added, by th
 centre of mass, by motors that follow late. Straight lines taken about the model as given lack these products, which
 stand above the sensors' noise where either is large, and other effects make up for them. So what is common to the
 healthy flights is put into the model, and everything is linearised anew about that, `ROUNDS` times.
+
+Healthy flights that are not: each is judged against the others, as if it were the suspect one (`outlier_flights`).
 """
 
 from __future__ import annotations
@@ -17,12 +19,14 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, linearised_effects
 from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated, within_bounds
-from wrenchgap.learn.changed.scatter import means_by_flight
+from wrenchgap.learn.changed.search import worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.changed.varying import means_by_flight
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
+from wrenchgap.learn.posterior.score import Scored, Scorer
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -36,6 +40,10 @@ GAIN = 3.0
 being free in both; one that loses as much is not taken. Straight lines about a lag that all flights have are no better
 for healthy flights than its own line is, and for suspect flights, where it may have changed, they are.
 """
+FEWEST = 3
+"""Healthy flights below which none can be said to be odd: of two that differ, either may be."""
+OUTLIER_ODDS = 4.0
+"""Log odds that something changed, the likeliest change by itself against none, from which on a flight is odd."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +87,8 @@ def _solved(healthy: Dataset, about: HealthyModel) -> tuple[PooledFlights, Array
     pool = calibrated(pool, range(len(pool.names)))
     spectrum = pool.spectrum()
     low, high = spectrum.low[spectrum.always].copy(), spectrum.high[spectrum.always].copy()
-    at = pool.common_at(low)
-    for one, column in zip(pool.shared_laws, pool.common, strict=True):
-        size = len(one.reference)
-        low[at : at + size], high[at : at + size] = one.line.low, one.line.high
-        at += column.jacobian.shape[2]
+    for one, *own in zip(pool.shared_laws, pool.common_values(low), pool.common_values(high), strict=True):
+        own[0][: len(one.reference)], own[1][: len(one.reference)] = one.line.low, one.line.high  # views
     theta, _, remains = within_bounds(spectrum, low, high)
     variance = np.maximum(remains, spectrum.sensor)
     likelihood = -0.5 * float(np.sum(spectrum.count * (np.log(variance) + remains / variance)))
@@ -93,7 +98,7 @@ def _solved(healthy: Dataset, about: HealthyModel) -> tuple[PooledFlights, Array
 def _effects(pool: PooledFlights, theta: Array) -> tuple[ModelEffect, ...]:
     """Those of the model, at their new values, and those that show on some axis beside what is left of all."""
     found = {e.name: e for e in pool.model.effects}
-    left = pool.left - pool.shared(theta) - pool.apart(theta)
+    left = pool.unexplained(theta)
     least = SHOWS * np.sqrt(np.mean((left - means_by_flight(pool.data, left)[pool.data.flight]) ** 2, axis=0))
     for one in pool.shared_laws:
         values = pool.shared_values(theta, one.name)
@@ -102,3 +107,43 @@ def _effects(pool: PooledFlights, theta: Array) -> tuple[ModelEffect, ...]:
             inside = np.clip(values, one.line.low, one.line.high)
             found[one.name] = ModelEffect(find(one.name), one.line.origin + inside)
     return tuple(found[n] for n in sorted(found))
+
+
+@dataclass(frozen=True)
+class OutlierFlight:
+    """A flight that was given as healthy and differs from the others: the change that says most of it, its log odds."""
+
+    flight: str
+    effect: str
+    odds: float
+
+
+def outlier_flights(pool: PooledFlights, healthy: Sequence[int]) -> tuple[tuple[int, OutlierFlight], ...]:
+    """The oddest of the healthy flights, and of what remains the oddest again, as long as there is one."""
+    left = list(healthy)
+    found: list[tuple[int, OutlierFlight]] = []
+    while len(left) >= FEWEST:
+        judged = [(f, _against(pool, f, [g for g in left if g != f])) for f in left]
+        flight, odd = max(judged, key=lambda pair: pair[1].odds)
+        if odd.odds < OUTLIER_ODDS:
+            break
+        found.append((flight, odd))
+        left.remove(flight)
+    return tuple(found)
+
+
+def _against(pool: PooledFlights, flight: int, others: Sequence[int]) -> OutlierFlight:
+    """One flight as the suspect of some others; changes one by one, those that are large enough for a name."""
+    both = sorted((flight, *others))
+    alone = calibrated(pool.only(both), [both.index(f) for f in others])
+    mine = both.index(flight)
+    rows = alone.rows([mine])
+    spectrum = alone.spectrum(tuple(one.change(rows) for one in alone.laws), [mine])
+    scorer = Scorer(spectrum, spectrum.saturated()[0])
+    nothing = scorer(()).log_probability
+    singles: list[Scored] = [scorer((key,)) for key in spectrum.columns]
+    singles = [s for s in singles if worth_a_name(scorer, s.keys[0])]
+    if not singles:
+        return OutlierFlight(pool.names[flight], "", -np.inf)
+    best = max(singles, key=lambda s: s.log_probability)
+    return OutlierFlight(pool.names[flight], best.keys[0], best.log_probability - nothing)

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.priors import change_prior
-from wrenchgap.learn.changed.propeller import NAME, damaged, without_drag_torque
+from wrenchgap.learn.changed.priors import ROTOR_THRUST, change_prior, damaged, without_drag_torque
 from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import Point, Problem
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
+from wrenchgap.learn.posterior.columns import linearised as column_at
 from wrenchgap.plant.effects import find, is_air
 from wrenchgap.plant.model import Model
 
@@ -65,6 +65,7 @@ class LinearisedEffect:
             low=low,
             high=np.zeros_like(high) if prior.loses else high,
             scale=size,
+            price=prior.price,
         )
 
     def rows(self, kept: NDArray[np.bool_]) -> LinearisedEffect:
@@ -166,7 +167,7 @@ def _stacked(
 
 def torque_of(data: Dataset, model: Model, name: str, line: Column) -> Array | None:
     """What the drag torque of each rotor adds (K, 6, R), where a change of the effect, a `line`, takes that too."""
-    if name != NAME:
+    if name != ROTOR_THRUST:
         return None
     lifting = linearised(replace(data), without_drag_torque(model), name, line.origin, line.origin + line.theta)
     return np.asarray(line.jacobian - lifting.jacobian)
@@ -204,27 +205,14 @@ def relinearised_at(data: Dataset, model: Model, one: LinearisedEffect, theta: A
 def linearised(data: Dataset, model: Model, name: str, origin: Array, there: Array) -> Column:
     """What the effect adds to what it does at `origin` (P,), with the derivatives that it has at `there` (P,)."""
     problem = Problem(data, model, (name,))
-    size, part = problem.size, slice(0, problem.size)
+    part = slice(0, problem.size)
     there = np.clip(there, problem.low[part], problem.high[part])
 
-    def point(values: Array) -> Array:
+    def at(values: Array) -> Point:
         x = np.zeros(problem.low.size)
         x[part] = values
-        return x
+        return problem.at(x)
 
-    at = problem.at(point(there))
-    derivative = problem.jacobian(at)[:, :, part]
-    straight = np.array_equal(origin, there)
-    before = at.residual if straight else problem.at(point(origin)).residual
-    return Column(
-        (name,),
-        origin,
-        there - origin,
-        before - at.residual - derivative @ (there - origin),
-        derivative,
-        problem.low[part] - origin,
-        problem.high[part] - origin,
-        problem.scale[:size].copy(),
-        problem.sparse[part],
-        find(name).accuracy,
-    )
+    point = at(there)
+    before = point.residual if np.array_equal(origin, there) else at(origin).residual
+    return column_at(problem, origin, before, point)

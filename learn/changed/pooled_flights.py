@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,13 +11,23 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
-from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
-from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, seeming, varying
+from wrenchgap.learn.changed.varying import (
+    Varying,
+    columns,
+    means_by_flight,
+    noise_of_means,
+    remaining,
+    renewed,
+    scatter_between,
+    seeming,
+    varying,
+)
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.kernels import bounded
+from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.settings import CHANGES, SearchSettings
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import family
@@ -120,52 +130,44 @@ class PooledFlights:
         return tuple(seeming(one.name, one.bent.jacobian, one.bent.scale).column(rows) for one in whole)
 
     def _day(self, suspects: Collection[int]) -> Column:
-        rows = self.rows(suspects)
-        jacobian = np.zeros((len(rows), 6, 6))
-        for axis in np.flatnonzero(self.data.measured_axes):
-            jacobian[rows, axis, axis] = 1.0
-        size = self.scatter * np.sqrt(1.0 - 1.0 / len(suspects)) + 1e-12
-        nothing = np.zeros(6)
-        wide = 5.0 * size
-        flat = np.zeros(6, dtype=bool)
-        return Column((), nothing, nothing, np.zeros_like(self.left), jacobian, -wide, wide, size, flat, 0.0)
+        """A trim that several suspect flights have in common."""
+        of_axes = self.rows(suspects)[:, None] & self.data.measured_axes
+        trim = Varying("day", of_axes[:, :, None] * np.eye(6), self.scatter * np.sqrt(1.0 - 1.0 / len(suspects)))
+        return trim.column(np.ones(len(of_axes), dtype=bool))
+
+    def common_values(self, theta: Array) -> list[Array]:
+        """Of each of `common`, `theta` being the always-there unknowns of a spectrum: they are the last."""
+        return split(theta[len(theta) - self.common_size :], self.common)
+
+    @property
+    def common_size(self) -> int:
+        """Unknowns of `common`."""
+        return sum(len(c.scale) for c in self.common)
+
+    def unexplained(self, theta: Array) -> Array:
+        """What is left (K, 6) without what all flights share and each differs by, trims aside; there is no suspect."""
+        known = (*columns(self.varying, self.data.flight, ()), *self.common)
+        return self.left - added(known, split(theta[-sum(len(c.scale) for c in known) :], known))
 
     def shared(self, theta: Array) -> Array:
-        """What all flights share (K, 6) of what the model leaves, `theta` being the always-there unknowns of a
-        spectrum: laws, without trims.
-        """  # noqa: D205
-        out = np.zeros_like(self.left)
-        at = self.common_at(theta)
-        for column in self.common:
-            size = column.jacobian.shape[2]
-            out = out + column.jacobian @ theta[at : at + size]
-            at += size
-        return out
-
-    def apart(self, theta: Array) -> Array:
-        """What each flight differs by from the others (K, 6), of the same unknowns; there is no suspect."""
-        out = np.zeros_like(self.left)
-        mine = columns(self.varying, self.data.flight, ())
-        at = self.common_at(theta) - sum(c.jacobian.shape[2] for c in mine)
-        for column in mine:
-            size = column.jacobian.shape[2]
-            out = out + column.jacobian @ theta[at : at + size]
-            at += size
-        return out
+        """What all flights share (K, 6) of what the model leaves, of the same unknowns."""
+        return added(self.common, self.common_values(theta)) + np.zeros_like(self.left)
 
     def shared_values(self, theta: Array, name: str) -> Array:
         """Parameters (P,) of an effect that all flights share, of those unknowns; zero of another form of an effect."""
         size = len(next(one for one in self.laws if one.name == name).reference)
-        at = self.common_at(theta)
-        for column in self.common:
-            if column.key == name:
-                return theta[at : at + size]
-            at += column.jacobian.shape[2]
-        return np.zeros(size)
+        named = (v for c, v in zip(self.common, self.common_values(theta), strict=True) if c.key == name)
+        return next(named, np.zeros(size))[:size]
 
-    def common_at(self, theta: Array) -> int:
-        """Where, among the unknowns that are always there, those of `common` begin: they are the last."""
-        return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
+
+def split(theta: Array, some: Sequence[Column]) -> list[Array]:
+    """Unknowns of columns one after the other, by column."""
+    return np.split(theta, np.cumsum([len(c.scale) for c in some])[:-1]) if some else []
+
+
+def added(some: Sequence[Column], values: Sequence[Array]) -> Array:
+    """What columns add (K, 6) at these values, their offsets aside."""
+    return np.asarray(sum(c.jacobian @ v for c, v in zip(some, values, strict=True)))
 
 
 def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
@@ -185,44 +187,36 @@ def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
     alone = replace(alone, scatter=(1.0 if excited else WIDE) * usual)
     for _ in range(ROUNDS):
         alone = replace(alone, sizes=sizes, deviations=scales)
-        theta, variance = solved(alone.spectrum())
-        at = alone.common_at(theta)
-        own = slice(at - flights * sum(len(v.scale) for v in alone.varying), at)
-        for one, column in zip(alone.shared_laws, alone.common, strict=True):
-            size, least = column.jacobian.shape[2], one.common.scale
-            shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)
-            sizes = sizes | {one.name: shown}
-            at += size
+        theta, covariance, _ = within_bounds(alone.spectrum())
+        for one, shown in zip(alone.shared_laws, alone.common_values(theta), strict=True):
+            least = one.common.scale
+            sizes = sizes | {one.name: np.clip(np.abs(shown), least, least / ABSOLUTE)}
         if excited:
-            scales = renewed(alone.varying, theta[own], variance[own], flights, pool.model)
-    left = alone.left - alone.shared(theta) - alone.apart(theta)
-    noise = noise_of_means(alone.data, left)
-    scatter = scatter_between(means_by_flight(alone.data, left), usual, noise)
+            at = len(theta) - alone.common_size
+            own = slice(at - flights * sum(len(v.scale) for v in alone.varying), at)
+            scales = renewed(alone.varying, theta[own], np.diag(covariance)[own], flights, pool.model)
+    left = alone.unexplained(theta)
+    scatter = scatter_between(means_by_flight(alone.data, left), usual, noise_of_means(alone.data, left))
     return replace(pool, scatter=scatter, sizes=sizes, deviations=scales)
 
 
-def solved(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
-    """The always-there unknowns by themselves, and their variances; axes and bands weighed by what they leave."""
-    low = np.full(len(spectrum.always), -np.inf)
-    theta, covariance, _ = within_bounds(spectrum, low, -low, rounds)
-    return theta, np.diag(covariance)
-
-
-def within_bounds(spectrum: Spectrum, low: Array, high: Array, rounds: int = 3) -> tuple[Array, Array, Array]:
+def within_bounds(
+    spectrum: Spectrum, low: Array | float = -np.inf, high: Array | float = np.inf, rounds: int = 3
+) -> tuple[Array, Array, Array]:
     """The always-there unknowns (Q,) within bounds, their covariance without any, and the mean squares (bands, axes)
-    that are left.
+    that are left, axes and bands weighed by what they leave.
     """  # noqa: D205
     always, left = spectrum.always, spectrum.products[:, :, 0, 0]
     weights = np.zeros(spectrum.low.size)
     weights[0] = 1.0
     scale = spectrum.scale[always]
     for _ in range(rounds):
-        variance = np.maximum(left, spectrum.sensor)
-        whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
-        A = whole[np.ix_(always, always)]
+        whole = np.tensordot(spectrum.count / np.maximum(left, spectrum.sensor), spectrum.products, ([0, 1], [0, 1]))
+        A, b = whole[np.ix_(always, always)], whole[always, 0]
         covariance = np.linalg.inv(A + np.diag(scale**-2.0))
-        weights[always] = -covariance @ whole[always, 0]
-        if np.any(weights[always] > -low) or np.any(weights[always] < -high):
-            weights[always] = -bounded(A, whole[always, 0], low, high, scale)
-        left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return -weights[always], np.asarray(covariance, dtype=float), left
+        theta = covariance @ b
+        if np.any(theta < low) or np.any(theta > high):
+            theta = bounded(A, b, low, high, scale)
+        weights[always] = -theta
+        left = np.maximum(quadratic(spectrum.products, weights), 0.0)
+    return theta, np.asarray(covariance, dtype=float), left

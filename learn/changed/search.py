@@ -3,47 +3,45 @@
 A change of the mean of a flight can always be said to be trim. What a set is worth is therefore the log odds in all,
 trims and their prior included, and not what it takes off what is left, which trims would take off as well. Two sets are
 one class where they differ by less than `indistinct` standard errors of everything that is always there.
+
+Where drag has grown five times, the wind of the day pushes five times as much, and a rotor that is lost turns the
+vehicle about a centre of mass that lies elsewhere: what else there may be is multiplied by what has changed. So
+everything is linearised anew on the suspect flights, beside changes that are large (`relinearised`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.linearised_effects import relinearised_at
+from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, beyond, linearised, relinearised_at
 from wrenchgap.learn.changed.pooled_flights import PooledFlights
-from wrenchgap.learn.changed.priors import change_prior
-from wrenchgap.learn.changed.propeller import read
-from wrenchgap.learn.changed.relinearise import relinearised
+from wrenchgap.learn.changed.priors import read
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.identify.least_squares import left_by
+from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.equivalence_classes import (
+from wrenchgap.learn.posterior.posterior import (
     EquivalenceClass,
     NamedSet,
-    checks_between,
-    grouped,
+    Posterior,
+    equivalence_classes,
     merged_by_names,
+    posterior,
 )
-from wrenchgap.learn.posterior.posterior import Posterior
-from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.scored_sets import (
-    Part,
-    ScoredSet,
-    described,
-    part,
-    pruned,
-    shares,
-    weights,
-)
-from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior.scored_sets import Bends, Rule, scored_set, weights
 from wrenchgap.learn.posterior.subset_search import SubsetSearch, ordered, searched
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect
 
 FAR = 0.3
 """Change from where it was linearised, in sizes of its prior (of a lag outside the best set, of itself where that is
@@ -51,23 +49,14 @@ more), that calls for new derivatives.
 """
 
 
-class ChangeScorer(Scorer):
-    """Scores sets of changes; some changes are rarer than others (`learn.changed.priors`)."""
+def log_odds(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+    """Of a set against the one without each of its changes."""
+    whole = scorer(keys).log_probability
+    return {gone: whole - scorer(tuple(k for k in keys if k != gone)).log_probability for gone in keys}
 
-    def __init__(self, spectrum: Spectrum, reference: Array) -> None:
-        super().__init__(spectrum, reference)
-        self.described: dict[Keys, ScoredSet] = {}
-        """Sets of which everything is said already."""
 
-    def on(self, spectrum: Spectrum) -> Self:
-        """The same scorer on another spectrum of the same columns."""
-        other = super().on(spectrum)
-        other.described = {}
-        return other
-
-    def prior_of(self, keys: Keys) -> float:
-        """Log probability of the set before any flight."""
-        return super().prior_of(keys) - sum(change_prior(n).price for k in keys for n in self.spectrum.columns[k].names)
+ODDS = Rule(log_odds, lambda scorer, keys, bends: dict.fromkeys(keys, 1.0), 0.0, math.inf)
+"""Of sets of changes."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +66,7 @@ class Weighed:
     """  # noqa: D205
 
     posterior: Posterior
-    scorer: ChangeScorer
+    scorer: Scorer
     pool: PooledFlights
     suspects: tuple[int, ...]
     settled: bool
@@ -97,7 +86,7 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     """
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(rounds):
-        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), ChangeScorer, jobs)
+        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), jobs)
         late, far = _late(scorer, vehicle), _moved(scorer)
         if number + 1 == rounds or not (late or far):
             break
@@ -114,13 +103,13 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     log = ordered(scorer)
     settings = pool.settings
     kept = [s for s in log[: settings.weighed] if s.log_probability > log[0].log_probability - settings.behind]
-    described_sets = [scored_set(scorer, s.keys) for s in kept]
-    sets = merged_by_names(described_sets, weights(described_sets))
-    found = Posterior(sets, classes_of(sets, scorer, vehicle), checks_between(sets, vehicle), settings=settings)
+    scored = [scored_set(scorer, s.keys, rule=ODDS) for s in kept]
+    sets = merged_by_names(scored, weights(scored))
+    found = posterior(sets, classes_of(sets, scorer), vehicle, settings)
     return Weighed(found, scorer, pool, tuple(suspects), not far)
 
 
-def worth_a_name(scorer: ChangeScorer, name: str) -> bool:
+def worth_a_name(scorer: Scorer, name: str) -> bool:
     """Whether a change by itself is large enough for a name: what is smaller, however well established, is what laws
     are off by from one trajectory to the next.
     """  # noqa: D205
@@ -156,55 +145,104 @@ def _far(theta: Array, column: Column, size: Array) -> bool:
     return float(np.max(np.abs(theta - column.theta) / size)) > FAR
 
 
-def scored_set(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
-    """All that is said of a set, and what remains of it without what is not worth its price."""
-
-    def idle(some: Keys) -> list[Keys]:
-        parts = zip(some, _described(scorer, some).parts, strict=True)
-        return [tuple(k for k in some if k != gone) for gone, p in parts if p.evidence <= 0.0]
-
-    leaves = pruned(keys, idle, math.inf)
-    described = (_described(scorer, leaf) for leaf in leaves)
-    return replace(_described(scorer, keys), leaves=tuple(zip(described, shares(scorer, leaves), strict=True)))
-
-
-def _described(scorer: ChangeScorer, keys: Keys) -> ScoredSet:
-    if keys not in scorer.described:
-        scorer.described[keys] = described(scorer, keys, parts_of(scorer, keys))
-    return scorer.described[keys]
-
-
-def parts_of(scorer: Scorer, keys: Keys) -> tuple[Part, ...]:
-    """What is said of each change of a set; its evidence is the log odds of the set against the one without it."""
-    scored = scorer(keys)
-    parts = []
-    for key in keys:
-        c, theta = scorer.spectrum.columns[key], scored.theta[key]
-        odds = scored.log_probability - scorer(tuple(k for k in keys if k != key)).log_probability
-        parts.append(part(c, theta, odds, 1.0, scorer.spectrum.settings))
-    return tuple(parts)
-
-
-def classes_of(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[EquivalenceClass, ...]:
-    """Every set in the class of the heaviest set that it cannot be told from."""
+def classes_of(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[EquivalenceClass, ...]:
+    """Every set in the class of the heaviest set that it cannot be told from: there are less than `indistinct` standard
+    errors between their predictions, all that is always there being free to make up for them.
+    """  # noqa: D205
     search = SubsetSearch(scorer, sets[0].scored_set.scored.variance)
+    space = search.space
+
+    def changes(one: NamedSet) -> Array:
+        """Weights (Q,) of a set's own columns in the stacked quantities."""
+        scored = one.scored_set.scored
+        mine = np.concatenate(
+            [np.zeros(0, np.intp), *(np.append(space.parameters[k], space.offset[k]) for k in scored.keys)]
+        )
+        out = np.zeros_like(scored.weights)
+        out[mine] = scored.weights[mine]
+        return out
 
     def alike(one: NamedSet, other: NamedSet) -> bool:
-        return bool(one.names) == bool(other.names) and apart(search, one, other) < search.settings.indistinct
+        apart = changes(one) - changes(other)
+        errors = float(np.sqrt(max(float(apart @ search.whole @ apart), 0.0)))
+        return bool(one.names) == bool(other.names) and errors < search.settings.indistinct
 
-    return grouped(sets, alike, vehicle)
-
-
-def apart(search: SubsetSearch, first: NamedSet, second: NamedSet) -> float:
-    """Standard errors between two sets' predictions, all that is always there being free to make up for them."""
-    weights = changes_only(search, first.scored_set.scored) - changes_only(search, second.scored_set.scored)
-    return float(np.sqrt(max(float(weights @ search.whole @ weights), 0.0)))
+    return equivalence_classes(sets, alike)
 
 
-def changes_only(search: SubsetSearch, scored: Scored) -> Array:
-    """Weights (Q,) of a set's own columns in the stacked quantities."""
-    out = np.zeros_like(scored.weights)
-    for key in scored.keys:
-        mine = np.append(search.space.parameters[key], search.space.offset[key])
-        out[mine] = scored.weights[mine]
+def relinearised(
+    pool: PooledFlights,
+    suspects: Collection[int],
+    changes: Mapping[str, Array],
+    points: Mapping[str, Array],
+    jobs: int = 1,
+) -> PooledFlights:
+    """The pool with all laws linearised anew on the suspect flights, where these effects have changed by `changes`
+    (each (P,)), and other effects by themselves at `points` or where they are; as it was where no vehicle can be so.
+
+    Every change has the offset that makes it exact on top of the larger ones: what remains with smaller ones left out
+    is as exact as it was.
+    """  # noqa: D205
+    rows, mine = pool.rows(suspects), pool.only(suspects)
+    model = changed_model(pool, changes)
+
+    def work(name: str) -> Column:
+        one = next(law for law in mine.laws if law.name == name)
+        there = one.reference + changes.get(name, points.get(name, one.bent.theta))
+        return linearised(mine.data, model, name, one.reference, there)
+
+    try:
+        names = [one.name for one in mine.laws]
+        found = dict(zip(names, each(work, names, jobs, (mine, model)), strict=True))
+        offsets = _offsets(mine, found, changes)
+    except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+        return pool
+    laws = tuple(_with(one, found[one.name], rows, offsets.get(one.name)) for one in pool.laws)
+    return replace(pool, laws=laws)
+
+
+def changed_model(pool: PooledFlights, changes: Mapping[str, Array]) -> Model:
+    """The pool's model with these effects changed, within what they can be."""
+    laws = {one.name: one for one in pool.laws}
+    effects = {e.name: e for e in pool.model.effects}
+    for name, theta in changes.items():
+        one = laws[name]
+        effects[name] = ModelEffect(find(name), one.reference + np.clip(theta, *beyond(one.bent)))
+    return replace(pool.model, effects=tuple(effects[n] for n in sorted(effects)))
+
+
+def _offsets(mine: PooledFlights, found: Mapping[str, Column], changes: Mapping[str, Array]) -> dict[str, Array]:
+    """What each change adds (K, 6) besides its derivatives times its size, on top of the larger ones; all from what
+    these effects are on healthy flights.
+    """  # noqa: D205
+    there = {n: np.zeros_like(theta) for n, theta in changes.items()}
+    healthy = left_by(mine.data, changed_model(mine, there))
+
+    def added(some: Mapping[str, Array]) -> Array:
+        return healthy - left_by(mine.data, changed_model(mine, {**there, **some}))
+
+    alone = {n: float(np.linalg.norm(added({n: theta}))) for n, theta in changes.items()}
+    out: dict[str, Array] = {}
+    larger: dict[str, Array] = {}
+    before = np.zeros_like(mine.left)
+    for name in sorted(changes, key=lambda n: -alone[n]):
+        larger[name] = changes[name]
+        after = added(larger)
+        out[name] = after - before - found[name].jacobian @ changes[name]
+        before = after
     return out
+
+
+def _with(one: LinearisedEffect, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> LinearisedEffect:
+    """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`.
+
+    What it is in all flights has the same derivatives there: lines from two points, one against the other, would be a
+    lag.
+    """
+    line, bent, added = one.line.jacobian.copy(), one.bent.jacobian.copy(), one.bent.offset.copy()
+    line[rows] = bent[rows] = new.jacobian
+    added[rows] = new.offset if offset is None else offset
+    straight = one.bent is one.line and not np.any(added)
+    first = replace(one.line, jacobian=line)
+    changed = first if straight else replace(one.bent, jacobian=bent, offset=added, theta=new.theta)
+    return replace(one, line=first, bent=changed)

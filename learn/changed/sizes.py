@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.by_flight import shared, values_by_flight
 from wrenchgap.learn.changed.places import where_of
-from wrenchgap.learn.changed.propeller import read
+from wrenchgap.learn.changed.priors import read
 from wrenchgap.learn.changed.search import Weighed, worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL

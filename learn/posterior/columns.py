@@ -6,6 +6,7 @@ set is the sum of its columns, and thousands of sets cost what one fit costs (`l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import let_go, on_disk
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import MANY, Fit
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import Point, Problem
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -31,7 +32,7 @@ class Column:
     `names` are the effect and those that come with it (air that moves, with a drag). Parameters count from `origin`
     (P,), the values that the model has, zero where it lacks the effect; `theta` (P,) is where it was linearised; `low`,
     `high`, `scale` and `sparse` (P,) are those of its parameters (`plant.effects.Parameter`); `accuracy` is the share
-    to which the least known of its laws is.
+    to which the least known of its laws is; `price` are log odds against the candidate besides those of any effect.
     """
 
     names: tuple[str, ...]
@@ -44,6 +45,7 @@ class Column:
     scale: Array
     sparse: NDArray[np.bool_]
     accuracy: float
+    price: float = 0.0
 
     @property
     def key(self) -> str:
@@ -62,36 +64,49 @@ class Column:
         return replace(self, offset=whole[:, :, -1], jacobian=whole[:, :, :-1])
 
 
-def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[str, ...]) -> Column:
-    """The column of `names` from their fit; `left` (K, 6) is what the model leaves without them."""
-    problem = Problem(data, model, names)
+def linearised(problem: Problem, origin: Array, before: Array, point: Point, derivative: Array | None = None) -> Column:
+    """The column of a problem's effects, linearised at a point: `before` (K, 6) is left where their parameters are
+    `origin` (P,); `derivative` (K, 6, P + ...) is the problem's there, where it is known.
+    """  # noqa: D205
     part = slice(0, problem.size)
-    own = {e.name: e.theta for e in model.effects}
-    sizes = {n: len(find(n).parameters(model.vehicle)) for n in names}
-    origin = np.concatenate([own.get(n, np.zeros(size)) for n, size in sizes.items()])
-    x = np.zeros(problem.low.size)
-    x[part] = fitted.theta
-    derivative = fitted.jacobian[:, :, part]
-    parameters = [p for _, p in problem.parameters]
-    dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale]
-    for k in dull:
-        x[k] = min(parameters[k].scale, parameters[k].high)
-    point = problem.at(x)
-    if dull:
-        derivative = problem.jacobian(point)[:, :, part]
-    theta = x[part] - origin
+    derivative = (problem.jacobian(point) if derivative is None else derivative)[:, :, part]
+    theta = point.x[part] - origin
     return Column(
-        names,
+        problem.names,
         origin,
         theta,
-        left - point.residual - derivative @ theta,
+        before - point.residual - derivative @ theta,
         derivative,
         problem.low[part] - origin,
         problem.high[part] - origin,
         problem.scale[part],
         problem.sparse[part],
-        max(find(n).accuracy for n in names),
+        max(find(n).accuracy for n in problem.names),
     )
+
+
+def given_values(model: Model, names: Sequence[str]) -> Array:
+    """Parameters (P,) of these effects as the model has them, zero where it lacks an effect."""
+    own = {e.name: e.theta for e in model.effects}
+    return np.concatenate([own.get(n, np.zeros(len(find(n).parameters(model.vehicle)))) for n in names])
+
+
+def away_from_zero(problem: Problem, x: Array) -> list[int]:
+    """Parameters of which a derivative at these values says nothing; they are moved to their typical sizes."""
+    parameters = [p for _, p in problem.parameters]
+    dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale]
+    for k in dull:
+        x[k] = min(parameters[k].scale, parameters[k].high)
+    return dull
+
+
+def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[str, ...]) -> Column:
+    """The column of `names` from their fit; `left` (K, 6) is what the model leaves without them."""
+    problem = Problem(data, model, names)
+    x = np.zeros(problem.low.size)
+    x[: problem.size] = fitted.theta
+    derivative = None if away_from_zero(problem, x) else fitted.jacobian
+    return linearised(problem, given_values(model, names), left, problem.at(x), derivative)
 
 
 def compatible(keys: tuple[str, ...], columns: dict[str, Column]) -> bool:

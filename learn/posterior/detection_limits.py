@@ -13,30 +13,32 @@ smaller: the limit is the smallest size that is firm, and `ADVERSE` standard dev
 
 A lag is no straight line: through what it adds at the size t0 where it was linearised goes the parabola
 J t + c (2 t/t0 - (t/t0)^2), J its derivative there and c what the straight line lacks, and its secant is injected.
+
+Whether limits hold is checked by adding effects to the flights as measured (`Injection`), and searching again.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
+from wrenchgap.learn.data.measurement import Evaluator, Record
 from wrenchgap.learn.identify.fit import MATERIAL
-from wrenchgap.learn.posterior.held_out_flights import FittedSet
+from wrenchgap.learn.posterior.linear_problem import LinearProblem
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, by_axis
+from wrenchgap.learn.posterior.scored_sets import GROWTH, Rule, bootstrapped, by_axis, parts_of
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
-
-Parts = Callable[[Scorer, Keys], tuple[Part, ...]]
-"""What a search says of the members of a set (`scored_sets.parts_of`, `learn.changed.search.parts_of`)."""
+from wrenchgap.plant.wrench_model import ModelEffect
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
@@ -44,6 +46,8 @@ WEIGHED = 4
 """Likeliest sets without the effect that are weighed against the one with it."""
 RATIO, STRIDE = 1.1, 5
 """Between two sizes that are tried, the resolution of a limit; so many are passed over until the first that is firm."""
+SHARES = (1.0, 0.5)
+"""Of its limit at which an effect is injected, in turn: there it should be firm; at half of it, no other should be."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +72,14 @@ class DetectionLimit:
 
 
 def detection_limits(
-    scorer: Scorer, named: Keys, vehicle: Vehicle, parts: Parts, silent: NDArray[np.bool_] | None = None
+    scorer: Scorer, named: Keys, vehicle: Vehicle, rule: Rule = GROWTH, silent: NDArray[np.bool_] | None = None
 ) -> tuple[DetectionLimit, ...]:
-    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms.
+    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms; members of sets
+    are judged by this rule.
 
     With `silent` axes (6,), on which evidence makes no name firm, members are to be needed on blocks of time as well
     (`learn.posterior.members`); without, the search has no such test (`learn.changed.search`).
-    """
+    """  # noqa: D205
     search = SubsetSearch(scorer, scorer(named).variance)
     columns = scorer.spectrum.columns
     taken = {family(n) for k in named for n in columns[k].names}
@@ -83,7 +88,7 @@ def detection_limits(
         beside = tuple(k for k in named if k in search.others[key])
         for index, parameter in enumerate(find(key).parameters(vehicle)):
             if parameter.alone:
-                one = Injections(search, parts, key, index, beside, silent)
+                one = Injections(search, rule, key, index, beside, silent)
                 size, instead = one.limit()
                 found.append(DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead))
     return tuple(found)
@@ -95,7 +100,7 @@ class InjectedSpectrum(Spectrum):
     The candidate is the straight line through what it adds at this size: its offset, `secant` times, is part of it.
     """
 
-    def __init__(self, given: Spectrum, row: int, offset: int, size: float, secant: float) -> None:
+    def __init__(self, given: LinearProblem, row: int, offset: int, size: float, secant: float) -> None:
         self.__dict__.update(given.__dict__)
         self.row, self.offset_row, self.size, self.secant = row, offset, size, secant
         products = given.products.copy()
@@ -118,10 +123,10 @@ class Injections:
     """One parameter of a candidate at different sizes, beside the set that was found."""
 
     def __init__(
-        self, search: SubsetSearch, parts: Parts, key: str, index: int, found: Keys, silent: NDArray[np.bool_] | None
+        self, search: SubsetSearch, rule: Rule, key: str, index: int, found: Keys, silent: NDArray[np.bool_] | None
     ) -> None:
         """Of the parameter `index` of the candidate `key`; the rest as for `detection_limits`."""
-        self.search, self.parts, self.silent = search, parts, silent
+        self.search, self.rule, self.silent = search, rule, silent
         self.settings = search.settings
         self.seldom = math.exp(-0.5 * (math.sqrt(-2.0 * math.log(self.settings.otherwise)) + ADVERSE) ** 2)
         """Weight up to which another set keeps no name from being firm, when noise is as adverse to what tells them."""
@@ -162,7 +167,10 @@ class Injections:
         """Effects that could make what this size makes; the standard deviation of a fit of it, NaN where it would not
         have been firm.
         """  # noqa: D205
-        scorer = self.injected(size)
+        secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
+        space = self.search.space
+        row = int(space.parameters[self.key][self.index])
+        scorer = self.search.scorer.on(InjectedSpectrum(space, row, space.offset[self.key], size, secant))
         search = self.search.on(scorer)
         rivals = self.likeliest_without(search)
         if search.score(self.own) < search.score(rivals[0]):
@@ -171,23 +179,15 @@ class Injections:
         weights = bootstrapped(np.array([scorer.by_block(s) for s in scored]), np.array([s.prior for s in scored]))
         if weights[1:].max() >= self.seldom:
             return self.instead([r for r, w in zip(rivals, weights[1:], strict=True) if w >= self.seldom]), math.nan
-        part = self.parts(scorer, self.own)[self.own.index(self.key)]
+        part = parts_of(scorer, self.own, rule=self.rule)[self.own.index(self.key)]
         if not part.named:
             return (), math.nan
         if weights[0] * part.trust < self.settings.firm:
-            return self.names(
-                [k for k in self.found if search.space.columns[k].accuracy > self.settings.rough]
-            ), math.nan
+            rough = [k for k in self.found if space.columns[k].accuracy > self.settings.rough]
+            return self.names(rough), math.nan
         if self.silent is not None and (lost := self.not_needed(scorer, self.silent)):
             return self.names([k for k in lost if k != self.key]), math.nan
-        return (), float(FittedSet(scorer, scored[0]).deviations()[self.key][self.index])
-
-    def injected(self, size: float) -> Scorer:
-        """The scorer of the flights with the effect at this size in them."""
-        secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
-        space, key = self.search.space, self.key
-        row = int(space.parameters[key][self.index])
-        return self.search.scorer.on(InjectedSpectrum(space, row, space.offset[key], size, secant))
+        return (), float(scorer.deviations(scored[0])[self.key][self.index])
 
     def likeliest_without(self, search: SubsetSearch) -> list[Keys]:
         """`WEIGHED` sets without the effect, the likeliest first."""
@@ -214,24 +214,88 @@ class Injections:
         """Members without which blocks of time are left no worse, beyond chance; the effect itself where its evidence
         is on `silent` axes.
         """  # noqa: D205
-        out = []
+        space, out = scorer.spectrum, []
+        with_it = by_axis(scorer, scorer(self.own).left)
+        better = space.combined(scorer(self.own).weights) ** 2
         for key in self.own:
-            rest = tuple(k for k in self.own if k != key)
-            with_it, without = (by_axis(scorer, scorer(keys).left) for keys in (self.own, rest))
-            gain = 0.5 * np.log(without / with_it)
-            t = self.significance(scorer, rest)
-            if key != self.key:
-                out += [] if significant(t, large=True) else [key]
-            elif (
-                not needed(t, float(gain.sum()))
-                or gain[~silent[scorer.spectrum.axes]].sum() <= SIGNIFICANCE.least_evidence
-            ):
+            rest = scorer(tuple(k for k in self.own if k != key))
+            worse = space.combined(rest.weights) ** 2
+            loss = (worse - better) / common_variance(worse, better)
+            t = float(paired_t(np.add.reduceat(loss.sum(axis=1), space.starts)))
+            gain = 0.5 * np.log(by_axis(scorer, rest.left) / with_it)
+            enough = needed(t, float(gain.sum())) and gain[~silent[space.axes]].sum() > SIGNIFICANCE.least_evidence
+            if not (enough if key == self.key else significant(t, large=True)):
                 out.append(key)
         return out
 
-    def significance(self, scorer: Scorer, rest: Keys) -> float:
-        """Paired t over blocks of the set with the effect against some of its members (`blocks.contrast`)."""
-        space = scorer.spectrum
-        better, worse = (space.combined(scorer(keys).weights) ** 2 for keys in (self.own, rest))
-        loss = (worse - better) / common_variance(worse, better)
-        return float(paired_t(np.add.reduceat(loss.sum(axis=1), space.starts)))
+
+@dataclass(frozen=True)
+class Recovery:
+    """What the search said of flights with an effect injected at `share` of its limit: whether it was `firm`, and other
+    names that were, and are not without it.
+    """  # noqa: D205
+
+    effect: str
+    parameter: str
+    unit: str
+    size: float
+    share: float
+    firm: bool
+    others: tuple[str, ...]
+
+    @property
+    def as_stated(self) -> bool:
+        """Whether it was firm where it should be, and no other name was."""
+        return not self.others and (self.firm or self.share < 1.0)
+
+
+@dataclass(frozen=True)
+class Injection:
+    """An effect of which the parameters change by `change` (P,)."""
+
+    effect: str
+    change: Array
+
+    def into(self, records: Sequence[Record], model: Model) -> tuple[Record, ...]:
+        """The records with what it adds to the prediction of `model` in what they measured; commands and motion are as
+        they were.
+        """  # noqa: D205
+        own = next((e.theta for e in model.effects if e.name == self.effect), np.zeros(len(self.change)))
+        changed = ModelEffect(find(self.effect), own + self.change)
+        others = tuple(e for e in model.effects if e.name != self.effect)
+        models = model.with_effects((*others, changed)).wrench_model, model.wrench_model
+        out = []
+        for record in records:
+            more, given = map(Evaluator(record), models)
+            out.append(replace(record, measured=record.measured + more - given))
+        return tuple(out)
+
+
+def recoveries(
+    limits: Sequence[DetectionLimit],
+    firm: Sequence[str],
+    model: Model,
+    number: int,
+    seed: int,
+    search: Callable[[Injection], Sequence[str]],
+) -> tuple[Recovery, ...]:
+    """Inject effects at their limits, and at half of them, and search again, so many times; limits are drawn by lot.
+
+    `firm` are the names without an injection; `search` returns those with it.
+    """
+    order = np.random.default_rng(seed).permutation([k for k, limit in enumerate(limits) if limit.shown])
+    out = []
+    for limit, share in [(limits[k], share) for k in order for share in SHARES][:number]:
+        own, again = family(limit.effect), search(injection(limit, share, model))
+        others = tuple(n for n in again if n != own and n not in firm)
+        size = share * limit.size
+        out.append(Recovery(limit.effect, limit.parameter, limit.unit, size, share, own in again, others))
+    return tuple(out)
+
+
+def injection(limit: DetectionLimit, share: float, model: Model) -> Injection:
+    """At a share of a limit; parameters that do nothing by themselves are where fits begin."""
+    parameters = find(limit.effect).parameters(model.vehicle)
+    change = np.array([0.0 if p.alone else p.start for p in parameters])
+    change[[p.name for p in parameters].index(limit.parameter)] = share * limit.size
+    return Injection(limit.effect, change)

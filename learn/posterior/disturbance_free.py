@@ -15,11 +15,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.posterior import WeighedSets
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
 from wrenchgap.learn.posterior.spectrum import Spectrum, mean_squares, transformed
@@ -41,29 +40,25 @@ def without_feedback(on: ModelResidual) -> ModelResidual:
 def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Sequence[Column]) -> bool:
     """Whether all of the candidates at once leave little on the axes where commands of `on` answer."""
     space = spectrum_of(free, columns)
-
-    def in_all(squares: Array) -> Array:
-        return np.asarray(np.sum(space.count * squares, axis=0))
-
-    enough = np.maximum(on.settings.structure**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
-    enough = np.maximum(enough, INEXACT**2 * in_all(commanded(space, on)))
-    return bool(np.all((in_all(space.saturated()[0]) < enough)[_answering(space, on)]))
+    in_all = [np.sum(space.count * squares, axis=0) for squares in (space.saturated()[0], *_scales(space, on))]
+    return bool(np.all((in_all[0] < _enough(on, CLOSE, *in_all[1:]))[np.isin(space.axes, on.data.answering)]))
 
 
-def disturbance_free(on: ModelResidual, free: ModelResidual, found: Posterior) -> bool:
+def disturbance_free(on: ModelResidual, free: ModelResidual, found: WeighedSets) -> bool:
     """Whether one of the likeliest sets on the wrench as it is leaves no disturbance, where commands say something."""
     space = spectrum_of(free, ())
-    enough = np.maximum(on.settings.structure**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
-    enough = np.maximum(enough, INEXACT**2 * commanded(space, on))
-    little = [((c.scored.left < enough) | (space.count == 0.0))[:, _answering(space, on)] for c in found.wholes]
-    return any(bool(np.all(cells)) for cells in little)
+    enough, answering = _enough(on, LITTLE, *_scales(space, on)), np.isin(space.axes, on.data.answering)
+    return any(np.all(((c.scored.left < enough) | (space.count == 0.0))[:, answering]) for c in found.wholes)
 
 
-def commanded(space: Spectrum, on: ModelResidual) -> Array:
-    """Mean squares (bands, A) of the commands, their means over blocks aside."""
+def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array]:
+    """Mean squares (bands, A) of the sensors' noise, of what the model leaves, and of the commands, their means over
+    blocks aside.
+    """  # noqa: D205
     sent = transformed(on.data.records, on.data.commanded[:, space.axes, None], on.settings.block, without_mean=True)[0]
-    return mean_squares(sent[:, :, 0], space.band)
+    return space.sensor, space.products[:, :, 0, 0], mean_squares(sent[:, :, 0], space.band)
 
 
-def _answering(space: Spectrum, on: ModelResidual) -> NDArray[np.bool_]:
-    return np.isin(space.axes, on.data.answering)
+def _enough(on: ModelResidual, share: float, sensor: Array, given: Array, commanded: Array) -> Array:
+    """Mean squares that leave no room for a disturbance, from those of `_scales`."""
+    return np.maximum.reduce([on.settings.structure**2 * sensor, share**2 * given, INEXACT**2 * commanded])

@@ -1,9 +1,20 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
-`explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.data.candidates`), each by
-itself (`learn.posterior.single_effects`), weights of sets of them (`learn.posterior.posterior`), the likeliest set
-fitted and its members (`learn.posterior.members`), what it leaves, and the verdict (`learn.posterior.verdict`). Two
-measures, both on held-out blocks:
+From opened flights to a verdict, in the order of the steps (docs/theory/posterior.md):
+
+    timing, dataset         offsets of the topics; records cut into blocks         `learn.diagnose`, `learn.data`
+    candidates              effects to try on these flights                        `learn.data.candidates`
+    model_residual          what the model leaves                                  `learn.posterior.single_effects`
+    single_effects          each candidate fitted alone, and as a straight line    the same, `columns`
+    joint_search            sets of candidates, searched, linearised, weighed      `joint_search`, `subset_search`
+    with_clock              a delay may be the clock of the IMU                    `late_clock`
+    needed_members          the likeliest set fitted; those that are not needed go `members`
+    residual_structure      what the named set leaves                              `verdict`
+    decide                  the verdict                                            the same
+    posterior               probabilities, classes, bench checks                   `posterior`
+    detection_limits        what these flights could have shown beside it          `detection_limits`
+
+Two measures, both on held-out blocks:
 
     energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
               sees; orders candidates and members. score = 1 - energy left / energy of the model as given
@@ -27,20 +38,18 @@ from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.relevance import Relevance, relevance
-from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation, one_rotor, oscillation
+from wrenchgap.learn.diagnose.relevance import Relevance
+from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
-from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass
-from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
+from wrenchgap.learn.posterior.joint_search import joint_search
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
-from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed_members
-from wrenchgap.learn.posterior.posterior import Posterior, posterior
-from wrenchgap.learn.posterior.scored_sets import parts_of
+from wrenchgap.learn.posterior.members import Member, fitted, needed_members
+from wrenchgap.learn.posterior.posterior import EquivalenceClass, Posterior, WeighedSets, posterior
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
@@ -49,11 +58,9 @@ from wrenchgap.learn.posterior.single_effects import (
     model_residual,
     single_effects,
 )
-from wrenchgap.learn.posterior.unexplained_bands import OpenBand, unexplained_bands
-from wrenchgap.learn.posterior.verdict import Verdict, concentrated, decide, open_axes, over_noise
+from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide, residual_structure
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -63,8 +70,116 @@ SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
 then fitted to everything."""
 
-FEWEST = 5
-"""Blocks of time below which nothing is said about what the rest depends on."""
+
+def explain(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    *,
+    names: Sequence[str] = (),
+    validation: Sequence[OpenFlight] = (),
+    injections: int = 0,
+    settings: SearchSettings = DEFAULT,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Explanation:
+    """Find the effects that `model` is missing on flights that were opened for it.
+
+    Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
+    fitted, the result is tested on them. So many `injections` check the limits of what would have been firm, each a
+    search of its own. `settings` are those of the search; `jobs` processes, by default one for each core. Raises
+    ModelError for unknown names, FitError where the flights are too short, LogError where a flight is fitted and tested
+    on.
+    """
+    report = progress or (lambda fraction, words: None)
+    refuse_seen([f.flight for f in flights], [f.flight for f in validation])
+    report(0.0, "timing of the topics")
+    timing = tuple(timing_of(f, model) for f in flights)
+    data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
+    chosen = candidates(data.records, model, names)
+    jobs = cores() if jobs is None else jobs
+    clock, part, done = late_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
+
+    def search(data: Dataset) -> Explanation:
+        first = part * next(done)
+        told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
+        return search_dataset(data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told)
+
+    def firm_with(one: Injection) -> Sequence[str]:
+        return search(dataset(one.into(data.records, model), model, data.answering)).firm
+
+    found = search(data)
+    again = recoveries(found.limits, found.firm, model, injections, len(data.measured), firm_with)
+    tested = validate(validation, flights, model, found.model) if validation else None
+    return replace(found, flights=tuple(flights), timing=timing, validation=tested, recoveries=again)
+
+
+@one_thread
+def search_dataset(
+    data: Dataset,
+    model: Model,
+    chosen: Candidates,
+    *,
+    clock: LateClock | None = None,
+    settings: SearchSettings = DEFAULT,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Explanation:
+    """The steps of `explain` that need no flights; `clock` is a late IMU's."""
+    tell = progress or (lambda fraction, words: None)
+    some = spread_out(data.records, SEARCH_SECONDS)
+    part = data if some is data.records else dataset(some, model, data.answering)
+    on, tried, found = weighed_sets(model_residual(part, model, settings), chosen.tried, jobs, tell)
+    found = with_clock(found, clock, model.vehicle)
+    tell(0.8, "fitting what was named")
+    best, members, found = needed_members(on, found, jobs)
+    rest = residual_structure(on, found, members, best.left)
+    verdict = decide(on, members, rest, at_limit=best.fit.stuck)
+    data = data if on.data.answering else replace(data, answering=())
+    every = on if some is data.records else model_residual(data, model)
+    whole = best if every is on else fitted(every, [m.name for m in members], best.fit)
+    given = {e.name: e.theta for e in model.effects}
+    found = found.at({e.name: e.theta - given.get(e.name, 0.0) for e in whole.fit.effects})
+    named = {m.name for m in members}
+    keys = tuple(k for k in found.best.scored_set.keys if set(found.scorer.spectrum.columns[k].names) & named)
+    silent = rest.open & (verdict is Verdict.UNKNOWN)
+    return Explanation(
+        verdict=verdict,
+        members=members,
+        ranking=tried.candidates,
+        posterior=posterior(found.sets, found.classes, model.vehicle, settings, None if clock is None else clock.check),
+        fit=whole.fit,
+        model=with_fit(model, whole.fit),
+        rms_before=rms(every.given),
+        rms_after=rms(whole.left),
+        noise=data.noise,
+        untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
+        answering=data.answering,
+        limits=detection_limits(found.scorer, keys, model.vehicle, silent=silent),
+        **vars(rest),
+    )
+
+
+def weighed_sets(
+    on: ModelResidual, names: Sequence[str], jobs: int, tell: Progress
+) -> tuple[ModelResidual, SingleEffects, WeighedSets]:
+    """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
+    counts where a set leaves no disturbance which they could have answered.
+    """  # noqa: D205
+
+    def between(first: float, last: float) -> Progress:
+        return lambda fraction, words: tell(first + (last - first) * fraction, words)
+
+    twice = bool(on.data.answering)
+    tried = single_effects(on, names, jobs=jobs, progress=between(0.0, 0.3), twice=twice)
+    if twice:
+        free = without_feedback(on)
+        if may_be_disturbance_free(on, free, tried.columns):
+            again = single_effects(free, names, jobs=jobs, progress=between(0.3, 0.5), twice=True)
+            other = joint_search(free, again.columns, jobs=jobs, tell=between(0.5, 0.7))
+            if disturbance_free(on, free, other):
+                return free, again, other
+        on.data.starts.clear()
+    return on, tried, joint_search(on, tried.columns, jobs=jobs, tell=between(0.7, 0.8))
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,140 +270,3 @@ class Explanation(Result):
         known = catalogue()
         singles = [(m.name, *(r.name for r in m.alike if len(r.names) == 1 and r.name in known)) for m in self.members]
         return tuple(names for names in singles if len(names) > 1)
-
-
-def explain(
-    flights: Sequence[OpenFlight],
-    model: Model,
-    *,
-    names: Sequence[str] = (),
-    validation: Sequence[OpenFlight] = (),
-    injections: int = 0,
-    settings: SearchSettings = DEFAULT,
-    jobs: int | None = None,
-    progress: Progress | None = None,
-) -> Explanation:
-    """Find the effects that `model` is missing on flights that were opened for it.
-
-    Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
-    fitted, the result is tested on them. So many `injections` check the limits of what would have been firm, each a
-    search of its own. `settings` are those of the search; `jobs` processes, by default one for each core. Raises
-    ModelError for unknown names, FitError where the flights are too short, LogError where a flight is fitted and tested
-    on.
-    """
-    report = progress or (lambda fraction, words: None)
-    refuse_seen([f.flight for f in flights], [f.flight for f in validation])
-    report(0.0, "timing of the topics")
-    timing = tuple(timing_of(f, model) for f in flights)
-    data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
-    chosen = candidates(data.records, model, names)
-    jobs = cores() if jobs is None else jobs
-    clock, part, done = late_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
-
-    def search(data: Dataset) -> Explanation:
-        first = part * next(done)
-        told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
-        return search_dataset(data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told)
-
-    def firm_with(one: Injection) -> Sequence[str]:
-        return search(dataset(one.into(data.records, model), model, data.answering)).firm
-
-    found = search(data)
-    again = recoveries(found.limits, found.firm, model, injections, len(data.measured), firm_with)
-    tested = validate(validation, flights, model, found.model) if validation else None
-    return replace(found, flights=tuple(flights), timing=timing, validation=tested, recoveries=again)
-
-
-@one_thread
-def search_dataset(
-    data: Dataset,
-    model: Model,
-    chosen: Candidates,
-    *,
-    clock: LateClock | None = None,
-    settings: SearchSettings = DEFAULT,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> Explanation:
-    """The part of `explain` that needs no flights: search, what is left, verdict; `clock` is a late IMU's."""
-    tell = progress or (lambda fraction, words: None)
-    some = spread_out(data.records, SEARCH_SECONDS)
-    on = model_residual(data if some is data.records else dataset(some, model, data.answering), model, settings)
-    on, tried, found = _searched(on, chosen, jobs, tell)
-    data = data if on.data.answering else replace(data, answering=())
-    found = with_clock(found, clock, model.vehicle)
-    tell(0.8, "fitting what was named")
-    best, named, found = needed_members(on, found, jobs)
-    every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
-    own = {e.name: e.theta for e in model.effects}
-    found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
-    swinging = oscillation(on.data, best.left)
-    bands = unexplained_bands(on, found, best.left) if named else ()
-    loud = open_axes(on, best.left) | np.isin(np.arange(6), [b.axis for b in bands])
-    pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
-    mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
-    depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
-    verdict = decide(on, named, loud, swinging or pushing, depends, at_limit=best.fit.stuck)
-    limits = _limits(found, named, model.vehicle, loud & (verdict is Verdict.UNKNOWN))
-    failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
-    return Explanation(
-        verdict,
-        named,
-        tried.candidates,
-        replace(found, scorer=None),
-        whole.fit,
-        with_fit(model, whole.fit),
-        rms(every.given),
-        rms(whole.left),
-        data.noise,
-        (*chosen.untried, *failed),
-        loud,
-        swinging,
-        pushing,
-        depends,
-        concentrated(on.data, best.left),
-        over_noise(on.data, best.left),
-        answering=data.answering,
-        bands=bands,
-        named_there=bool(pushing and mean and set(pushing.rotors) & set(mean.rotors)),
-        limits=limits,
-    )
-
-
-def _limits(
-    found: Posterior, named: Sequence[Member], vehicle: Vehicle, silent: NDArray[np.bool_]
-) -> tuple[DetectionLimit, ...]:
-    """What would have been firm beside the members that were named, by evidence on axes that are not `silent` (6,)."""
-    if found.scorer is None:
-        return ()
-    members, columns = {m.name for m in named}, found.scorer.spectrum.columns
-    keys = tuple(k for k in found.best.scored_set.keys if set(columns[k].names) & members)
-    return detection_limits(found.scorer, keys, vehicle, lambda by, some: parts_of(by, by(some), {}), silent)
-
-
-def _searched(
-    on: ModelResidual, chosen: Candidates, jobs: int, tell: Progress
-) -> tuple[ModelResidual, SingleEffects, Posterior]:
-    """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
-    counts where a set leaves no disturbance which they could have answered.
-    """  # noqa: D205
-    twice = bool(on.data.answering)
-    tried = single_effects(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 * f, words), twice=twice)
-    if twice:
-        free = without_feedback(on)
-        if may_be_disturbance_free(on, free, tried.columns):
-            again = single_effects(
-                free, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 + 0.2 * f, words), twice=True
-            )
-            other = posterior(free, again.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.2 * f, words))
-            if disturbance_free(on, free, other):
-                return free, again, other
-        on.data.starts.clear()
-    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.7 + 0.1 * f, words))
-    return on, tried, found
-
-
-def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> tuple[ModelResidual, Fitted]:
-    """What was named on a part of long logs, fitted to all of them."""
-    on = model_residual(data, model)
-    return on, fitted(on, names, best.fit)

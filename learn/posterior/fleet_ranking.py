@@ -5,10 +5,11 @@ The score of a set is that of `learn.posterior.score` on all flights together; t
 `explain` does on few flights. What is curved (a lag, a drag in moving air, a payload) is ranked as the straight line at
 its declared values, and nearer the truth when the evidence is made anew at the values found (`Ranking.points`).
 
-Flights, and not blocks of time, are what is held out (`learn.posterior.held_out_flights`). Weights of sets are those of
-`learn.posterior.scored_sets.weights`, with flights for blocks. What is predicted of held-out flights stands beside them
-and is no weight: many flights show how far laws are from exact, and there the more flexible of two equal sets predicts
-better.
+Flights, and not blocks of time, are what is held out: theta without flight f solves (A - A_f) theta = b - b_f, so
+predicting every flight from all others takes no second look at any log. The trim of a flight is its own. Weights of
+sets are those of `learn.posterior.scored_sets.weights`, with flights for blocks. What is predicted of held-out flights
+stands beside them and is no weight: many flights show how far laws are from exact, and there the more flexible of two
+equal sets predicts better.
 """
 
 from __future__ import annotations
@@ -21,14 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import Column, compatible
-from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum
+from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum, chosen_rows, products_of
 from wrenchgap.learn.posterior.flight_evidence import Evidence, Points
-from wrenchgap.learn.posterior.held_out_flights import FittedSet, by_flight
 from wrenchgap.learn.posterior.linear_problem import quadratic
-from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.posterior import grouped
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, SetRows
 from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, parts_of, without_idle
-from wrenchgap.learn.posterior.subset_search import ordered, search_at
+from wrenchgap.learn.posterior.subset_search import ordered, searched
 from wrenchgap.plant.effects import family
 
 Read = Callable[[], Iterable[Evidence]]
@@ -115,9 +117,11 @@ def ranking(read: Read) -> Ranking:
     _, predicted, squares = by_flight(scorer, space, kept, read(), held_out=held_out)
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
-    home = grouped(scorer, sorted(kept, key=lambda s: -weights.get(s.keys, 0.0)))
+    heaviest_first = sorted(kept, key=lambda s: -weights.get(s.keys, 0.0))
+    groups = grouped(heaviest_first, lambda one, other: alike(scorer, one, other))
+    home = {s.keys: k for k, group in enumerate(groups) for s in group}
     for k, s in enumerate(kept):
-        parts = parts_of(scorer, s, {})
+        parts = parts_of(scorer, s.keys)
         named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
         gain = predicted[k] - predicted[0]
         odds = s.log_probability - none.log_probability
@@ -126,7 +130,7 @@ def ranking(read: Read) -> Ranking:
                 keys=s.keys,
                 names=tuple(n for p in named for n in p.names),
                 theta=s.theta,
-                std=FittedSet(scorer, s).deviations(),
+                std=scorer.deviations(s),
                 parts=parts,
                 log_odds=odds,
                 weight=weights.get(s.keys, 0.0),
@@ -155,7 +159,7 @@ def equivalents(scorer: Scorer, best: Scored) -> list[Scored]:
     """  # noqa: D205
     columns = scorer.spectrum.columns
     found = {}
-    for leaf in without_idle(scorer, best.keys, {}):
+    for leaf in without_idle(scorer, best.keys):
         for gone, other in itertools.product(leaf, columns):  # instead of itself: none
             keys = tuple(sorted({*leaf, other} - {gone}))
             new = other == gone or other not in leaf
@@ -164,20 +168,9 @@ def equivalents(scorer: Scorer, best: Scored) -> list[Scored]:
     return list(found.values())
 
 
-def grouped(scorer: Scorer, sets: Sequence[Scored]) -> dict[Keys, int]:
-    """The group of each set: that of the first of them which predicts the same, or its own."""
-    heads: list[Scored] = []
-    out = {}
-    for s in sets:
-        same = [k for k, head in enumerate(heads) if alike(scorer, head, s)]
-        out[s.keys] = same[0] if same else len(heads)
-        heads += [] if same else [s]
-    return out
-
-
 def alike(scorer: Scorer, first: Scored, second: Scored) -> bool:
     """Whether two predictions differ by less than noise shows, or than laws are known to
-    (`learn.posterior.equivalence_classes.predict_the_same`).
+    (`learn.posterior.posterior.predict_the_same`).
     """  # noqa: D205
     apart = first.weights - second.weights
     used = np.flatnonzero(apart)
@@ -206,7 +199,7 @@ def _weights(scorer: Scorer, space: FleetSpectrum, sets: Sequence[Scored], read:
     share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
     out: dict[Keys, float] = {}
     for s, weight in zip(sets, share, strict=True):
-        for leaf, part in without_idle(scorer, s.keys, {}).items():
+        for leaf, part in without_idle(scorer, s.keys).items():
             out[leaf] = out.get(leaf, 0.0) + float(weight) * part
     return out
 
@@ -227,12 +220,65 @@ def common_candidates(parts: Iterable[Evidence]) -> tuple[list[str], list[int], 
     return kept, sorted(axes or ()), tuple(k for k in keys if k not in kept)
 
 
-def searched(space: FleetSpectrum) -> Scorer:
-    """As `learn.posterior.subset_search.searched`; blocks of time have lost their weight flight by flight."""
-    return search_at(lambda noise: Scorer(space, noise), space.saturated()[0])  # type: ignore[arg-type]
-
-
 def _six(values: Array, axes: NDArray[np.intp]) -> Array:
     out = np.full(len(AXES), np.nan)
     out[axes] = values
     return out
+
+
+class FittedSet:
+    """The least squares of one set on all flights, at the noise that it leaves; trims are eliminated."""
+
+    def __init__(self, scorer: Scorer, scored: Scored) -> None:
+        self.rows = SetRows(scorer.spectrum, scored.keys)
+        self.weights = scored.weights[self.rows.every]
+        self.sizes = scored.sizes
+        self.g = scorer.share / scored.variance
+        self.off = scored.doubt**2 * scored.inexact + scorer.spectrum.leak
+        self.log = scorer.share * np.log(scored.variance)
+        self.whole = self.rows.weighed(scorer.count / scored.variance, self.g[0, self.rows.trims.axes])
+
+    def left(self, products: Array, flight: int, weights: Array) -> Array:
+        """Sums of squares (bands, L) that weights (R,) leave of one flight, its own trim taken out."""
+        trims = self.rows.trims.of(flight=flight)
+        likeliest = trims.likeliest(self.g[0, trims.axes], weights, trims.scale)
+        return np.maximum(trims.added_to(quadratic(products, weights), likeliest, weights, np.ones_like(self.g)), 0.0)
+
+    def log_likelihood(self, left: Array, count: Array) -> float:
+        """Of a flight of which the set leaves these sums of squares (bands, L), of `count` (bands, L)."""
+        return -0.5 * float(np.sum(self.g * (left + self.off * count) + self.log * count))
+
+    def without(self, products: Array, flight: int) -> Array:
+        """Weights (R,) of the quantities that all other flights give."""
+        trims = self.rows.trims.of(flight=flight)
+        own = np.tensordot(self.g, products, axes=([0, 1], [0, 1]))
+        theirs = self.whole - trims.eliminated_from(own, self.g[0, trims.axes], trims.scale)
+        size, out = len(self.sizes), self.weights.copy()
+        A, b = np.ascontiguousarray(theirs[:size, :size]), theirs[:size, size:] @ out[size:]
+        out[:size] = -kernels.bounded(A, b, self.rows.low, self.rows.high, self.sizes)
+        return out
+
+
+def by_flight(
+    scorer: Scorer, space: FleetSpectrum, sets: Sequence[Scored], parts: Iterable[Evidence], *, held_out: bool
+) -> tuple[Array, Array, Array]:
+    """Log likelihoods (S, F) of each flight under each set; the same predicted; sums of squares (S, L) that are left.
+
+    `held_out` predicts a flight with the parameters that all others give.
+    """
+    fitted = [FittedSet(scorer, s) for s in sets]
+    likelihood, predicted = np.empty((2, len(sets), len(space.flights)))
+    squares = np.zeros((len(sets), len(space.axes)))
+    for f, one in enumerate(parts):
+        at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
+        products = products_of(one, chosen_rows(one, space.keys), at)[space.bands]
+        count = one.usable[space.bands][:, at]
+        for k, each in enumerate(fitted):
+            own = products[:, :, each.rows.every[:, None], each.rows.every]
+            left = each.left(own, f, each.weights)
+            likelihood[k, f] = each.log_likelihood(left, count)
+            if held_out:
+                left = each.left(own, f, each.without(own, f))
+            predicted[k, f] = each.log_likelihood(left, count)
+            squares[k] += (left * (count > 0.0)).sum(axis=0)
+    return likelihood, predicted, squares

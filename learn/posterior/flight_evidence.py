@@ -17,7 +17,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,9 +35,9 @@ from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
-from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
+from wrenchgap.learn.posterior.columns import Column, away_from_zero, given_values, linearised
 from wrenchgap.learn.posterior.single_effects import uncertain
-from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
+from wrenchgap.learn.posterior.spectrum import Spectrum, sums_by, transformed
 from wrenchgap.plant.effects import acting_effects, catalogue, find
 from wrenchgap.plant.model import Model
 
@@ -133,36 +133,17 @@ def declared(data: Dataset, model: Model, names: Sequence[str], points: Points |
     single = [n for n in names if n in acting_effects([n], own)]
     out = []
     for added in [s for n in single for s in ((n,), *((n, other) for other in companions(n, own, names)))]:
+        problem = Problem(data, model, added)
+        part, key = slice(0, problem.size), " + ".join(added)
         try:
-            line = _column(data, model, base, added, points or {})
+            x = problem.start(None).x.copy()
+            away_from_zero(problem, x)
+            if points and key in points:
+                x[part] = np.clip(points[key], problem.low[part], problem.high[part])
+            out.append(linearised(problem, given_values(model, added), base, problem.at(x)))
         except ModelError:  # an inertia that no body has, say
             continue
-        out.append(line)
     return out
-
-
-def _column(data: Dataset, model: Model, base: Array, names: tuple[str, ...], points: Points) -> Column:
-    problem = Problem(data, model, names)
-    part = slice(0, problem.size)
-    x = problem.start(None).x.copy()
-    parameters = [p for _, p in problem.parameters]
-    for k, p in enumerate(parameters):
-        if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale:
-            x[k] = min(p.scale, p.high)
-    key = " + ".join(names)
-    if key in points:
-        x[part] = np.clip(points[key], problem.low[part], problem.high[part])
-    values = {e.name: e.theta for e in model.effects}
-    origin = np.concatenate([values.get(n, np.zeros(len(find(n).parameters(model.vehicle)))) for n in names])
-    point = problem.at(x)
-    derivative = problem.jacobian(point)[:, :, part]
-    theta = x[part] - origin
-    low, high = problem.low[part] - origin, problem.high[part] - origin
-    offset = base - point.residual - derivative @ theta
-    accuracy = max(find(n).accuracy for n in names)
-    return Column(
-        names, origin, theta, offset, derivative, low, high, problem.scale[part], problem.sparse[part], accuracy
-    )
 
 
 def evidence_of(
@@ -172,7 +153,7 @@ def evidence_of(
     trim = trim_of(model)
     base = left_by(data, model)
     space = Spectrum(data, base, columns, trim, known)
-    space.down_weight(space.block_weights(space.combined(space.saturated()[1])))
+    space.calm(space.saturated()[1])
     trims, axes = space.always[: len(trim.axes)], space.axes
     here = np.flatnonzero(data.measured_axes[trim.axes])
     where = np.searchsorted(axes, trim.axes[here])
@@ -193,10 +174,10 @@ def evidence_of(
         roots=np.concatenate(roots, axis=1),
         rows=np.array([r.shape[1] for r in roots]),
         count=np.bincount(band, minlength=BANDS).astype(float),
-        usable=_by_band((~space.silent).astype(float), band),
-        power=_by_band(given**2, band),
-        error=_by_band(space.error * ~space.silent, band),
-        shapes=_by_band(shapes, band),
+        usable=sums_by(band, ~space.silent, BANDS),
+        power=sums_by(band, given**2, BANDS),
+        error=sums_by(band, space.error * ~space.silent, BANDS),
+        shapes=sums_by(band, shapes, BANDS),
         noise=data.noise,
         trimmed=np.array(sums).reshape(len(here), len(kept)),
         trims=np.array([float(a @ a) for a in levels]),
@@ -206,11 +187,6 @@ def evidence_of(
         answering=data.answering,
         unexcited=tuple(idle),
     )
-
-
-def _by_band(values: Array, band: NDArray[np.intp]) -> Array:
-    """Sums (bands, X) of values (K, X)."""
-    return np.stack([np.bincount(band, weights=v, minlength=BANDS) for v in values.T], axis=1)
 
 
 def _bare(line: Column) -> Column:
@@ -290,8 +266,8 @@ def _check(found: Evidence) -> None:
 
 
 def _plain(line: Column) -> dict[str, Any]:
-    values = asdict(replace(line, offset=np.empty(0), jacobian=np.empty(0)))
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+    kept = ("names", "origin", "theta", "low", "high", "scale", "sparse", "accuracy")
+    return {k: np.asarray(getattr(line, k)).tolist() for k in kept}
 
 
 def _line(values: dict[str, Any]) -> Column:

@@ -15,11 +15,12 @@ import numpy as np
 
 from wrenchgap.learn.diagnose.timing import UNLIKE, FlightTiming
 from wrenchgap.learn.posterior.discriminating_tests import Check
-from wrenchgap.learn.posterior.equivalence_classes import LATE_CLOCK, EquivalenceClass, NamedSet, checks_between
-from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
 from wrenchgap.plant.vehicle import Vehicle
 
 DELAY = "command_delay"
+LATE_CLOCK = "late_clock"
+"""Name, in sets and of its check, of what is no effect."""
 CERTAIN = 3.0
 """Standard errors within which clock and delay agree."""
 EXACT, LEAST = 0.1, 1e-3
@@ -38,6 +39,17 @@ class LateClock:
         """The option that takes it out."""
         return f"--shift imu={-self.seconds:.4f}"
 
+    @property
+    def check(self) -> Check:
+        """What settles whether it is late."""
+        late = f"{1e3 * self.seconds:.1f} ms"
+        what = (
+            f"Compare the stamp of an IMU message with the instant of its sample (data-ready line, or the driver's "
+            f"clock): stamps {late} late are the IMU's clock, no missing effect, and logs are read with {self.shift}; "
+            f"stamps that are right leave {DELAY}."
+        )
+        return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
+
     def explains(self, delay: float) -> bool:
         """Whether a fitted delay [s] is what this clock makes."""
         return abs(delay - self.seconds) < CERTAIN * self.std + EXACT * abs(delay) + LEAST
@@ -54,39 +66,16 @@ def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:
     return clock if clock.seconds > CERTAIN * clock.std else None
 
 
-def with_clock(found: Posterior, clock: LateClock | None, vehicle: Vehicle) -> Posterior:
-    """The same with a late clock beside every delay that it explains, and what would settle which it is."""
-    if clock is None or not any(_delayed(s, clock, vehicle) for s in found.sets):
+def with_clock(found: WeighedSets, clock: LateClock | None, vehicle: Vehicle) -> WeighedSets:
+    """The same with a late clock beside every delay that it explains, half the weight each."""
+    if clock is None:
         return found
 
-    def both(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
-        return tuple(half for s in sets for half in (_halves(s) if _delayed(s, clock, vehicle) else (s,)))
+    def halves(one: NamedSet) -> tuple[NamedSet, ...]:
+        if DELAY not in one.names or not clock.explains(one.values(vehicle)[DELAY]["delay"]):
+            return (one,)
+        half = replace(one, weight=0.5 * one.weight)
+        names = tuple(LATE_CLOCK if n == DELAY else n for n in one.names)
+        return half, replace(half, names=names, stands_for=((LATE_CLOCK, DELAY),))
 
-    check = _check(clock)
-    classes = []
-    for one in found.classes:
-        sets = both(one.sets)
-        listed = checks_between(sets, vehicle)
-        classes.append(EquivalenceClass(one.weight, sets, (check, *listed) if len(sets) > len(one.sets) else listed))
-    return replace(found, sets=both(found.sets), classes=tuple(classes), settle=(check, *found.settle))
-
-
-def _delayed(one: NamedSet, clock: LateClock, vehicle: Vehicle) -> bool:
-    return DELAY in one.names and clock.explains(one.values(vehicle)[DELAY]["delay"])
-
-
-def _halves(one: NamedSet) -> tuple[NamedSet, NamedSet]:
-    """The set, and the same with the clock in the place of the delay."""
-    other = tuple(LATE_CLOCK if n == DELAY else n for n in one.names)
-    half = replace(one, weight=0.5 * one.weight)
-    return half, replace(half, names=other, stands_for=((LATE_CLOCK, DELAY),))
-
-
-def _check(clock: LateClock) -> Check:
-    late = f"{1e3 * clock.seconds:.1f} ms"
-    what = (
-        f"Compare the stamp of an IMU message with the instant of its sample (data-ready line, or the driver's clock): "
-        f"stamps {late} late are the IMU's clock, no missing effect, and logs are read with {clock.shift}; stamps that "
-        f"are right leave {DELAY}."
-    )
-    return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
+    return found.each(lambda sets: tuple(half for s in sets for half in halves(s)))

@@ -92,9 +92,13 @@ class LinearProblem:
     `high`, `scale` and `sparse` (Q,) are of all quantities. `axes` (A,) out of six; `count` (bands, A) coefficients,
     `sensor` (bands, A) the variance that sensors leave in one, `blocks` of time. `leak` (bands, A) is the mean square
     below which nothing is told by what is left on an axis. `trims` are those of flights, where they are no quantities.
-    `settings` are those of the search that asks.
+    `settings` are those of the search that asks. Of flights at hand, and not of fleets, the coefficients are known:
+    `band` (K,) of each, `starts` (blocks,) of the blocks and their `factors` (`Spectrum.down_weight`).
     """
 
+    band: Rows
+    starts: Rows
+    factors: Array
     axes: Rows
     count: Array
     sensor: Array
@@ -130,6 +134,15 @@ class LinearProblem:
     def products(self) -> Array:
         """Means over coefficients (bands, A, Q, Q)."""
         raise NotImplementedError
+
+    def combined(self, weights: Array) -> Array:
+        """Sum (K, A) of the coefficients of the quantities times these weights (Q,)."""
+        raise NotImplementedError
+
+    def calm(self, weights: Array) -> None:
+        """Take weight off blocks of time in which these weights (Q,) leave far more than in others: not of fleets, of
+        which every flight has lost it by itself.
+        """  # noqa: D205
 
     def saturated(self, rounds: int = 3) -> tuple[Array, Array]:
         """What everything at once leaves, where the noise's spectrum starts: mean squares (bands, A), and the weights

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import (
-    SIGNIFICANCE,
-    contrast,
-    evidence,
-    needed,
-)
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, contrast, evidence, needed
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.equivalence_classes import NamedSet
-from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets, trusted_weight
+from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.plant.effects import acting_effects, family
 from wrenchgap.plant.model import Model
@@ -99,15 +94,17 @@ def fitted(
     return Fitted(found, held_out(on.data, on.model, names, found))
 
 
-def needed_members(on: ModelResidual, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...], Posterior]:
+def needed_members(
+    on: ModelResidual, found: WeighedSets, jobs: int = 1
+) -> tuple[Fitted, tuple[Member, ...], WeighedSets]:
     """The likeliest set without those of its effects that are too small for a name when all are fitted together, at
-    the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit, the
-    members by what they take off, and the posterior without what went.
+    the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit; the
+    members, that which takes off most first; the sets without what went.
     """  # noqa: D205
-    names = list(found.best.names)
+    names = found.best.names
     best = fitted(on, names, near=found.best.theta(on.model))
     while True:
-        listed = members(on, found, names, best, jobs)
+        listed = members(on, names, best, jobs)
         idle = [
             m
             for m in listed
@@ -116,14 +113,12 @@ def needed_members(on: ModelResidual, found: Posterior, jobs: int = 1) -> tuple[
         ]
         if not idle:
             on.data.forget()
-            return best, listed, found
+            return best, with_rivals(listed, found, on.settings), found
         gone = min(idle, key=lambda m: m.evidence).name
-        kept = acting_effects([n for n in names if n != gone], on.own)
+        kept = tuple(acting_effects([n for n in names if n != gone], on.own))
         for name in names:
-            if name not in kept:
-                found = found.without(name, on.model.vehicle)
-        names = kept
-        best = fitted(on, names, best.fit)
+            found = found if name in kept else found.without(name)
+        names, best = kept, fitted(on, kept, best.fit)
 
 
 def material(fitted: Fit, model: Model, name: str) -> bool:
@@ -134,47 +129,42 @@ def material(fitted: Fit, model: Model, name: str) -> bool:
     return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in zip(rows, origin, strict=True))
 
 
-def members(
-    on: ModelResidual, found: Posterior, names: Sequence[str], best: Fitted, jobs: int = 1
-) -> tuple[Member, ...]:
-    """Of the likeliest set, or those `names` of it, which leave `best`; that which takes off most first."""
+def members(on: ModelResidual, names: Sequence[str], best: Fitted, jobs: int = 1) -> tuple[Member, ...]:
+    """What each of these effects takes off, which leave `best`; that which takes off most first."""
 
     def without(name: str) -> Array:
         return fitted(on, acting_effects([n for n in names if n != name], on.own), best.fit).left
 
-    left = dict(zip(names, each(without, names, jobs, (on.data.root, on.model)), strict=True))
     weights = on.data.weights
     after = on.data.remaining(best.left)
     out = []
-    for name in names:
-        lost = energy(left[name], weights) - energy(best.left, weights)
-        before = on.data.remaining(left[name])
-        rivals = rivals_of(name, found)
-        alike = {n for r in rivals if r.alike for n in r.names}
-        out.append(
-            Member(
-                name,
-                lost / max(energy(on.given, weights), 1e-30),
-                contrast(on.data, before, after).t,
-                evidence(before, after),
-                found.probability({name} | alike),
-                rivals,
-                np.array([evidence(before[:, [k]], after[:, [k]]) for k in range(6)]),
-            )
-        )
+    for name, left in zip(names, each(without, names, jobs, (on.data.root, on.model)), strict=True):
+        share = (energy(left, weights) - energy(best.left, weights)) / max(energy(on.given, weights), 1e-30)
+        before = on.data.remaining(left)
+        by_axis = np.array([evidence(before[:, [k]], after[:, [k]]) for k in range(6)])
+        t = contrast(on.data, before, after).t
+        out.append(Member(name, share, t, evidence(before, after), np.nan, (), by_axis))
     return tuple(sorted(out, key=lambda m: -m.share))
 
 
-def rivals_of(name: str, found: Posterior) -> tuple[Rival, ...]:
-    """What other sets have where the likeliest has this effect, all else being named alike; the nearest first."""
+def with_rivals(listed: Sequence[Member], found: WeighedSets, settings: SearchSettings) -> tuple[Member, ...]:
+    """Members with what other sets have in the place of each, all else being named alike, the nearest first; and with
+    the probability that the effect or one of its group is there.
+    """  # noqa: D205
     best = found.best
-    rest = set(best.names) - {name}
-    rivals: dict[tuple[str, ...], Rival] = {}
-    for other in found.sets:
-        instead = tuple(n for n in other.names if n not in best.names)
-        if name not in other.names and instead and rest <= set(other.names) and instead not in rivals:
-            rivals[instead] = _rival(best, other, instead)
-    return tuple(sorted(rivals.values(), key=lambda r: r.separation))[:MOST_RIVALS]
+    out = []
+    for member in listed:
+        rest = set(best.names) - {member.name}
+        rivals: dict[tuple[str, ...], Rival] = {}
+        for other in found.sets:
+            instead = tuple(n for n in other.names if n not in best.names)
+            if member.name not in other.names and instead and rest <= set(other.names) and instead not in rivals:
+                rivals[instead] = _rival(best, other, instead)
+        nearest = tuple(sorted(rivals.values(), key=lambda r: r.separation))[:MOST_RIVALS]
+        alike = {n for r in nearest if r.alike for n in r.names}
+        probability = min(settings.certain, trusted_weight(found.sets, {member.name} | alike))
+        out.append(replace(member, probability=probability, rivals=nearest))
+    return tuple(out)
 
 
 def _rival(best: NamedSet, other: NamedSet, instead: tuple[str, ...]) -> Rival:

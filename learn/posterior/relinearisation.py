@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,70 +22,51 @@ from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set
+from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import search
 from wrenchgap.plant.effects import find
 
 
-@dataclass(frozen=True)
-class Noise:
-    """What sets are scored against: the `reference` of `learn.posterior.score.Scorer`, the `factors` of blocks."""
-
-    reference: Array
-    factors: Array
-
-
-def spectrum_of(ground: ModelResidual, columns: Sequence[Column]) -> Spectrum:
-    """Of these columns."""
-    return Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known, ground.settings)
+def spectrum_of(ground: ModelResidual, columns: Sequence[Column], factors: Array | None = None) -> Spectrum:
+    """Of these columns; blocks of time weighed by `factors` (blocks,)."""
+    spectrum = Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known, ground.settings)
+    if factors is not None:
+        spectrum.down_weight(factors)
+    return spectrum
 
 
 def relinearised_set(
     ground: ModelResidual,
     columns: Sequence[Column],
     theta: Sequence[Array],
-    noise: Noise,
+    reference: Array,
+    factors: Array,
     rests: Mapping[Keys, Array] | None = None,
-    bends: Mapping[str, Array] | None = None,
+    bends: Bends = STRAIGHT,
 ) -> ScoredSet | None:
-    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`. None where the
-    model refuses it there. `rests` and `bends` as in `learn.posterior.scored_sets.scored_set`.
-    """  # noqa: D205
-    with threadpool_limits(1, user_api="blas"):
-        try:
-            scorer, keys = _improved(ground, columns, theta, noise)
-            return scored_set(scorer, keys, rests, bends)
-        except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
-            return None
+    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`; None where the model
+    refuses it there. Against the noise's `reference`, blocks weighed by `factors`; rests and bends as of `scored_set`.
 
-
-def _improved(
-    ground: ModelResidual,
-    columns: Sequence[Column],
-    theta: Sequence[Array],
-    noise: Noise,
-    steps: int = 5,
-    moved: float = 0.1,
-    chord: float = 0.5,
-) -> tuple[Scorer, Keys]:
-    """Gauss-Newton steps, at most so many: another while a parameter moves by more than `moved` typical sizes, with the
-    last derivatives where that was less than `chord`.
+    At most five Gauss-Newton steps: another while a parameter moves by more than a tenth of its typical size, with the
+    last derivatives where that was less than half of it.
     """  # noqa: D205
     keys: Keys = tuple(c.key for c in columns)
     largest = np.inf
-    for _ in range(steps):
-        columns = joint_columns(ground, columns, theta, anew=largest > chord)
-        spectrum = spectrum_of(ground, columns)
-        spectrum.down_weight(noise.factors)
-        scorer = Scorer(spectrum, noise.reference)
-        found = [scorer(keys).theta[k] for k in keys]
-        largest = max(np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True))
-        theta = found
-        if largest < moved:
-            break
-    return scorer, keys
+    with threadpool_limits(1, user_api="blas"):
+        try:
+            for _ in range(5):
+                columns = joint_columns(ground, columns, theta, anew=largest > 0.5)
+                scorer = Scorer(spectrum_of(ground, columns, factors), reference)
+                found = [scorer(keys).theta[k] for k in keys]
+                largest = max(np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True))
+                theta = found
+                if largest < 0.1:
+                    break
+            return scored_set(scorer, keys, rests, bends)
+        except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+            return None
 
 
 def joint_columns(
@@ -146,30 +127,23 @@ def column_beside(ground: ModelResidual, columns: Sequence[Column], theta: Seque
     return replace(other, jacobian=derivative, offset=without.residual - point.residual - derivative @ other.theta)
 
 
-def relinearised_sets(on: ModelResidual, linear: Scorer, sets: Sequence[Keys], jobs: int) -> list[ScoredSet | None]:
-    """`linearised_together` of these sets, by `jobs` processes."""
-    bare = {c: linear.spectrum.columns[c].without_samples() for c in dict.fromkeys(c for k in sets for c in k)}
-    lines = {k: ([bare[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
-    by_name = {" | ".join(k): k for k in sets}
-    noise = Noise(linear.reference, linear.spectrum.factors)
+def relinearised_sets(
+    on: ModelResidual,
+    linear: Scorer,
+    sets: Sequence[tuple[Keys, Sequence[Array]]],
+    jobs: int,
+    rests: Mapping[Keys, Array] | None = None,
+    bends: Bends = STRAIGHT,
+) -> dict[Keys, ScoredSet | None]:
+    """`relinearised_set` of these sets with the values at which they begin, by `jobs` processes."""
+    bare = {c: linear.spectrum.columns[c].without_samples() for c in dict.fromkeys(c for k, _ in sets for c in k)}
+    by_name = {" | ".join(keys): ([bare[c] for c in keys], theta) for keys, theta in sets}
+    reference, factors = linear.reference, linear.spectrum.factors
 
     def work(name: str) -> ScoredSet | None:
-        columns, theta = lines[by_name[name]]
-        return relinearised_set(on, columns, theta, noise)
+        return relinearised_set(on, *by_name[name], reference, factors, rests, bends)
 
-    return list(each(work, list(by_name), jobs, (on.data.root, on.model)))
-
-
-def likeliest(anew: dict[Keys, ScoredSet | None]) -> ScoredSet | None:
-    """Of the sets that were linearised anew."""
-    known = [c for c in anew.values() if c is not None]
-    return max(known, key=lambda c: c.scored.log_probability, default=None)
-
-
-def moves_when_relinearised(linear: Scorer, scored: ScoredSet) -> bool:
-    """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
-    wrong = scored.scored.log_probability - linear(scored.keys).log_probability
-    return abs(wrong) > linear.spectrum.settings.moved
+    return dict(zip([k for k, _ in sets], each(work, list(by_name), jobs, (on.data.root, on.model)), strict=True))
 
 
 def columns_hold(keys: Keys, centre: Keys) -> bool:
@@ -182,12 +156,12 @@ def columns_hold(keys: Keys, centre: Keys) -> bool:
     return len(missing) <= 1 and len(shared) >= 2
 
 
-def rest_holds(keys: Keys, centre: Keys, scorer: Scorer, anew: dict[Keys, ScoredSet | None]) -> bool:
+def rest_holds(keys: Keys, centre: Keys, scorer: Scorer, joint: Mapping[Keys, ScoredSet | None]) -> bool:
     """Whether straight lines around a set may be trusted without the member of it that another set lacks: not where the
     rest, linearised anew, turned out less likely than they had it.
     """  # noqa: D205
     rest = tuple(k for k in centre if k in keys)
-    found = anew.get(rest) if len(rest) < len(centre) else None
+    found = joint.get(rest) if len(rest) < len(centre) else None
     least = scorer(rest).log_probability - scorer.spectrum.settings.moved
     return found is None or found.scored.log_probability > least
 
@@ -213,9 +187,8 @@ def search_around(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: in
 
         moved |= {c.key: c.spilled() for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
     on.data.forget()
-    spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
-    spectrum.down_weight(linear.spectrum.factors)
-    scorer = Scorer(spectrum, linear.reference)
+    lines = [moved.get(k, c) for k, c in columns.items()]
+    scorer = Scorer(spectrum_of(on, lines, linear.spectrum.factors), linear.reference)
     search(scorer, jobs=jobs)
     scorer(centre.keys)
     return scorer
@@ -232,46 +205,30 @@ def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
 
 
 def with_known_rests(
-    on: ModelResidual, linear: Scorer, heavy: Sequence[ScoredSet], anew: dict[Keys, ScoredSet | None], jobs: int
-) -> dict[str, Array]:
-    """Take into heavy sets, the heaviest first, what they leave without each of their members, as it is where those
-    rests were linearised anew: straight lines of lags, far from where they were taken, can bend into what the member
-    did. Where a set's own rest was not, by as much more as of the heaviest whose was. `anew` has them then; returns
-    those factors by member (`ScoredSet.bends`).
+    on: ModelResidual, linear: Scorer, heavy: Sequence[ScoredSet], joint: Mapping[Keys, ScoredSet | None], jobs: int
+) -> tuple[dict[Keys, ScoredSet | None], Bends]:
+    """Of heavy sets, the heaviest first, what they leave without each of their members, as it is where those rests were
+    linearised: straight lines of lags, far from where they were taken, can bend into what the member did. Where a set's
+    own rest was not, by as much more as of the heaviest whose was. Returns `joint` with those sets, and how much more
+    that is by member (`ScoredSet.bends`).
     """  # noqa: D205
-    rests = {keys: c.left for keys, c in anew.items() if c is not None}
+    rests = {keys: c.left for keys, c in joint.items() if c is not None}
+    known = [c for c in heavy if c.keys in joint]
+
+    def again(some: Sequence[ScoredSet], bends: Bends) -> dict[Keys, ScoredSet | None]:
+        begun = [(c.keys, [c.scored.theta[k] for k in c.keys]) for c in some]
+        found = relinearised_sets(on, linear, begun, jobs, rests, bends)
+        return {keys: c for keys, c in found.items() if c is not None}
+
+    doubted = {c.keys: [(rest, *(set(c.keys) - set(rest))) for rest in without_doubtful(c)] for c in known}
+    mine = [c for c in known if any(rest in rests for rest, _ in doubted[c.keys])]
+    first = {**joint, **again(mine, STRAIGHT)}
     bends: dict[str, Array] = {}
-    noise = Noise(linear.reference, linear.spectrum.factors)
-    columns = {k: linear.spectrum.columns[k].without_samples() for k in dict.fromkeys(k for c in heavy for k in c.keys)}
-
-    def again(sets: Sequence[ScoredSet], known: Mapping[str, Array]) -> None:
-        by_name = {" | ".join(c.keys): c for c in sets}
-
-        def work(name: str) -> ScoredSet | None:
-            c = by_name[name]
-            theta = [c.scored.theta[k] for k in c.keys]
-            return relinearised_set(on, [columns[k] for k in c.keys], theta, noise, rests, known)
-
-        found = each(work, list(by_name), jobs, (on.data.root, on.model))
-        anew.update((c.keys, new) for c, new in zip(sets, found, strict=True) if new is not None)
-
-    mine = [c for c in heavy if c.keys in anew and rest_known(c, rests, bends, own=True)]
-    again(mine, {})
     for c in reversed(mine):
-        bends |= (anew[c.keys] or c).bends
-    done = {c.keys for c in mine}
-    theirs = [c for c in heavy if c.keys in anew and c.keys not in done and rest_known(c, rests, bends, own=False)]
-    again(theirs, dict(bends))
-    return bends
-
-
-def rest_known(heavy: ScoredSet, rests: Mapping[Keys, Array], bends: Mapping[str, Array], *, own: bool) -> bool:
-    """Whether more is known of a doubtful member of a set: its own rest, or, not `own`, how that of another bends."""
-    for rest in without_doubtful(heavy):
-        gone = next(k for k in heavy.keys if k not in rest)
-        if (rest in rests) if own else (rest not in rests and gone in bends):
-            return True
-    return False
+        bends |= (first[c.keys] or c).bends
+    others = [c for c in known if c.keys not in {one.keys for one in mine}]
+    theirs = [c for c in others if any(rest not in rests and gone in bends for rest, gone in doubted[c.keys])]
+    return {**first, **again(theirs, bends)}, bends
 
 
 def lags_and_delays(columns: Iterable[str]) -> list[str]:

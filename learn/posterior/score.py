@@ -32,7 +32,7 @@ import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,6 @@ from wrenchgap.learn.parallel import by_threads
 from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import complexity
 from wrenchgap.learn.posterior.linear_problem import LinearProblem, quadratic
-from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Keys = tuple[str, ...]
 
@@ -76,7 +75,7 @@ class Scored:
 class Scorer:
     """Scores sets on one spectrum, with the counts that a reference spectrum gives."""
 
-    def __init__(self, spectrum: Spectrum, reference: Array) -> None:
+    def __init__(self, spectrum: LinearProblem, reference: Array) -> None:
         self.spectrum = spectrum
         self.reference = reference
         above = 1.0 - spectrum.sensor / np.maximum(reference, spectrum.sensor)
@@ -85,9 +84,9 @@ class Scorer:
         self.share = self.count / np.maximum(spectrum.count, 1.0)
         self.variance = self.pooled(reference)
         self.known: dict[Keys, Scored] = {}
-        self._kinds: dict[str, int] = {}
+        self.kinds = {key: complexity(c.names) for key, c in spectrum.columns.items()}
 
-    def on(self, spectrum: Spectrum) -> Self:
+    def on(self, spectrum: LinearProblem) -> Scorer:
         """The same scorer on another spectrum of the same columns."""
         other = copy.copy(self)
         other.spectrum, other.known = spectrum, {}
@@ -106,10 +105,8 @@ class Scorer:
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
-        for k in keys:
-            if k not in self._kinds:
-                self._kinds[k] = complexity(self.spectrum.columns[k].names)
-        return -self.spectrum.settings.price * sum(self._kinds[k] for k in keys)
+        space = self.spectrum
+        return -space.settings.price * sum(self.kinds[k] for k in keys) - sum(space.columns[k].price for k in keys)
 
     def __call__(self, keys: Sequence[str]) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
@@ -175,6 +172,14 @@ class Scorer:
         left = space.combined(scored.weights) ** 2 + off[space.band]
         share, variance = self.share[space.band], scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
+
+    def deviations(self, scored: Scored) -> dict[str, Array]:
+        """Standard deviations by column: the width of the posterior at the noise that the set leaves."""
+        own, size = SetRows(self.spectrum, scored.keys), len(scored.sizes)
+        g = self.share / scored.variance
+        whole = own.weighed(self.count / scored.variance, g[0, own.trims.axes])
+        curvature = whole[:size, :size] + np.diag(scored.sizes**-2.0)
+        return own.by_column(np.sqrt(np.diag(np.linalg.inv(curvature))))
 
 
 class SetRows:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,10 @@ from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.settings import SearchSettings
-from wrenchgap.learn.posterior.spectrum import Spectrum
+
+Bends = Mapping[str, Array]
+"""By how much more (L,), by axis, a set leaves without a member than straight lines have it."""
+STRAIGHT: Bends = {}
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,7 @@ def part(column: Column, theta: Array, evidence: float, trust: float, settings: 
 class ScoredSet:
     """A set as scored. `by_block` (blocks,) is its log likelihood; `predicted` (K, L) the cosine coefficients of what
     it adds to the prediction; `left` (L,) mean squares by axis. `leaves` are the sets that remain of it when all that
-    it does not need is taken out, with their shares of it: of two effects that do the same, one or the other. `bends`
-    (L,) are by how much more the set leaves without a member than straight lines have it, factors by axis.
+    it does not need is taken out, with their shares of it (`without_idle`).
     """  # noqa: D205
 
     scored: Scored
@@ -65,7 +68,7 @@ class ScoredSet:
     predicted: Array
     left: Array
     leaves: tuple[tuple[ScoredSet, float], ...] = ()
-    bends: Mapping[str, Array] = field(default_factory=dict)
+    bends: Bends = field(default_factory=dict)
 
     @property
     def keys(self) -> Keys:
@@ -79,77 +82,115 @@ class ScoredSet:
         return tuple(n for p in parts for n in p.names)
 
 
+class Rule(NamedTuple):
+    """How the members of a set are judged: their `evidence` and `trust` (`Part`) by key, and the `least` evidence
+    of one that is not idle. Once `many` sets without idle members were seen, the likeliest way is followed alone.
+    """  # noqa: D205
+
+    evidence: Callable[[Scorer, Keys, Bends], dict[str, float]]
+    trust: Callable[[Scorer, Keys, Bends], dict[str, float]]
+    least: float
+    many: float
+
+
+def growth(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+    """Sum over axes of the log of how much the rms grows without each member."""
+    left = by_axis(scorer, scorer(keys).left)
+    return {k: 0.5 * float(np.sum(np.log(_without(scorer, keys, k, bends)) - np.log(left))) for k in keys}
+
+
+def own_share(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+    """Share of each member's growth that neither what the set leaves nor its rough laws could have made."""
+    space, scored, settings = scorer.spectrum, scorer(keys), scorer.spectrum.settings
+    left = by_axis(scorer, scored.left)
+    beyond_noise = np.maximum(1.0 - settings.structure**2 * by_axis(scorer, space.sensor) / left, 0.0)
+    rows = {k: np.append(space.parameters[k], space.offset[k]) for k in keys}
+    sizes = {
+        k: by_axis(scorer, quadratic(space.products[:, :, r[:, None], r], scored.weights[r])) for k, r in rows.items()
+    }
+    out = {}
+    for key in keys:
+        returns = np.maximum(_without(scorer, keys, key, bends) / left - 1.0, 0.0)
+        above = beyond_noise * returns / (returns + 1.0)
+        rough = [k for k in keys if k != key and space.columns[k].accuracy > settings.rough]
+        law = sum((settings.off * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
+        own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
+        out[key] = float(own.sum() / max(float(np.sum(returns + above)), 1e-30))
+    return out
+
+
+GROWTH = Rule(growth, own_share, SIGNIFICANCE.least_evidence, 12)
+"""Of sets of effects: by what is left on each axis."""
+
+
+def _without(scorer: Scorer, keys: Keys, gone: str, bends: Bends) -> Array:
+    """Mean squares (L,) by axis that remain without a member."""
+    rest = scorer(tuple(k for k in keys if k != gone))
+    return np.asarray(by_axis(scorer, rest.left) * bends.get(gone, 1.0))
+
+
 def scored_set(
     scorer: Scorer,
     keys: Keys,
     rests: Mapping[Keys, Array] | None = None,
-    bends: Mapping[str, Array] | None = None,
+    bends: Bends = STRAIGHT,
+    rule: Rule = GROWTH,
 ) -> ScoredSet:
     """All that is said of a set, and of what remains of it. `rests` are mean squares (L,) by axis that sets without one
     of its members leave, where they are known better than by the straight lines of the whole set; `bends` those of
     other sets, for members of which no rest is known.
     """  # noqa: D205
-    known = dict(bends or {})
+    known = dict(bends)
     for key in keys:
         rest = tuple(k for k in sorted(keys) if k != key)
         if rests and rest in rests:
             known[key] = rests[rest] / by_axis(scorer, scorer(rest).left)
+    space = scorer.spectrum
 
-    def describe(some: Keys) -> ScoredSet:
-        return described(scorer, some, parts_of(scorer, scorer(some), known))
+    def described(some: Keys) -> ScoredSet:
+        scored = scorer(some)
+        used = [row for key in scored.keys for row in (*space.parameters[key], space.offset[key])]
+        adds = np.zeros(len(scored.weights))
+        adds[used] = -scored.weights[used]
+        parts, left = parts_of(scorer, scored.keys, known, rule), by_axis(scorer, scored.left)
+        return ScoredSet(scored, parts, scorer.by_block(scored), space.combined(adds), left)
 
-    leaves = tuple((describe(leaf), share) for leaf, share in without_idle(scorer, keys, known).items())
-    return replace(describe(keys), leaves=leaves, bends=known)
-
-
-def described(scorer: Scorer, keys: Keys, parts: tuple[Part, ...]) -> ScoredSet:
-    """A set, whatever remains of it, with what is said of its members."""
-    scored = scorer(keys)
-    left = by_axis(scorer, scored.left)
-    return ScoredSet(scored, parts, scorer.by_block(scored), adds(scorer.spectrum, scored), left)
-
-
-def without_idle(scorer: Scorer, keys: Keys, bends: Mapping[str, Array], many: int = 12) -> dict[Keys, float]:
-    """What remains of a set when all that it does not need is taken out, with shares of it (`ScoredSet.leaves`).
-    `bends` are those of a scored set; once `many` sets were seen, the likeliest way is followed alone.
-    """  # noqa: D205
-
-    def idle(some: Keys) -> list[Keys]:
-        """Without each member that hardly shows, the likeliest first."""
-        left = by_axis(scorer, scorer(some).left)
-        rests = {gone: tuple(k for k in some if k != gone) for gone in some}
-        least = SIGNIFICANCE.least_evidence
-        found = [r for g, r in rests.items() if _evidence(left, _without(scorer, r, g, bends)) <= least]
-        return sorted(found, key=lambda rest: -scorer(rest).log_probability)
-
-    leaves = pruned(scorer(keys).keys, idle, many)
-    return dict(zip(leaves, shares(scorer, leaves), strict=True))
+    leaves = tuple((described(leaf), share) for leaf, share in without_idle(scorer, keys, known, rule).items())
+    return replace(described(keys), leaves=leaves, bends=known)
 
 
-def pruned(keys: Keys, idle: Callable[[Keys], list[Keys]], many: float) -> list[Keys]:
-    """The sets that remain of one when what `idle` takes out of each, one member after the other, is gone; where
-    `many` were seen, along the first way only.
+def parts_of(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule = GROWTH) -> tuple[Part, ...]:
+    """What is said of each candidate of a set."""
+    scored, space = scorer(keys), scorer.spectrum
+    evidence, trust = (judge(scorer, scored.keys, bends) for judge in (rule.evidence, rule.trust))
+    return tuple(part(space.columns[k], scored.theta[k], evidence[k], trust[k], space.settings) for k in scored.keys)
+
+
+def without_idle(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule = GROWTH) -> dict[Keys, float]:
+    """The sets that remain of one when what is idle, one member after the other, is gone, with their shares of it by
+    probability: of two effects that do the same, one or the other (`ScoredSet.leaves`).
     """  # noqa: D205
     seen: set[Keys] = set()
-    leaves: dict[Keys, None] = {}
+    leaves: list[Keys] = []
 
     def follow(some: Keys) -> bool:
         """Whether a set was reached in which nothing is idle."""
         if some in seen:
             return False
         seen.add(some)
-        rests = idle(some)
+        idle = [k for k, evidence in rule.evidence(scorer, some, bends).items() if evidence <= rule.least]
+        rests = [tuple(k for k in some if k != gone) for gone in idle]
         if not rests:
-            leaves[some] = None
+            leaves.append(some)
             return True
         reached = False
-        for rest in rests:
-            if not reached or len(seen) < many:
+        for rest in sorted(rests, key=lambda rest: -scorer(rest).log_probability):
+            if not reached or len(seen) < rule.many:
                 reached = follow(rest) or reached
         return reached
 
-    follow(keys)
-    return list(leaves)
+    follow(scorer(keys).keys)
+    return dict(zip(leaves, shares(scorer, leaves), strict=True))
 
 
 def shares(scorer: Scorer, sets: Sequence[Keys]) -> list[float]:
@@ -157,51 +198,6 @@ def shares(scorer: Scorer, sets: Sequence[Keys]) -> list[float]:
     log = np.array([scorer(keys).log_probability for keys in sets])
     share = np.exp(log - log.max())
     return [float(x) for x in share / share.sum()]
-
-
-def _without(scorer: Scorer, rest: Keys, gone: str, bends: Mapping[str, Array]) -> Array:
-    """Mean squares (L,) by axis that remain without a member."""
-    return np.asarray(by_axis(scorer, scorer(rest).left) * bends.get(gone, 1.0))
-
-
-def _evidence(left: Array, without: Array) -> float:
-    """Sum over axes of the log of how much the rms grows, from mean squares."""
-    return 0.5 * float(np.sum(np.log(without) - np.log(left)))
-
-
-def adds(space: Spectrum, scored: Scored) -> Array:
-    """Coefficients (K, L) of what the candidates of a set add to the prediction."""
-    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
-    weights = np.zeros(len(scored.weights))
-    weights[used] = -scored.weights[used]
-    return space.combined(weights)
-
-
-def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tuple[Part, ...]:
-    """What is said of each candidate of a set; `bends` are those of a scored set."""
-    space, settings = scorer.spectrum, scorer.spectrum.settings
-    sensor = by_axis(scorer, space.sensor)
-    left = by_axis(scorer, scored.left)
-    parts = []
-    sizes = {k: _size(scorer, scored, k) for k in scored.keys}
-    for key in scored.keys:
-        c, theta = space.columns[key], scored.theta[key]
-        without = _without(scorer, tuple(k for k in scored.keys if k != key), key, bends)
-        returns = np.maximum(without / left - 1.0, 0.0)
-        above = np.maximum(1.0 - settings.structure**2 * sensor / left, 0.0) * returns / (returns + 1.0)
-        rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > settings.rough]
-        law = sum((settings.off * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
-        own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
-        trust = float(own.sum() / max(float(np.sum(returns + above)), 1e-30))
-        parts.append(part(c, theta, _evidence(left, without), trust, settings))
-    return tuple(parts)
-
-
-def _size(scorer: Scorer, scored: Scored, key: str) -> Array:
-    """Mean squares (L,) by axis of what a member adds."""
-    space = scorer.spectrum
-    rows = np.append(space.parameters[key], space.offset[key])
-    return by_axis(scorer, quadratic(space.products[:, :, rows[:, None], rows], scored.weights[rows]))
 
 
 def at_limit(theta: Array, low: Array, high: Array) -> bool:

@@ -56,7 +56,7 @@ class SearchSettings:
     """Log odds by which straight lines are wrong of a set, from which on the search is repeated around it; up to which
     behind the heaviest set one with another effect in the place of one is looked at."""
 
-    # What is said: learn.posterior.scored_sets, learn.posterior.equivalence_classes
+    # What is said: learn.posterior.scored_sets, learn.posterior.posterior
     firm: float = 0.9
     """Share of the weight from which on a name is firm."""
     otherwise: float = 0.05

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,7 @@ class Spectrum(LinearProblem):
 
     def counted(self) -> Array:
         """Coefficients (bands, A) that say something of the vehicle."""
-        return np.stack([np.bincount(self.band, weights=~silent) for silent in self.silent.T], axis=1)
+        return sums_by(self.band, ~self.silent)
 
     def _silence(self, data: Dataset) -> None:
         """Of all but what the model leaves: nothing where commands say nothing, and the mean of a flight where they do
@@ -109,8 +110,7 @@ class Spectrum(LinearProblem):
                 size = np.sqrt(np.bincount(self.block)[self.block[rows]])[:, None]
                 self.coefficients[rows, axis, 1:] = size * (self.coefficients[rows, axis, 1:] / size).mean(axis=0)
         self.error = input_errors(data, self.axes, self.hertz, self.settings.block)
-        per_band = np.stack([np.bincount(self.band, weights=e) for e in (self.error * ~self.silent).T], axis=1)
-        self.leak = self.leak + per_band / np.maximum(self.count, 1.0)
+        self.leak = self.leak + sums_by(self.band, self.error * ~self.silent) / np.maximum(self.count, 1.0)
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
@@ -171,7 +171,7 @@ class Spectrum(LinearProblem):
         return out
 
     def combined(self, weights: Array) -> Array:
-        """Sum (K, L) of the stacked quantities times these weights (Q,)."""
+        """Sum (K, L) of the coefficients of the quantities times these weights (Q,)."""
         used = np.flatnonzero(weights)
         out = np.empty(self.coefficients.shape[1::-1])
         for axis, rows in enumerate(self.coefficients.transpose(1, 2, 0)):
@@ -179,12 +179,13 @@ class Spectrum(LinearProblem):
             let_go(rows)
         return out.T
 
+    def calm(self, weights: Array) -> None:
+        """Take weight off the blocks of time in which far more is left than in others: a hand, a gust."""
+        self.down_weight(self.block_weights(self.combined(weights)))
+
     def block_weights(self, left: Array) -> Array:
-        """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
-        hand, a gust.
-        """  # noqa: D205
-        count = np.maximum(self.count, 1.0)
-        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
+        """Factors (blocks,) of blocks of time, of which this is left (K, L): less than one of the loud ones."""
+        mean = sums_by(self.band, left**2) / np.maximum(self.count, 1.0)
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
         size /= np.bincount(self.block)
         return np.asarray(np.sqrt(np.minimum(1.0, self.settings.loud * np.median(size) / np.maximum(size, 1e-30))))
@@ -268,7 +269,12 @@ def input_errors(data: Dataset, axes: NDArray[np.intp], hertz: Array, seconds: f
 
 def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:
     """By band and axis (bands, axes), of coefficients (K, axes) in these bands (K,)."""
-    return np.stack([np.bincount(band, weights=x**2) for x in coefficients.T], axis=1) / np.bincount(band)[:, None]
+    return sums_by(band, coefficients**2) / np.bincount(band)[:, None]
+
+
+def sums_by(label: NDArray[np.intp], values: NDArray[Any], labels: int = 0) -> Array:
+    """Sums (labels, X) of values (K, X) with these labels (K,): bands of frequency, blocks of time, flights."""
+    return np.stack([np.bincount(label, weights=v, minlength=labels) for v in values.T], axis=1)
 
 
 def leaking(power: Array, axes: NDArray[np.intp], share: float) -> Array:
@@ -284,5 +290,4 @@ def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Arra
     """Variance (bands, 6) of a coefficient from sensors alone (`coefficient_shapes`)."""
     shapes = np.repeat(coefficient_shapes(hertz, band, data.records[0].cutoff_hz), 3, axis=1)
     shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)
-    each = [np.bincount(band, weights=shapes[:, axis]) / np.bincount(band) for axis in range(6)]
-    return np.maximum(np.stack(each, axis=1), 1e-30)
+    return np.maximum(sums_by(band, shapes) / np.bincount(band)[:, None], 1e-30)

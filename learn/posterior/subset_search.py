@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Callable, Collection, Sequence
-from typing import TypeVar
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import compatible, compatible_with, confused
+from wrenchgap.learn.posterior.linear_problem import LinearProblem
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Rows = NDArray[np.intp]
 
@@ -143,23 +142,15 @@ class SubsetSearch:
         return [n for _, n in sorted(zip(-gained, others, strict=True))][: self.settings.promising]
 
 
-S = TypeVar("S", bound=Scorer)
-
-
-def searched(spectrum: Spectrum, scorer: Callable[[Spectrum, Array], S], jobs: int = 1) -> S:
-    """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves; blocks of
-    time that are far louder than others have lost weight.
+def searched(space: LinearProblem, jobs: int = 1) -> Scorer:
+    """A scorer that has scored the sets which flights make likely: at the noise that everything at once leaves, and
+    again at what the best set leaves. Blocks of time that are far louder than others have lost weight.
     """  # noqa: D205
-    reference, weights = spectrum.saturated()
-    spectrum.down_weight(spectrum.block_weights(spectrum.combined(weights)))
-    return search_at(lambda noise: scorer(spectrum, noise), reference, jobs)
-
-
-def search_at(scorer: Callable[[Array], S], reference: Array, jobs: int = 1) -> S:
-    """The search at a reference spectrum (bands, axes) of the noise, and again at what its best set leaves."""
-    first = scorer(reference)
+    reference, weights = space.saturated()
+    space.calm(weights)
+    first = Scorer(space, reference)
     search(first, jobs)
-    second = scorer(ordered(first)[0].left)
+    second = Scorer(space, ordered(first)[0].left)
     search(second, jobs)
     return second
 

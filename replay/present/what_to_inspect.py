@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.learn.posterior.equivalence_classes import NamedSet
+from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.replay.present.numbers import quantity, share
 
 

@@ -14,12 +14,18 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.learn.changed.changed import Baseline, Verdict, changed
 from wrenchgap.learn.changed.changed import _verdict as verdict_of
 from wrenchgap.learn.changed.places import towards, where_of
-from wrenchgap.learn.changed.priors import change_prior
-from wrenchgap.learn.changed.propeller import MOST, damaged, read
-from wrenchgap.learn.changed.relinearise import changed_model, relinearised
-from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
+from wrenchgap.learn.changed.priors import MOST, change_prior, damaged, read
 from wrenchgap.learn.changed.search import _late as late
-from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
+from wrenchgap.learn.changed.search import changed_model, relinearised
+from wrenchgap.learn.changed.varying import (
+    Varying,
+    means_by_flight,
+    noise_of_means,
+    renewed,
+    scatter_between,
+    seeming,
+    typical_of,
+)
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.timing import answering_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim

@@ -11,15 +11,12 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.input_errors import EDGES
-from wrenchgap.learn.posterior.fleet_ranking import common_candidates, ranking, searched
+from wrenchgap.learn.posterior.fleet_ranking import FittedSet, by_flight, common_candidates, ranking
 from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum
 from wrenchgap.learn.posterior.flight_evidence import declared, evidence, evidence_of, packed, unpacked
-from wrenchgap.learn.posterior.held_out_flights import FittedSet, by_flight
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
-from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.single_effects import model_residual
-from wrenchgap.learn.posterior.subset_search import ordered
-from wrenchgap.learn.posterior.subset_search import searched as searched_jointly
+from wrenchgap.learn.posterior.subset_search import ordered, searched
 
 NAMES = ("com_offset", "mass", "thrust_scale", "motor_lag", "rotor_thrust", "body_drag", "wind", "accelerometer_bias")
 COUNT = 4
@@ -58,7 +55,7 @@ def joint(flights, model, parts):
     data = dataset([r for one in flights for r in one.records], model)
     keys, _, _ = common_candidates(parts)
     columns = [c for c in declared(data, model, NAMES) if c.key in keys]
-    return searched_jointly(spectrum_of(model_residual(data, model), columns), Scorer)
+    return searched(spectrum_of(model_residual(data, model), columns))
 
 
 @pytest.fixture(scope="module")

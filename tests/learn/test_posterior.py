@@ -17,17 +17,11 @@ from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.posterior.columns import Column, compatible, compatible_with, complexity, confused
 from wrenchgap.learn.posterior.columns import column as linearised_column
-from wrenchgap.learn.posterior.equivalence_classes import NamedSet, merged_by_names
 from wrenchgap.learn.posterior.explain import search_dataset
+from wrenchgap.learn.posterior.joint_search import equivalents_without_idle, exchanges, substitutes, with_compounds
 from wrenchgap.learn.posterior.kernels import bounded, occam
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
-from wrenchgap.learn.posterior.posterior import (
-    Posterior,
-    equivalents_without_idle,
-    exchanges,
-    substitutes,
-    with_compounds,
-)
+from wrenchgap.learn.posterior.posterior import NamedSet, Posterior, merged_by_names
 from wrenchgap.learn.posterior.relinearisation import column_beside, columns_hold
 from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.scored_sets import at_limit, scored_set, weights

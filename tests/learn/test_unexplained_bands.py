@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from wrenchgap.learn.posterior.settings import DEFAULT
-from wrenchgap.learn.posterior.unexplained_bands import FAR, unexplained_bands
+from wrenchgap.learn.posterior.verdict import FAR, unexplained_bands
 
 FORCE_Y, TORQUE_X = 1, 3
 

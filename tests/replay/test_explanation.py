@@ -20,8 +20,7 @@ from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
-from wrenchgap.learn.posterior.unexplained_bands import OpenBand
-from wrenchgap.learn.posterior.verdict import Verdict
+from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import members, short, summary, to_json, what_next

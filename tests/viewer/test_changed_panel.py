@@ -8,7 +8,7 @@ from wrenchgap.learn.changed.by_flight import FlightRow
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
-from wrenchgap.learn.posterior.equivalence_classes import EquivalenceClass, NamedSet
+from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.panels.changed import ChangedPanel, labels
 from wrenchgap.viewer import markup

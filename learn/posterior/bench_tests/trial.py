@@ -70,10 +70,31 @@ class Trial:
     unclear: tuple[str, ...] = ()
 
 
-def total(fitted: Fitted, size: int, *terms: tuple[str, Callable[[Array], Array | Sequence[float]]]) -> Array:
-    """Sum (size,) of what each effect that is there adds to a reading; `terms` are (effect, its theta to its part)."""
-    parts = [np.asarray(part(fitted[name]), dtype=float) for name, part in terms if name in fitted]
-    return np.asarray(sum(parts, np.zeros(size)))
+def bench_test(
+    name: str, minutes: int, shows: tuple[str, ...], measures: str, resolves: str, unclear: tuple[str, ...] = ()
+) -> Callable[[Callable[[Vehicle, Sequence[Fitted]], Setup]], Trial]:
+    """Decorates a `Trial.setup`; the name then is that of the trial."""
+    return lambda setup: Trial(name, minutes, shows, setup, measures, resolves, unclear)
+
+
+def whole(theta: Array) -> Array:
+    """A reading that is the effect's parameters."""
+    return theta
+
+
+def reads(size: int, **parts: Callable[[Array], Array | Sequence[float]]) -> Callable[[Fitted], Array]:
+    """`Setup.predict` of a reading (size,) that is the sum of what each effect adds: its theta to its part, by name."""
+
+    def predict(fitted: Fitted) -> Array:
+        there = [np.asarray(part(fitted[name]), dtype=float) for name, part in parts.items() if name in fitted]
+        return np.asarray(sum(there, np.zeros(size)))
+
+    return predict
+
+
+def above(least: float, words: Callable[[float], str], none: str) -> Callable[[Array], str]:
+    """`Setup.says` of one number: `words` for it where it is larger than this, else `none`."""
+    return lambda reading: words(float(reading[0])) if reading[0] > least else none
 
 
 def digits(value: float, resolution: float) -> str:
@@ -87,13 +108,17 @@ def per_cent(value: float) -> str:
     return f"{100 * value:+.1f} %"
 
 
-def off(values: Array, names: Sequence[str], resolution: float, write: Callable[[float], str], none: str) -> str:
-    """The parts of a reading that are off by more than the resolution, the largest three by name; `none` if none is."""
-    large = np.flatnonzero(np.abs(values) > resolution)
-    if large.size == 0:
-        return none
-    if large.size == len(values) > 2 and np.ptp(values) <= resolution:
-        return f"{write(float(values.mean()))} on all"
-    shown = large[np.argsort(-np.abs(values[large]), kind="stable")][:3]
-    listed = ", ".join(f"{names[k]} {write(float(values[k]))}" for k in shown)
-    return listed + (f" and {large.size - 3} more" if large.size > 3 else "")
+def off(names: Sequence[str], resolution: float, write: Callable[[float], str], none: str) -> Callable[[Array], str]:
+    """`Setup.says` of several numbers: those that are off by more than the resolution, the largest three by name."""
+
+    def says(values: Array) -> str:
+        large = np.flatnonzero(np.abs(values) > resolution)
+        if large.size == 0:
+            return none
+        if large.size == len(values) > 2 and np.ptp(values) <= resolution:
+            return f"{write(float(values.mean()))} on all"
+        shown = large[np.argsort(-np.abs(values[large]), kind="stable")][:3]
+        listed = ", ".join(f"{names[k]} {write(float(values[k]))}" for k in shown)
+        return listed + (f" and {large.size - 3} more" if large.size > 3 else "")
+
+    return says

@@ -1,0 +1,215 @@
+"""The search over sets for a few flights: straight lines of each candidate, then of likely sets together, then weights.
+
+linear search     sets on the lines of each candidate by itself       `learn.posterior.subset_search`
+rounds            likely sets are linearised where they fit best; where that moves the likeliest, the search is
+                  repeated around it; all that came close is weighed, and says what to linearise next
+bends             what the heaviest sets leave without a member, as far as that was linearised
+names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from wrenchgap.learn.posterior.columns import Column, compatible
+from wrenchgap.learn.posterior.posterior import (
+    LIGHT,
+    WeighedSets,
+    equivalence_classes,
+    merged_by_names,
+    predict_the_same,
+)
+from wrenchgap.learn.posterior.relinearisation import (
+    columns_hold,
+    lags_and_delays,
+    relinearised_sets,
+    rest_holds,
+    search_around,
+    spectrum_of,
+    with_known_rests,
+    without_doubtful,
+)
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
+from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.single_effects import ModelResidual
+from wrenchgap.learn.posterior.subset_search import ordered, searched, with_fit_discounted
+from wrenchgap.plant.effects import family, find
+
+Joint = Mapping[Keys, ScoredSet | None]
+"""Sets that were linearised together; None where the model refuses one."""
+Lines = Sequence[tuple[Scored, Scorer]]
+"""Sets on straight lines, each with what scored it."""
+
+ROUNDS = 3
+"""In which likely sets are linearised, and the search may be repeated around the likeliest."""
+SETTLING = 3
+"""Further rounds, in which only what would do as well as the heaviest is linearised."""
+FEW = 3
+"""Heaviest sets of which it is asked what of them is idle."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """What is known after a round: sets linearised together, searches repeated `around` some of them; the sets on
+    `lines` beside them, all that were `weighed`, the heaviest first, with their weights; what to linearise `next`.
+    """  # noqa: D205
+
+    joint: Joint
+    around: Mapping[Keys, Scorer]
+    nearby: tuple[tuple[Scored, Scorer, Keys], ...]
+    lines: Lines
+    weighed: tuple[tuple[ScoredSet, float], ...]
+    next: tuple[Keys, ...]
+
+
+def joint_search(
+    on: ModelResidual, columns: Sequence[Column], *, jobs: int = 1, tell: Callable[[float, str], None] | None = None
+) -> WeighedSets:
+    """Search and weigh the sets of these columns."""
+    tell = tell or (lambda fraction, words: None)
+    tell(0.0, "weighing sets of effects")
+    linear = searched(spectrum_of(on, columns), jobs)
+    last = Round({}, {}, (), (), (), tuple(sets_to_relinearise(linear, ordered(linear))))
+    for number in range(ROUNDS + SETTLING):
+        tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
+        last = next_round(on, linear, last, jobs, settling=number >= ROUNDS)
+        if not last.next:
+            break
+    heavy = [one for one, share in last.weighed if share > LIGHT]
+    joint, bends = with_known_rests(on, linear, heavy, last.joint, jobs)
+    weighed = by_weight(sets_to_weigh(last.lines, joint, bends))
+    wholes = tuple(one for one, _ in weighed[:FEW])
+    kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
+    sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
+    classes = equivalence_classes(sets, lambda a, b: predict_the_same(a.scored_set, b.scored_set, linear))
+    return WeighedSets(sets, classes, wholes, last.around.get(sets[0].scored_set.keys, linear))
+
+
+def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, settling: bool) -> Round:
+    """Linearise what the last round asked for, weigh all that came close, and ask for more."""
+    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in last.next]
+    joint = {**last.joint, **relinearised_sets(on, linear, begun, jobs)}
+    around, nearby = last.around, last.nearby
+    wanted: list[Keys] = []
+    known = [c for c in joint.values() if c is not None]
+    centre = max(known, key=lambda c: c.scored.log_probability, default=None)
+    if not settling and centre is not None and centre.keys not in around:
+        wrong = centre.scored.log_probability - linear(centre.keys).log_probability
+        if abs(wrong) > on.settings.moved:
+            scorer = search_around(on, linear, centre, jobs)
+            found = [s for s in ordered(scorer) if columns_hold(s.keys, centre.keys)]
+            wanted = sets_to_relinearise(scorer, found)
+            around, nearby = {**around, centre.keys: scorer}, tuple((s, scorer, centre.keys) for s in found)
+    straight = [(s, by) for s, by, middle in nearby if rest_holds(s.keys, middle, by, joint)]
+    lines = (*straight, *((s, linear) for s in ordered(linear)))
+    weighed = by_weight(sets_to_weigh(lines, joint))
+    heaviest = weighed[0][0]
+    wanted += [one.keys for one, _ in weighed[:FEW] if one.keys and not settling]
+    wanted += substitutes(around.get(heaviest.keys, linear), heaviest)
+    wanted += [rest for one, _ in weighed[:FEW] for rest in without_doubtful(one)]
+    new = tuple(keys for keys in dict.fromkeys(wanted) if keys not in joint)
+    return Round(joint, around, nearby, lines, weighed, new)
+
+
+def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
+    """Sets with their weights, the heaviest first."""
+    return tuple(sorted(zip(sets, weights(sets).tolist(), strict=True), key=lambda pair: -pair[1]))
+
+
+def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
+    """Sets to linearise anew, of those scored, the likeliest first: the best, the best without each of its members, the
+    plainest, and of the best and these those with lags and delays, or with what moves in the air, in each other's
+    place; one effect for its parts.
+    """  # noqa: D205
+    if not ranked:
+        return []
+    best, settings = ranked[0].log_probability, linear.spectrum.settings
+    close = [s for s in ranked if s.log_probability > best - settings.behind]
+    columns = linear.spectrum.columns
+    found: dict[frozenset[str], Keys] = {}
+    for s in close:
+        sizes = {k: max(abs(s.theta[k]) / columns[k].scale) for k in s.keys}
+        large = frozenset(family(n) for k in s.keys if sizes[k] > 0.1 for n in columns[k].names)
+        if s.keys and len(found) < settings.contenders:
+            found.setdefault(large, s.keys)
+    alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
+    by_prior = sorted(ranked, key=lambda s: -with_fit_discounted(s.log_probability, s.prior, settings.fit_counts))
+    plain = [s.keys for s in by_prior if s.log_probability > best - settings.far_behind][: settings.plainest]
+    late = exchanges(ranked[0].keys, lags_and_delays(columns), columns)
+    in_wind = [k for k in columns if "wind" in k.split(" + ")]  # a velocity times a coefficient is no straight line
+    aired = [k for s in (ranked[0].keys, *plain) for k in exchanges(s, in_wind, columns)]
+    in_air = [keys for keys in aired if linear(keys).log_probability > best - settings.far_behind]
+    whole = with_compounds(ranked[0].keys, columns)
+    return [keys for keys in dict.fromkeys([*found.values(), *alternatives, *plain, *late, *in_air, *whole]) if keys]
+
+
+def with_compounds(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
+    """The sets with one effect in the place of its parts and of what looks like it (a payload for a mass and a centre
+    of mass): products of parameters, which straight lines do not show.
+    """  # noqa: D205
+    out = []
+    for key, c in columns.items():
+        parts = {p for n in c.names for p in find(n).parts}
+        if key not in keys and parts & set(keys):
+            gone = parts | {a for n in c.names for a in find(n).confused_with}
+            rest = tuple(k for k in keys if not gone & set(columns[k].names))
+            out.append(tuple(sorted((*rest, key))))
+    return out
+
+
+def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
+    """The sets with another candidate in the place of one that is named, if they are about as likely, the likeliest
+    first: what the heaviest set is weighed against must have been linearised as it was.
+    """  # noqa: D205
+    columns, keys, settings = scorer.spectrum.columns, heaviest.keys, scorer.spectrum.settings
+    named = {n for leaf, _ in heaviest.leaves for n in leaf.names}
+    fixed = [k for k in keys if not named & set(columns[k].names)]
+    others = [k for k in columns if k not in lags_and_delays(columns)]
+    swapped = [s for s in exchanges(keys, others, columns) if set(fixed) <= set(s)]
+    close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - settings.moved]
+    return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[: settings.contenders]]
+
+
+def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:
+    """What remains of a set, where something idle was taken out shared with what does the same by itself: an idle
+    member's fit (a delay of turbulence) is no reason for one name rather than another. Not where the straight lines of
+    `scorer` miss what remains, so that they say nothing of what does the same (a payload behind a lag, linearised
+    where it weighed nothing).
+    """  # noqa: D205
+    columns, settings = scorer.spectrum.columns, scorer.spectrum.settings
+    others = [k for k in columns if k not in lags_and_delays(columns)]
+    out: list[tuple[ScoredSet, float]] = []
+    for leaf, part in whole.leaves:
+        alike = [leaf]
+        straight = scorer(leaf.keys).log_probability
+        if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - settings.behind:
+            least = straight - settings.moved
+            likely = [k for k in exchanges(leaf.keys, others, columns) if scorer(k).log_probability > least]
+            found = [c for c in (scored_set(scorer, k) for k in likely) if all(p.named for p in c.parts)]
+            alike += [c for c in found if predict_the_same(leaf, c, scorer)]
+        out += zip(alike, [part * share for share in shares(scorer, [c.keys for c in alike])], strict=True)
+    return tuple(out)
+
+
+def exchanges(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:
+    """The sets with another of these candidates in the place of one."""
+    out = []
+    for gone in set(alike) & set(keys):
+        rest = tuple(k for k in keys if k != gone)
+        out += [tuple(sorted((*rest, other))) for other in alike if other not in keys]
+    return [k for k in out if compatible(k, columns)]
+
+
+def sets_to_weigh(scored: Lines, joint: Joint, bends: Bends = STRAIGHT) -> list[ScoredSet]:
+    """The sets to weigh: those linearised together, and of those on lines the likeliest as they are, each once."""
+    settings = scored[0][1].spectrum.settings
+    again = [c for c in joint.values() if c is not None]
+    best = max((c.scored.log_probability for c in again), default=-1e300)
+    first: dict[Keys, tuple[Scored, Scorer]] = {}
+    for s, by in scored:
+        if joint.get(s.keys) is None:
+            first.setdefault(s.keys, (s, by))
+    others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[: settings.weighed]
+    likely = [(s, by) for s, by in others if s.log_probability > best - settings.behind or not again]
+    return [*again, *(scored_set(by, s.keys, bends=bends) for s, by in likely)]
