@@ -199,7 +199,7 @@ class Baseline:
         tell(0.7, "weighing sets of changes")
         mine = range(len(good), len(flights) - len(gone))
         found = compared(kept, range(len(good)), mine, self.jobs)
-        rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
+        rows = (*(rows_by_flight(pool.only([number]), ["odd"], [{}])[0] for number, _ in odd), *found.rows)
         found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
         return replace(found, flights=flights, timing=timing)
 
@@ -274,6 +274,9 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
         *_, prior = deviations(found, found.scorer(tuple(sorted(names))), names)
         keys = [(n, p.name) for n in names for p in find(n).parameters(pool.model.vehicle)]
         values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, prior)]
+    scatter = pool.scatter
+    if pool.deviations:  # all that the means differ by, also where parameters say it
+        scatter = scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical_trim(pool.model))
     roles = ["suspect" if f in mine else "healthy" for f in range(len(pool.names))]
     return Changed(
         verdict,
@@ -288,7 +291,7 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
         (),
         not_compared(pool, mine),
         tuple(rows_by_flight(pool, roles, values)),
-        np.where(pool.data.measured_axes, scatter_of_means(pool, good), np.nan),
+        np.where(pool.data.measured_axes, scatter, np.nan),
         len(good) > 1,
         pool.data.answering,
         bool(answered(pool.data)),
@@ -299,23 +302,12 @@ def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs
     )
 
 
-def scatter_of_means(pool: PooledFlights, good: Sequence[int]) -> Array:
-    """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
-    if not pool.deviations:
-        return pool.scatter
-    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical_trim(pool.model))
-
-
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:
     if loud:
         return Verdict.UNKNOWN
     if found.nothing >= CHANCE or not best:
         return Verdict.NOTHING
     return Verdict.UNKNOWN if set(best) <= set(NAMELESS) else Verdict.CHANGED
-
-
-def _odd_row(pool: PooledFlights, number: int) -> FlightRow:
-    return rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
 
 
 __all__ = ["Changed", "Verdict", "changed", "where_of"]

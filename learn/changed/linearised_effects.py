@@ -42,7 +42,7 @@ class LinearisedEffect:
     `line` is what it adds, on all rows, to the model as given, its parameters counted from those that the model has;
     `bent` what a change adds to it, counted from `reference` (P,), what it is in healthy flights. The two differ for
     lags, which are far from straight lines. `torque` (K, 6, R) is what the drag torque of each rotor adds, where a
-    change of the effect takes that too (`learn.changed.propeller`).
+    change of the effect takes that too (`learn.changed.priors.damaged`).
     """
 
     name: str

@@ -13,7 +13,6 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.posterior.kernels import bounded
-from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -72,7 +71,7 @@ def places(found: Weighed, names: tuple[str, ...], name: str) -> tuple[Place, ..
     if not find(name).sparse:
         return ()
     scored = found.scorer(tuple(sorted(names)))
-    hunt = SubsetSearch(found.scorer, scored.variance)
+    whole = found.scorer.eliminated(scored.variance)
     others = [k for k in names if k != name]
     rest = np.concatenate([np.zeros(0, np.intp), *(space.parameters[k] for k in others)])
     fixed = np.array([0, *(space.offset[k] for k in names)])
@@ -81,7 +80,7 @@ def places(found: Weighed, names: tuple[str, ...], name: str) -> tuple[Place, ..
     count = len(find(name).parameters(vehicle))
     for own in space.parameters[name].reshape(-1, count).T:  # all unknowns of one place
         unknown = np.append(rest, own)
-        A, b = hunt.whole[np.ix_(unknown, unknown)], hunt.whole[np.ix_(unknown, fixed)] @ y
+        A, b = whole[np.ix_(unknown, unknown)], whole[np.ix_(unknown, fixed)] @ y
         scale = np.append(space.scale[rest], 4.0 * space.scale[own])
         theta = bounded(A, b, space.low[unknown], space.high[unknown], scale)
         gains.append(float(theta @ b - 0.5 * theta @ A @ theta - 0.5 * np.sum((theta / scale) ** 2)))
@@ -106,11 +105,9 @@ def towards(vehicle: Vehicle, x: float, y: float) -> str:
     apart = np.abs((bearing + 180.0) % 360.0 - 180.0)
     order = [int(k) for k in np.argsort(apart)]
     near = order[: 1 if apart[order[0]] < 90.0 / len(at) else 2]
-    return f"{' and '.join(_carried(vehicle, k) for k in near)} ({side})"
-
-
-def _carried(vehicle: Vehicle, arm: int) -> str:
-    """The rotor of an arm that has one, else the arm."""
-    assert vehicle.rotors is not None
-    rotors = np.flatnonzero(vehicle.rotors.arm == arm)
-    return vehicle.rotor_name(int(rotors[0])) if len(rotors) == 1 else vehicle.arm_name(arm)
+    carried = [np.flatnonzero(vehicle.rotors.arm == arm) for arm in near]  # one rotor, or the arm is named
+    names = [
+        vehicle.rotor_name(int(r[0])) if len(r) == 1 else vehicle.arm_name(k)
+        for k, r in zip(near, carried, strict=True)
+    ]
+    return f"{' and '.join(names)} ({side})"

@@ -13,14 +13,15 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import (
+    LEFT,
     Varying,
     columns,
     means_by_flight,
     noise_of_means,
-    remaining,
     renewed,
     scatter_between,
     seeming,
+    share_of_day,
     varying,
 )
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -108,32 +109,23 @@ class PooledFlights:
         """Of these changes, beside what all flights share and what every flight may differ by.
 
         Several suspect flights have a trim in common besides: they may have been flown on one day, and then tell no
-        more about it than one does. A law that says what flights differ by says what changed as exactly: what it is
-        off by weighs on both alike.
+        more about it than one does. Each law seems to change from one trajectory to the next (`seeming`). A law that
+        says what flights differ by says what changed as exactly: what it is off by weighs on both alike.
         """
         same = {v.name for v in self.varying}
         changes = tuple(replace(c, accuracy=0.0) if c.key in same else c for c in changes)
         trim = trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist())))
-        known = (*columns(self.varying, self.data.flight, suspects), *self._slack(suspects), *self.common)
+        rows = self.rows(suspects)
+        day = []
         if len(suspects) > 1:
-            known = (self._day(suspects), *known)
+            common = rows[:, None] & self.data.measured_axes
+            day = [Varying("day", common[:, :, None] * np.eye(6), self.scatter).column(rows, share_of_day(suspects))]
+        slack: list[Column] = []
+        if self.deviations and suspects:  # where means alone are compared there is no trajectory
+            whole = [one for one in self.shared_laws if one.name not in same]  # of the others that is known already
+            slack = [seeming(one.name, one.bent.jacobian, one.bent.scale).column(rows) for one in whole]
+        known = (*day, *columns(self.varying, self.data.flight, suspects), *slack, *self.common)
         return ChangeSpectrum(self.data, self.left, changes, trim, known, self.settings)
-
-    def _slack(self, suspects: Collection[int]) -> tuple[Column, ...]:
-        """On the suspect flights: by what each law seems to change from one trajectory to the next; of what flights
-        differ by that is known already, and where means alone are compared there is no trajectory.
-        """  # noqa: D205
-        if not self.deviations or not suspects:
-            return ()
-        rows, same = self.rows(suspects), {v.name for v in self.varying}
-        whole = [one for one in self.shared_laws if one.name not in same]
-        return tuple(seeming(one.name, one.bent.jacobian, one.bent.scale).column(rows) for one in whole)
-
-    def _day(self, suspects: Collection[int]) -> Column:
-        """A trim that several suspect flights have in common."""
-        of_axes = self.rows(suspects)[:, None] & self.data.measured_axes
-        trim = Varying("day", of_axes[:, :, None] * np.eye(6), self.scatter * np.sqrt(1.0 - 1.0 / len(suspects)))
-        return trim.column(np.ones(len(of_axes), dtype=bool))
 
     def common_values(self, theta: Array) -> list[Array]:
         """Of each of `common`, `theta` being the always-there unknowns of a spectrum: they are the last."""
@@ -183,7 +175,7 @@ def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
     scales: dict[str, Array] = {}
     if excited:
         scales = {v.name: v.scale for v in varying(alone.data, pool.model, alone.shared_laws, {})}
-    usual = remaining(pool.model) if excited else typical_trim(pool.model)
+    usual = (LEFT if excited else 1.0) * typical_trim(pool.model)
     alone = replace(alone, scatter=(1.0 if excited else WIDE) * usual)
     for _ in range(ROUNDS):
         alone = replace(alone, sizes=sizes, deviations=scales)

@@ -37,7 +37,7 @@ from wrenchgap.learn.posterior.posterior import (
 )
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.scored_sets import Bends, Rule, scored_set, weights
-from wrenchgap.learn.posterior.subset_search import SubsetSearch, ordered, searched
+from wrenchgap.learn.posterior.subset_search import ordered, searched
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -149,8 +149,7 @@ def classes_of(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[EquivalenceCla
     """Every set in the class of the heaviest set that it cannot be told from: there are less than `indistinct` standard
     errors between their predictions, all that is always there being free to make up for them.
     """  # noqa: D205
-    search = SubsetSearch(scorer, sets[0].scored_set.scored.variance)
-    space = search.space
+    space, whole = scorer.spectrum, scorer.eliminated(sets[0].scored_set.scored.variance)
 
     def changes(one: NamedSet) -> Array:
         """Weights (Q,) of a set's own columns in the stacked quantities."""
@@ -164,8 +163,8 @@ def classes_of(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[EquivalenceCla
 
     def alike(one: NamedSet, other: NamedSet) -> bool:
         apart = changes(one) - changes(other)
-        errors = float(np.sqrt(max(float(apart @ search.whole @ apart), 0.0)))
-        return bool(one.names) == bool(other.names) and errors < search.settings.indistinct
+        errors = float(np.sqrt(max(float(apart @ whole @ apart), 0.0)))
+        return bool(one.names) == bool(other.names) and errors < space.settings.indistinct
 
     return equivalence_classes(sets, alike)
 

@@ -109,17 +109,15 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     """  # noqa: D205
     space = found.scorer.spectrum
     unknown = np.concatenate([space.parameters[n] for n in names])
-    whole = np.tensordot(found.scorer.count / scored.variance, space.products, axes=([0, 1], [0, 1]))
+    whole, always = found.scorer.weighed(scored.variance), space.always
     fixed = whole[np.ix_(unknown, unknown)]
-    always = space.always
-    inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
-    across = whole[np.ix_(always, unknown)]
-    free = fixed - across.T @ np.linalg.solve(inner, across)
+    free = found.scorer.eliminated(scored.variance)[np.ix_(unknown, unknown)]
     theta = np.concatenate([scored.theta[n] for n in names])
     low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
     size = relevant(free, free @ theta, low, high, usual, sparse, usual)
     wide = np.where(sparse, size, WIDE * usual)
-    reads = block_diag(*(reading(found, n) for n in names))
+    vehicle = found.pool.model.vehicle
+    reads = block_diag(*(read(vehicle, n, len(space.parameters[n])) for n in names))
     std, loose = (np.sqrt(np.diag(reads @ covariance(part, wide) @ reads.T)) for part in (fixed, free))
     own = np.concatenate(([0], [space.offset[n] for n in names])).astype(int)
     left = np.concatenate(([1.0], -np.ones(len(names))))
@@ -145,11 +143,6 @@ def covariance(A: Array, scale: Array) -> Array:
     return np.asarray((turned / (1.0 + np.maximum(size, 0.0))) @ turned.T)
 
 
-def reading(found: Weighed, name: str) -> Array:
-    """From the unknowns of a change (S,) to the parameters (P,) of its effect, as a matrix (P, S)."""
-    return read(found.pool.model.vehicle, name, len(found.scorer.spectrum.parameters[name]))
-
-
 def candidate_changes(found: Weighed) -> tuple[Alone, ...]:
     """Every change by itself, the likeliest first; of those likelier than none, ones too small for a name come last."""
     scorer = found.scorer
@@ -168,7 +161,7 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     best = found.posterior.classes[0].sets[0].scored_set.scored
     weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
     left = space.combined(weights)
-    flight = found.pool.data.flight[_firsts(found)]
+    flight = found.pool.data.flight[space.starts]
     within = np.ones(len(left), dtype=bool)
     within[space.starts] = False
     rms = np.array(
@@ -178,7 +171,3 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     loud = rms[mine].min(axis=0) > space.settings.structure * rms[~mine].max(axis=0)
     quiet = answered(found.pool.data)
     return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)
-
-
-def _firsts(found: Weighed) -> Array:
-    return np.asarray(found.scorer.spectrum.starts)

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
@@ -41,7 +40,7 @@ class ChangeSpectrum(Spectrum):
         """On these axes, of `axes`: means over flights of all but the residual, and nothing but means."""
         if not answering:
             return
-        flight = flights_of_blocks(data, self)
+        flight = data.flight[self.starts]
         within = np.ones(len(self.block), dtype=bool)
         within[self.starts] = False
         for axis in answering:
@@ -73,8 +72,3 @@ def excitation(data: Dataset) -> float:
         force = data.commanded[data.flight == f, :3]
         found.append(float(np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force, axis=1).mean()))
     return float(np.quantile(found, CALMER, method="lower"))
-
-
-def flights_of_blocks(data: Dataset, spectrum: Spectrum) -> Array:
-    """The flight of each of the spectrum's blocks of time (blocks,)."""
-    return np.asarray(data.flight[spectrum.starts])

@@ -34,7 +34,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.linearised_effects import LinearisedEffect
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.bias_and_trim import AIR, PLACE, ROTOR, WORTH, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import AIR, PLACE, ROTOR, WORTH
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.com_offset import span
@@ -129,9 +129,13 @@ def columns(parts: Sequence[Varying], flight: NDArray[np.intp], suspects: Collec
     """For every flight what it differs by; several suspects differ by some of it together, as on one day."""
     known = [v.column(flight == f) for f in range(int(flight.max()) + 1) for v in parts]
     if len(suspects) > 1:
-        share = float(np.sqrt(1.0 - 1.0 / len(suspects)))
-        known += [v.column(np.isin(flight, list(suspects)), share) for v in parts]
+        known += [v.column(np.isin(flight, list(suspects)), share_of_day(suspects)) for v in parts]
     return tuple(known)
+
+
+def share_of_day(suspects: Collection[int]) -> float:
+    """Of a scatter, that which several suspect flights have in common."""
+    return float(np.sqrt(1.0 - 1.0 / len(suspects)))
 
 
 def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: int, model: Model) -> dict[str, Array]:
@@ -148,11 +152,6 @@ def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: in
             out[v.name] = np.sqrt((mine + WORTH * usual) / (flights + WORTH))
         at += size
     return out
-
-
-def remaining(model: Model) -> Array:
-    """The typical scatter (6,) [N, Nm] of the trims that are left beside all this."""
-    return LEFT * typical_trim(model)
 
 
 def means_by_flight(data: Dataset, left: Array) -> Array:

@@ -19,6 +19,7 @@ from wrenchgap.learn.identify.fit import MANY, Fit
 from wrenchgap.learn.identify.least_squares import Point, Problem
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
 
 LEAST_SIZE = 0.25
 """A fitted value, in typical sizes, below which an effect that starts away from zero is linearised at its typical
@@ -89,6 +90,12 @@ def given_values(model: Model, names: Sequence[str]) -> Array:
     """Parameters (P,) of these effects as the model has them, zero where it lacks an effect."""
     own = {e.name: e.theta for e in model.effects}
     return np.concatenate([own.get(n, np.zeros(len(find(n).parameters(model.vehicle)))) for n in names])
+
+
+def by_effect(values: Array, names: Sequence[str], vehicle: Vehicle) -> dict[str, Array]:
+    """Parameters of these effects, which stand one after the other, by name."""
+    ends = np.cumsum([len(find(n).parameters(vehicle)) for n in names])
+    return dict(zip(names, np.split(values, ends[:-1]), strict=True))
 
 
 def away_from_zero(problem: Problem, x: Array) -> list[int]:

@@ -8,7 +8,7 @@ least weight stays unsettled.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from typing import Literal
@@ -102,7 +102,8 @@ def discriminating_tests(
     if len(found) < 2:
         return ()
     chosen = _chosen(_candidates(found, vehicle), found)
-    bench = [Check("bench", _sentence(c, found), _named(c.groups, found), c.trial.name) for c in chosen]
+    sides = [tuple(tuple(found[k].effects for k in group) for group in c.groups) for c in chosen]
+    bench = [Check("bench", _sentence(c, found), s, c.trial.name) for c, s in zip(chosen, sides, strict=True)]
     left = ~np.any([c.apart for c in chosen], axis=0) if chosen else np.ones((len(found), len(found)), dtype=bool)
     return (*bench, _flight(_open(left, found), found))
 
@@ -123,15 +124,13 @@ def _explanations(
             before = listed[key]
             listed[key] = _Explanation(before.effects, before.weight + weights[k], before.known)
             continue
-        given = {n: values[k][n] for n in names if n in values[k] and n in KNOWN}
-        listed[key] = _Explanation(names, float(weights[k]), {n: _theta(vehicle, n, v) for n, v in given.items()})
+        known = {}
+        for n in names:
+            if n in values[k] and n in KNOWN:
+                zero = {p.name: 0.0 for p in catalogue()[n].parameters(vehicle)}  # parameters that are not named
+                known[n] = make_effect(vehicle, n, zero | dict(values[k][n])).theta
+        listed[key] = _Explanation(names, float(weights[k]), known)
     return sorted(listed.values(), key=lambda e: -e.weight)
-
-
-def _theta(vehicle: Vehicle, name: str, values: Mapping[str, float]) -> Array:
-    """(P,); parameters that are not named are zero."""
-    zero = {p.name: 0.0 for p in catalogue()[name].parameters(vehicle)}
-    return make_effect(vehicle, name, zero | dict(values)).theta
 
 
 def _candidates(found: Sequence[_Explanation], vehicle: Vehicle) -> list[_Candidate]:
@@ -146,7 +145,11 @@ def _candidates(found: Sequence[_Explanation], vehicle: Vehicle) -> list[_Candid
         outcomes = {k: outcome for k, outcome in predicted if outcome is not None}
         groups = _groups(setup, outcomes, found)
         if len(groups) > 1:
-            out.append(_Candidate(trial, setup, outcomes, groups, _apart(groups, len(found))))
+            label = np.full(len(found), -1)
+            for number, group in enumerate(groups):
+                label[list(group)] = number
+            apart = (label[:, None] != label) & (label[:, None] >= 0) & (label >= 0)
+            out.append(_Candidate(trial, setup, outcomes, groups, apart))
     return out
 
 
@@ -183,9 +186,18 @@ def _groups(setup: Setup, outcomes: Mapping[int, _Outcome], found: Sequence[_Exp
         sums = [sum(found[k].weight for k in group) for group in groups]
         return sum(a * b for a, b in combinations(sums, 2))
 
-    everyone = tuple(outcomes)
-    sized = tuple(k for k, o in outcomes.items() if o.value is not None)
-    return max((_connected(m, _alike(setup, [outcomes[k] for k in m])) for m in (everyone, sized)), key=worth)
+    def connected(members: Sequence[int]) -> tuple[Group, ...]:
+        """Members that any chain of readings connects, in the order of their first ones."""
+        from scipy.sparse.csgraph import connected_components  # here: others need not wait for it
+
+        if not members:
+            return ()
+        _, labels = connected_components(_alike(setup, [outcomes[k] for k in members]), directed=False)
+        by_label = [[k for k, g in zip(members, labels, strict=True) if g == one] for one in dict.fromkeys(labels)]
+        return tuple(map(tuple, by_label))
+
+    sized = [k for k, o in outcomes.items() if o.value is not None]
+    return max((connected(members) for members in (list(outcomes), sized)), key=worth)
 
 
 def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
@@ -197,25 +209,6 @@ def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
     moved = unknown | ~close[0, 1:]
     either, both = unknown[:, None] | unknown, moved[:, None] & moved
     return np.asarray(np.where(either, both, close[1:, 1:]), dtype=bool)
-
-
-def _connected(members: Sequence[int], joined: Flags) -> tuple[Group, ...]:
-    """Groups of members that any chain of joints (n, n) connects, in the order of their first members."""
-    from scipy.sparse.csgraph import connected_components  # here: others need not wait for it
-
-    if not members:
-        return ()
-    _, labels = connected_components(joined, directed=False)
-    return tuple(tuple(k for k, g in zip(members, labels, strict=True) if g == one) for one in dict.fromkeys(labels))
-
-
-def _apart(groups: Sequence[Group], count: int) -> Flags:
-    """Which of `count` explanations are in different groups (count, count)."""
-    label = np.full(count, -1)
-    for number, group in enumerate(groups):
-        label[list(group)] = number
-    said = label >= 0
-    return np.asarray((label[:, None] != label) & said[:, None] & said, dtype=bool)
 
 
 def _chosen(candidates: Sequence[_Candidate], found: Sequence[_Explanation]) -> list[_Candidate]:
@@ -253,12 +246,14 @@ def _pair_weights(found: Sequence[_Explanation]) -> Array:
     return np.asarray(pairs / pairs.sum())
 
 
-def _named(groups: Iterable[Group], found: Sequence[_Explanation]) -> tuple[tuple[EffectSet, ...], ...]:
-    return tuple(tuple(found[k].effects for k in group) for group in groups)
-
-
 def _sentence(candidate: _Candidate, found: Sequence[_Explanation]) -> str:
     """What to do, and what is read on each side; last the side on which the reading is the model's."""
+
+    def either(sets: Sequence[EffectSet]) -> str:
+        texts = list(dict.fromkeys(" + ".join(names) if names else "nothing is missing" for names in sets))
+        more = [f"one of {len(texts) - LISTED} others"] if len(texts) > LISTED else []
+        return " or ".join((*texts[:LISTED], *more))
+
     outcomes, setup = candidate.outcomes, candidate.setup
     nominal = setup.predict({})
 
@@ -266,7 +261,11 @@ def _sentence(candidate: _Candidate, found: Sequence[_Explanation]) -> str:
         value = outcomes[group[0]].value
         return value is not None and setup.same(value, nominal)
 
-    short = _acting_suffices(candidate, found)
+    # whether effects that change the reading name a side without doubt: no set of another side has them all
+    sides_apart = combinations(candidate.groups, 2)
+    pairs = [p for one, other in sides_apart for p in (*product(one, other), *product(other, one))]
+    acting = {k: frozenset(outcomes[k].acting) for group in candidate.groups for k in group}
+    short = not any(acting[i] and acting[i] <= set(found[j].effects) for i, j in pairs)
     whole = len(outcomes) == len(found)
     sides = []
     for group in sorted(candidate.groups, key=unchanged):
@@ -274,23 +273,8 @@ def _sentence(candidate: _Candidate, found: Sequence[_Explanation]) -> str:
         names = [outcomes[k].acting if short and outcomes[k].acting else found[k].effects for k in group]
         known = next((o.value for o in (outcomes[k] for k in group) if o.value is not None), None)
         reading = setup.changed if known is None else setup.says(known)
-        sides.append(f"{reading} {'if not' if rest else f'if {_either(names)}'}")
+        sides.append(f"{reading} {'if not' if rest else f'if {either(names)}'}")
     return f"{setup.action}: {'; '.join(sides)}."
-
-
-def _acting_suffices(candidate: _Candidate, found: Sequence[_Explanation]) -> bool:
-    """Whether the effects that change the reading name a side without doubt: no set of another side has them all."""
-    label = {k: frozenset(candidate.outcomes[k].acting) for group in candidate.groups for k in group}
-    sides = combinations(candidate.groups, 2)
-    pairs = [p for one, other in sides for p in (*product(one, other), *product(other, one))]
-    return not any(label[i] and label[i] <= set(found[j].effects) for i, j in pairs)
-
-
-def _either(sets: Sequence[EffectSet]) -> str:
-    """Sets in words, each once: "payload or mass + com_offset"."""
-    texts = list(dict.fromkeys(" + ".join(names) if names else "nothing is missing" for names in sets))
-    more = [f"one of {len(texts) - LISTED} others"] if len(texts) > LISTED else []
-    return " or ".join((*texts[:LISTED], *more))
 
 
 def _open(left: Flags, found: Sequence[_Explanation]) -> Group:
@@ -314,4 +298,4 @@ def _flight(group: Group, found: Sequence[_Explanation]) -> Check:
     excited = [f"{n}: {effects[n].excited_by.replace(';', ',')}" for n in names if n in effects]
     command = f" what `wrenchgap design {' '.join(names)}` writes, if such a flight exists" if len(names) > 1 else ""
     what = f"Fly{command or ' again'}; what excites the differences: {'; '.join(excited) or ', '.join(names)}."
-    return Check("flight", what, _named([(k,) for k in group], found), "flight")
+    return Check("flight", what, tuple((e.effects,) for e in members), "flight")

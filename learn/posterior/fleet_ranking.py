@@ -19,17 +19,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import Column, compatible
-from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum, chosen_rows, products_of
+from wrenchgap.learn.posterior.fleet_spectrum import FleetSpectrum, chosen_axes, chosen_rows, products_of
 from wrenchgap.learn.posterior.flight_evidence import Evidence, Points
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.posterior import grouped
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, SetRows
-from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, parts_of, without_idle
+from wrenchgap.learn.posterior.scored_sets import Part, bootstrapped, names_of, parts_of, without_idle
 from wrenchgap.learn.posterior.subset_search import ordered, searched
 from wrenchgap.plant.effects import family
 
@@ -112,40 +111,42 @@ def ranking(read: Read) -> Ranking:
     best += [s for s in equivalents(scorer, best[0]) if s.keys not in ranked] if best else []
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
-    weights = _weights(scorer, space, [none, *best], read)
+    likelihood, _, _ = by_flight(scorer, space, [none, *best], read(), held_out=False)
+    share = bootstrapped(likelihood, np.array([s.prior for s in (none, *best)]))
+    weights: dict[Keys, float] = {}
+    for s, weight in zip((none, *best), share, strict=True):  # of two effects that do the same, one or the other
+        for leaf, part in without_idle(scorer, s.keys).items():
+            weights[leaf] = weights.get(leaf, 0.0) + float(weight) * part
     kept = [scorer(keys) for keys in dict.fromkeys([(), *weights])]
     _, predicted, squares = by_flight(scorer, space, kept, read(), held_out=held_out)
-    rms = np.sqrt(squares / space.count.sum(axis=0))
-    sets = []
+    rms = np.full((len(kept), len(AXES)), np.nan)
+    rms[:, space.axes] = np.sqrt(squares / space.count.sum(axis=0))
     heaviest_first = sorted(kept, key=lambda s: -weights.get(s.keys, 0.0))
     groups = grouped(heaviest_first, lambda one, other: alike(scorer, one, other))
     home = {s.keys: k for k, group in enumerate(groups) for s in group}
-    for k, s in enumerate(kept):
-        parts = parts_of(scorer, s.keys)
-        named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
-        gain = predicted[k] - predicted[0]
-        odds = s.log_probability - none.log_probability
-        sets.append(
-            RankedSet(
-                keys=s.keys,
-                names=tuple(n for p in named for n in p.names),
-                theta=s.theta,
-                std=scorer.deviations(s),
-                parts=parts,
-                log_odds=odds,
-                weight=weights.get(s.keys, 0.0),
-                gain=float(gain.sum()),
-                better=float(np.mean(gain > 0.0)),
-                rms=_six(rms[k], space.axes),
-                group=home[s.keys],
-            )
+
+    def ranked_set(k: int, s: Scored) -> RankedSet:
+        parts, gain = parts_of(scorer, s.keys), predicted[k] - predicted[0]
+        return RankedSet(
+            keys=s.keys,
+            names=names_of(parts),
+            theta=s.theta,
+            std=scorer.deviations(s),
+            parts=parts,
+            log_odds=s.log_probability - none.log_probability,
+            weight=weights.get(s.keys, 0.0),
+            gain=float(gain.sum()),
+            better=float(np.mean(gain > 0.0)),
+            rms=rms[k],
+            group=home[s.keys],
         )
+
     return Ranking(
         tuple(space.flights),
         float(sum(space.seconds)),
-        by_group(sets),
+        by_group([ranked_set(k, s) for k, s in enumerate(kept)]),
         dict(sorted(alone.items(), key=lambda item: -item[1])),
-        _six(rms[0], space.axes),
+        rms[0],
         held_out,
         {k: [float(v) for v in scorer((k,)).theta[k] + space.columns[k].origin] for k in space.columns},
         space.columns,
@@ -193,17 +194,6 @@ def by_group(sets: Sequence[RankedSet]) -> tuple[RankedSet, ...]:
     return tuple(replace(s, group=rank[s.group]) for s in sorted(sets, key=plainness))
 
 
-def _weights(scorer: Scorer, space: FleetSpectrum, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:
-    """Weights of what remains of these sets without idle members: of two effects that do the same, one or the other."""
-    likelihood, _, _ = by_flight(scorer, space, sets, read(), held_out=False)
-    share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
-    out: dict[Keys, float] = {}
-    for s, weight in zip(sets, share, strict=True):
-        for leaf, part in without_idle(scorer, s.keys).items():
-            out[leaf] = out.get(leaf, 0.0) + float(weight) * part
-    return out
-
-
 def common_candidates(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, ...]]:
     """Candidates that every flight has and one of them at least excites; axes that all measured; candidates without."""
     keys: dict[str, int] = {}
@@ -218,12 +208,6 @@ def common_candidates(parts: Iterable[Evidence]) -> tuple[list[str], list[int], 
         axes = own if axes is None else axes & own
     kept = [k for k, count in keys.items() if count == flights and k in excited]
     return kept, sorted(axes or ()), tuple(k for k in keys if k not in kept)
-
-
-def _six(values: Array, axes: NDArray[np.intp]) -> Array:
-    out = np.full(len(AXES), np.nan)
-    out[axes] = values
-    return out
 
 
 class FittedSet:
@@ -270,7 +254,7 @@ def by_flight(
     likelihood, predicted = np.empty((2, len(sets), len(space.flights)))
     squares = np.zeros((len(sets), len(space.axes)))
     for f, one in enumerate(parts):
-        at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
+        at = chosen_axes(one, space.axes)
         products = products_of(one, chosen_rows(one, space.keys), at)[space.bands]
         count = one.usable[space.bands][:, at]
         for k, each in enumerate(fitted):

@@ -35,7 +35,7 @@ class FleetSpectrum(LinearProblem):
         sums, squares = [], []
         first: Evidence | None = None
         for one in parts:
-            rows, at = self._chosen(one)
+            rows, at = chosen_rows(one, self.keys), chosen_axes(one, self.axes)
             products = products_of(one, rows, at)
             if first is None:
                 first, summed = one, np.zeros_like(products)
@@ -68,7 +68,9 @@ class FleetSpectrum(LinearProblem):
         self.trims = Trims(np.array(sums), np.array(squares), where, scale)
         self.leak = leaking(power[self.bands] / count[self.bands, None], self.axes, self.settings.leak)
         self.leak += error[self.bands] / np.maximum(self.count, 1.0)
-        self.sensor = self._sensor(shapes, count, noise / total)
+        mean = shapes.sum(axis=0) / count.sum()  # of a coefficient from sensors alone, as `spectrum.sensor_spectrum`
+        of_band = (shapes[self.bands] / count[self.bands, None] / mean)[:, [0, 0, 0, 1, 1, 1]]
+        self.sensor = np.maximum((of_band * noise / total)[:, self.axes], 1e-30)
 
     @property
     def products(self) -> Array:
@@ -78,15 +80,10 @@ class FleetSpectrum(LinearProblem):
     def _trim_axes(self, one: Evidence) -> list[int]:
         return [int(a) for a in one.axes[one.trim_axes] if a in self.axes]
 
-    def _chosen(self, one: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows of a flight's quantities that are merged, and its axes."""
-        return chosen_rows(one, self.keys), np.array([list(one.axes).index(a) for a in self.axes], dtype=np.intp)
 
-    def _sensor(self, shapes: Array, count: Array, noise: Array) -> Array:
-        """Variance (bands, axes) of a coefficient from sensors alone, as `learn.posterior.spectrum.sensor_spectrum`."""
-        mean = shapes.sum(axis=0) / count.sum()
-        of_band = (shapes[self.bands] / count[self.bands, None] / mean)[:, [0, 0, 0, 1, 1, 1]]
-        return np.asarray(np.maximum((of_band * noise)[:, self.axes], 1e-30))
+def chosen_axes(one: Evidence, axes: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where a flight has these axes."""
+    return np.array([list(one.axes).index(a) for a in axes], dtype=np.intp)
 
 
 def chosen_rows(one: Evidence, keys: Sequence[str]) -> NDArray[np.intp]:

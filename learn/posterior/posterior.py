@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior.columns import by_effect
 from wrenchgap.learn.posterior.discriminating_tests import Check, discriminating_tests
 from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.scored_sets import ScoredSet
@@ -49,8 +50,7 @@ class NamedSet:
         """Parameters of the named effects where the set fits best, counted from what the model has, by effect."""
         out: dict[str, Array] = {}
         for part in self.scored_set.parts:
-            ends = np.cumsum([len(find(n).parameters(vehicle)) for n in part.names])
-            out |= zip(part.names, np.split(part.theta, ends[:-1]), strict=True)
+            out |= by_effect(part.theta, part.names, vehicle)
         return {name: out[name] for name in self.names if name in out}
 
     def theta(self, model: Model) -> dict[str, Array]:

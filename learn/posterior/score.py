@@ -103,6 +103,13 @@ class Scorer:
         whole = np.tensordot(self.count / variance, self.spectrum.products, axes=([0, 1], [0, 1]))
         return trims.eliminated_from(whole, (self.share / variance)[0, trims.axes], trims.scale)
 
+    def eliminated(self, variance: Array) -> Array:
+        """`weighed`, what is always there eliminated as well."""
+        whole, always, scale = self.weighed(variance), self.spectrum.always, self.spectrum.scale
+        inner = whole[np.ix_(always, always)] + np.diag(scale[always] ** -2.0)
+        across = whole[always]
+        return np.asarray(whole - across.T @ np.linalg.solve(inner, across))
+
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
         space = self.spectrum

@@ -6,7 +6,7 @@ these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -78,8 +78,12 @@ class ScoredSet:
     @property
     def names(self) -> tuple[str, ...]:
         """Effects of those that are named, that with the most evidence first."""
-        parts = sorted((p for p in self.parts if p.named), key=lambda p: -p.evidence)
-        return tuple(n for p in parts for n in p.names)
+        return names_of(self.parts)
+
+
+def names_of(parts: Iterable[Part]) -> tuple[str, ...]:
+    """Effects of the members that are named, that with the most evidence first."""
+    return tuple(n for p in sorted(parts, key=lambda p: -p.evidence) if p.named for n in p.names)
 
 
 class Rule(NamedTuple):

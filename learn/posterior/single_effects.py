@@ -17,7 +17,7 @@ from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.fit import MANY, Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.columns import Column, column
+from wrenchgap.learn.posterior.columns import Column, by_effect, column
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.plant.effects import acting_effects, find
 from wrenchgap.plant.history import Value
@@ -124,11 +124,21 @@ def single_effects(
     """Try every effect of `names` by itself, air that moves together with each drag that it acts through. `twice` says
     that the same is asked of these data and of those `unanswering`: fits begin where the other's did.
     """  # noqa: D205
-    wanted = [n for n in names if n in acting_effects([n], on.own)]
+    wanted, vehicle = [n for n in names if n in acting_effects([n], on.own)], on.model.vehicle
 
     def attempt(name: str) -> str | tuple[Candidate, list[Column]]:
+        """By itself and with what comes with it: the better of them by held-out time, and the columns of all."""
         try:
-            return _attempt(on, name, names, on.data.root.starts if twice else None)
+            starts = on.data.root.starts if twice else None
+            best, line = _candidate(on, (name,), starts)
+            columns = [line]
+            for other in companions(name, on.own, names):
+                both, line = _candidate(on, (name, other), starts)
+                columns.append(line)
+                t = contrast(on.data, best.residual, both.residual).t
+                if beyond_chance(t, evidence(best.residual, both.residual)) and not both.implausible:
+                    best = both
+            return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
         except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
             return str(error).removeprefix(f"effect {name}: ")
 
@@ -143,7 +153,9 @@ def single_effects(
             failed[name] = found
             continue
         one, lines = found
-        candidates.append(replace(one, fit=with_effects(on, one.fit, one.names)))
+        theta, std = (by_effect(values, one.names, vehicle) for values in (one.fit.theta, one.fit.std))
+        effects = tuple(ModelEffect(find(n), theta[n], std[n]) for n in one.names)
+        candidates.append(replace(one, fit=replace(one.fit, effects=effects)))
         columns += [c.spilled() for c in lines if np.any(c.jacobian)]
     on.data.forget()
     candidates.sort(key=lambda c: (bool(c.implausible), -c.score))
@@ -159,33 +171,6 @@ def _put_away(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
         own[:] = c.residual
     let_go(kept)
     return tuple(replace(c, residual=own) for c, own in zip(candidates, kept, strict=True))
-
-
-def with_effects(on: ModelResidual, fitted: Fit, names: Sequence[str]) -> Fit:
-    """A fit of `names` with its effects, made anew from its values."""
-    effects, at = [], 0
-    for name in names:
-        size = len(find(name).parameters(on.model.vehicle))
-        part = slice(at, at + size)
-        effects.append(ModelEffect(find(name), fitted.theta[part], fitted.std[part]))
-        at += size
-    return replace(fitted, effects=tuple(effects))
-
-
-def _attempt(
-    on: ModelResidual, name: str, names: Sequence[str], starts: Starts | None
-) -> tuple[Candidate, list[Column]]:
-    """`name` by itself and with what comes with it: the better of them by held-out time, and the columns of all."""
-    best, line = _candidate(on, (name,), starts)
-    columns = [line]
-    for other in companions(name, on.own, names):
-        both, line = _candidate(on, (name, other), starts)
-        columns.append(line)
-        gained = evidence(best.residual, both.residual)
-        t = contrast(on.data, best.residual, both.residual).t
-        if beyond_chance(t, gained) and not both.implausible:
-            best = both
-    return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
 
 
 def _candidate(on: ModelResidual, added: tuple[str, ...], starts: Starts | None) -> tuple[Candidate, Column]:

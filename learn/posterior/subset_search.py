@@ -36,7 +36,7 @@ class SubsetSearch:
     def __init__(self, scorer: Scorer, variance: Array) -> None:
         self.scorer, self.space, self.variance = scorer, scorer.spectrum, variance
         self.settings = scorer.spectrum.settings
-        self.whole = self._whole()
+        self.whole = scorer.eliminated(variance)
         columns = scorer.spectrum.columns
         names = tuple(columns)
         self.alone = {n for n in names if compatible((n,), columns)}
@@ -48,17 +48,9 @@ class SubsetSearch:
         """The same search with another scorer of the same columns, with no set scored."""
         other = copy.copy(self)
         other.scorer, other.space = scorer, scorer.spectrum
-        other.whole, other.scores, other.priors = other._whole(), {(): 0.0}, {(): 0.0}
+        other.whole = scorer.eliminated(self.variance)
+        other.scores, other.priors = {(): 0.0}, {(): 0.0}
         return other
-
-    def _whole(self) -> Array:
-        """Products (Q, Q) of all quantities over the variance, what is always there eliminated."""
-        space = self.space
-        whole = self.scorer.weighed(self.variance)
-        always = space.always
-        inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
-        across = whole[always]
-        return np.asarray(whole - across.T @ np.linalg.solve(inner, across))
 
     def score(self, keys: Sequence[str]) -> float:
         """Log probability of a set, that of the empty one being zero; minus infinity for what cannot be one."""
