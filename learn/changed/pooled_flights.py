@@ -193,7 +193,7 @@ def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
 
 
 def within_bounds(
-    spectrum: Spectrum, low: Array | float = -np.inf, high: Array | float = np.inf, rounds: int = 3
+    spectrum: Spectrum, low: Array | None = None, high: Array | None = None, rounds: int = 3
 ) -> tuple[Array, Array, Array]:
     """The always-there unknowns (Q,) within bounds, their covariance without any, and the mean squares (bands, axes)
     that are left, axes and bands weighed by what they leave.
@@ -207,7 +207,7 @@ def within_bounds(
         A, b = whole[np.ix_(always, always)], whole[always, 0]
         covariance = np.linalg.inv(A + np.diag(scale**-2.0))
         theta = covariance @ b
-        if np.any(theta < low) or np.any(theta > high):
+        if low is not None and high is not None and (np.any(theta < low) or np.any(theta > high)):
             theta = bounded(A, b, low, high, scale)
         weights[always] = -theta
         left = np.maximum(quadratic(spectrum.products, weights), 0.0)

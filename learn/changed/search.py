@@ -104,7 +104,7 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     settings = pool.settings
     kept = [s for s in log[: settings.weighed] if s.log_probability > log[0].log_probability - settings.behind]
     scored = [scored_set(scorer, s.keys, rule=ODDS) for s in kept]
-    sets = merged_by_names(scored, weights(scored))
+    sets = merged_by_names(scored, weights(scored).tolist())
     found = posterior(sets, classes_of(sets, scorer), vehicle, settings)
     return Weighed(found, scorer, pool, tuple(suspects), not far)
 

@@ -61,4 +61,4 @@ def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array]:
 
 def _enough(on: ModelResidual, share: float, sensor: Array, given: Array, commanded: Array) -> Array:
     """Mean squares that leave no room for a disturbance, from those of `_scales`."""
-    return np.maximum.reduce([on.settings.structure**2 * sensor, share**2 * given, INEXACT**2 * commanded])
+    return np.maximum(np.maximum(on.settings.structure**2 * sensor, share**2 * given), INEXACT**2 * commanded)

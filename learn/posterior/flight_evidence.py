@@ -280,5 +280,11 @@ def _line(values: dict[str, Any]) -> Column:
     if not (names and size and alike and finite) or not np.all(arrays["low"] <= arrays["high"]):
         raise ValueError(f"the column of {', '.join(names)} is none")
     return Column(
-        names, **arrays, offset=np.empty((0, 6)), jacobian=np.empty((0, 6, size)), sparse=sparse, accuracy=accuracy
+        names,
+        **arrays,
+        offset=np.empty((0, 6)),
+        jacobian=np.empty((0, 6, size)),
+        sparse=sparse,
+        accuracy=accuracy,
+        price=0.0,
     )

@@ -93,10 +93,11 @@ class LinearProblem:
     `sensor` (bands, A) the variance that sensors leave in one, `blocks` of time. `leak` (bands, A) is the mean square
     below which nothing is told by what is left on an axis. `trims` are those of flights, where they are no quantities.
     `settings` are those of the search that asks. Of flights at hand, and not of fleets, the coefficients are known:
-    `band` (K,) of each, `starts` (blocks,) of the blocks and their `factors` (`Spectrum.down_weight`).
+    `band` and `block` (K,) of each, `starts` (blocks,) of the blocks and their `factors` (`Spectrum.down_weight`).
     """
 
     band: Rows
+    block: Rows
     starts: Rows
     factors: Array
     axes: Rows

@@ -198,11 +198,9 @@ class WeighedSets:
         return self.each(lambda sets: tuple(new if set(s.names) == set(best.names) else s for s in sets))
 
 
-def merged_by_names(scored_sets: Sequence[ScoredSet], share: Array) -> tuple[NamedSet, ...]:
+def merged_by_names(scored_sets: Sequence[ScoredSet], share: Sequence[float]) -> tuple[NamedSet, ...]:
     """What remains of these sets, which weigh `share` (S,), those with the same names put together, heaviest first."""
-    pairs = [
-        (leaf, float(w) * part) for whole, w in zip(scored_sets, share, strict=True) for leaf, part in whole.leaves
-    ]
+    pairs = [(leaf, w * part) for whole, w in zip(scored_sets, share, strict=True) for leaf, part in whole.leaves]
     sets = one_per_names(NamedSet(leaf.names, weight, leaf) for leaf, weight in pairs)
     return tuple(s for k, s in enumerate(sets) if k == 0 or s.weight >= LIGHT)
 
