@@ -57,9 +57,7 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
     means_alone = [k for k, axis in enumerate(axes) if axis in answered(pool.data)]
     within = np.ones(len(block), dtype=bool)
     within[starts] = False
-    rows = np.ix_(within, np.array(means_alone, dtype=int)) if means_alone else None
-    if rows is not None:
-        coefficients[rows] = 0.0
+    coefficients[np.ix_(within, np.array(means_alone, dtype=int))] = 0.0
     weight = (scorer.count / np.maximum(scorer.spectrum.count, 1.0) / best.variance)[scorer.spectrum.band]
     low, high = (np.concatenate([getattr(c, side) for c in lines]) for side in ("low", "high"))
     low, high = np.minimum(low, -np.abs(high)), np.maximum(high, np.abs(low))

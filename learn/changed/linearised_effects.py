@@ -23,7 +23,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import Point, Problem
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
+from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column, given_values
 from wrenchgap.learn.posterior.columns import linearised as column_at
 from wrenchgap.plant.effects import find, is_air
 from wrenchgap.plant.model import Model
@@ -178,7 +178,7 @@ def linearised_effect(data: Dataset, model: Model, name: str) -> LinearisedEffec
     nothing.
     """  # noqa: D205
     parameters = find(name).parameters(model.vehicle)
-    origin = {e.name: e.theta for e in model.effects}.get(name, np.zeros(len(parameters)))
+    origin = given_values(model, (name,))
     if not any(p.start != 0.0 for p in parameters):
         line = linearised(data, model, name, origin, origin)
         blind = ~np.any(line.jacobian, axis=(0, 1))
@@ -189,12 +189,8 @@ def linearised_effect(data: Dataset, model: Model, name: str) -> LinearisedEffec
     reference = fit(data, model, (name,)).theta
     dull = [r < LEAST_SIZE * p.scale for r, p in zip(reference, parameters, strict=True)]
     there = np.where(dull, [p.scale for p in parameters], reference)
-    return LinearisedEffect(
-        name,
-        reference,
-        linearised(data, model, name, origin, there),
-        linearised(data, model, name, reference, there),
-    )
+    line, bent = (linearised(data, model, name, zero, there) for zero in (origin, reference))
+    return LinearisedEffect(name, reference, line, bent)
 
 
 def relinearised_at(data: Dataset, model: Model, one: LinearisedEffect, theta: Array) -> LinearisedEffect:

@@ -154,9 +154,7 @@ def classes_of(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[EquivalenceCla
     def changes(one: NamedSet) -> Array:
         """Weights (Q,) of a set's own columns in the stacked quantities."""
         scored = one.scored_set.scored
-        mine = np.concatenate(
-            [np.zeros(0, np.intp), *(np.append(space.parameters[k], space.offset[k]) for k in scored.keys)]
-        )
+        mine = space.rows(*scored.keys)
         out = np.zeros_like(scored.weights)
         out[mine] = scored.weights[mine]
         return out

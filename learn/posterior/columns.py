@@ -54,10 +54,10 @@ class Column:
         return " + ".join(self.names)
 
     def without_samples(self) -> Column:
-        """The same without its samples, for where it is linearised anew: of `offset` the norms by axis (1, 6)."""
+        """The same without its samples: of `offset` the norms by axis (1, 6)."""
         norms = np.linalg.norm(self.offset, axis=0)[None]
         let_go(self.offset)
-        return replace(self, offset=norms, jacobian=self.jacobian[:0])
+        return replace(self, offset=norms, jacobian=np.empty((0, *self.jacobian.shape[1:])))
 
     def spilled(self) -> Column:
         """The same in an array of its own, which waits on disk where there are `MANY` samples."""

@@ -17,7 +17,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -169,8 +169,8 @@ def evidence_of(
         seconds=float(sum(len(r) * r.dt_kept for r in data.records)),
         blocks=space.blocks,
         axes=axes,
-        columns=tuple(_bare(c) for c in columns),
-        known=tuple(_bare(c) for c in known),
+        columns=tuple(c.without_samples() for c in columns),
+        known=tuple(c.without_samples() for c in known),
         roots=np.concatenate(roots, axis=1),
         rows=np.array([r.shape[1] for r in roots]),
         count=np.bincount(band, minlength=BANDS).astype(float),
@@ -187,11 +187,6 @@ def evidence_of(
         answering=data.answering,
         unexcited=tuple(idle),
     )
-
-
-def _bare(line: Column) -> Column:
-    """A column without its samples."""
-    return replace(line, offset=np.empty((0, 6)), jacobian=np.empty((0, 6, len(line.theta))))
 
 
 def _roots(coefficients: Array) -> Array:

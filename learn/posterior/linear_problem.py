@@ -125,6 +125,11 @@ class LinearProblem:
         self.sparse = self._of_all([c.sparse.astype(float) for c in columns], np.zeros(len(scale))) > 0.0
         self.trims = Trims.none(len(self.scale))
 
+    def rows(self, *keys: str) -> Rows:
+        """Of candidates: the parameters and the offset of each."""
+        own = [row for key in keys for row in (*self.parameters[key], self.offset[key])]
+        return np.array(own, dtype=np.intp)
+
     @staticmethod
     def _of_all(each: Sequence[Array], always: Array, first: float = 0.0) -> Array:
         """Of all quantities (Q,): `first` of what the model leaves and of every offset."""

@@ -108,10 +108,10 @@ def own_share(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
     space, scored, settings = scorer.spectrum, scorer(keys), scorer.spectrum.settings
     left = by_axis(scorer, scored.left)
     beyond_noise = np.maximum(1.0 - settings.structure**2 * by_axis(scorer, space.sensor) / left, 0.0)
-    rows = {k: np.append(space.parameters[k], space.offset[k]) for k in keys}
-    sizes = {
-        k: by_axis(scorer, quadratic(space.products[:, :, r[:, None], r], scored.weights[r])) for k, r in rows.items()
-    }
+    sizes = {}
+    for key in keys:
+        rows = space.rows(key)
+        sizes[key] = by_axis(scorer, quadratic(space.products[:, :, rows[:, None], rows], scored.weights[rows]))
     out = {}
     for key in keys:
         returns = np.maximum(_without(scorer, keys, key, bends) / left - 1.0, 0.0)
@@ -153,8 +153,7 @@ def scored_set(
 
     def described(some: Keys) -> ScoredSet:
         scored = scorer(some)
-        used = [row for key in scored.keys for row in (*space.parameters[key], space.offset[key])]
-        adds = np.zeros(len(scored.weights))
+        used, adds = space.rows(*scored.keys), np.zeros(len(scored.weights))
         adds[used] = -scored.weights[used]
         parts, left = parts_of(scorer, scored.keys, known, rule), by_axis(scorer, scored.left)
         return ScoredSet(scored, parts, scorer.by_block(scored), space.combined(adds), left)

@@ -124,7 +124,7 @@ class SubsetSearch:
         """  # noqa: D205
         space = self.space
         wanted = [n for n in (space.columns if among is None else among) if n not in keys]
-        others = {n: np.append(space.parameters[n], space.offset[n]) for n in wanted}
+        others = {n: space.rows(n) for n in wanted}
         if not others:
             return []
         unknown, fixed, _, _ = self._rows(keys)
