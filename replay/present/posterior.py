@@ -11,8 +11,8 @@ from wrenchgap.flight.flight import AXES, GRAVITY
 from wrenchgap.learn.diagnose.residual_patterns import Oscillation
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
-from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
