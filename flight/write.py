@@ -28,16 +28,17 @@ from wrenchgap._escaping import storable
 from wrenchgap.flight import so3
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array, Flight, ReferenceSeries
+from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
+from wrenchgap.flight.formats.message_layouts import joined_ranges
+from wrenchgap.flight.formats.standard_topics import StandardTopic, vector
+from wrenchgap.flight.formats.table import Table
 from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 PROVENANCE = "wrenchgap"
 """Name of the metadata record in which a file says where it comes from."""
 
 SECOND = 1_000_000_000  # ns
-
-Fields = dict[str, Array | float]
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,15 @@ class Named:
 
 @dataclass(frozen=True)
 class _Topic:
-    """N messages of one type at `time` (N,) [s since the start]; numeric fields and texts by dotted name."""
+    """Messages as columns; numbers that are `alike` in all of them and texts, by dotted name."""
 
-    name: str
-    type: str
-    time: Array
-    fields: Fields
-    texts: dict[str, str] = field(default_factory=lambda: {"header.frame_id": "base_link"})
+    table: Table
+    alike: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=lambda: {"header.frame_id": "base_link"})
+
+
+At = Callable[[str, Array], StandardTopic]
+"""A topic to be, by its name and times [s since the start]."""
 
 
 def write(
@@ -78,14 +81,21 @@ def write(
     """
     path = Path(path)
     _check_target(path, force)
-    topics = [*_flight_topics(flight), *map(_named_topic, extra)]
-    names = [topic.name for topic in topics]
+    at = _clock(flight.start_ns, [*(series.time for series in flight.series().values()), *(one.time for one in extra)])
+    topics = [*_flight_topics(flight, at), *(_named_topic(one, at) for one in extra)]
+    names = [topic.table.topic for topic in topics]
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise UsageError(f"{path}: topic {', '.join(twice)} is written twice; give the additional series another name")
     about = {key: storable(value) for key, value in (metadata or {}).items()}
     with atomic(path) as partial, partial.open("wb") as stream:
-        _write(stream, topics, _start(flight.start_ns, topics), about)
+        store, every = get_typestore(Stores.ROS2_HUMBLE), []
+        store.register(get_types_from_msg(ACTUATORS["actuator_msgs/msg/Actuators"], "actuator_msgs/msg/Actuators"))
+        for topic in topics:
+            name, kind, stamps = topic.table.topic, topic.table.type, topic.table.log_time_ns
+            definition = store.generate_msgdef(kind, ros_version=2)[0]
+            every.append(Messages(name, kind, definition, stamps, *_payloads(topic, store)))
+        write_messages(stream, every, PROVENANCE, (PROVENANCE, about) if about else None)
     return path
 
 
@@ -107,68 +117,48 @@ def _check_target(path: Path, force: bool) -> None:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
 
 
-def _start(start_ns: int, topics: list[_Topic]) -> int:
-    """When the flight starts [ns], moved by whole seconds where a stamp would be before the first that MCAP has."""
-    first = start_ns + min((round(float(topic.time[0]) * SECOND) for topic in topics if len(topic.time)), default=0)
-    return start_ns if first >= 0 else start_ns + SECOND * -(first // SECOND)
-
-
-def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:
-    store, every = _typestore(), []
-    shared = {id(topic.time): topic.time for topic in topics}
-    clocks = {k: np.asarray(start_ns + np.round(np.asarray(time) * 1e9).astype(np.int64)) for k, time in shared.items()}
-    for topic in topics:
-        stamps = clocks[id(topic.time)]
-        definition = store.generate_msgdef(topic.type, ros_version=2)[0]
-        every.append(Messages(topic.name, topic.type, definition, stamps, *_payloads(topic, stamps, store)))
-    write_messages(stream, every, PROVENANCE, (PROVENANCE, metadata) if metadata else None)
+def _clock(start_ns: int, times: list[Array]) -> At:
+    """Times as stamps [ns], of an array once; all moved by whole seconds where one would be before MCAP's first."""
+    first = start_ns + min((round(float(time[0]) * SECOND) for time in times if len(time)), default=0)
+    start = start_ns if first >= 0 else start_ns + SECOND * -(first // SECOND)
+    known = {id(t): np.asarray(start + np.round(np.asarray(t) * 1e9).astype(np.int64)) for t in times}
+    return lambda name, time: StandardTopic(name, known[id(time)], known[id(time)])
 
 
 def _payloads(
-    topic: _Topic, stamps: NDArray[np.int64], store: Typestore
+    topic: _Topic, store: Typestore
 ) -> tuple[NDArray[np.uint8], Callable[[int, int], NDArray[np.uint8]], NDArray[np.int64]]:
     """CDR messages as `Messages` has them: one is serialised; numbers that all share go there, the others beside it."""
-    lengths = {name: v.shape[1] for name, v in topic.fields.items() if isinstance(v, np.ndarray) and v.ndim == 2}
-    blank = _blank(topic.type, store, topic.texts, lengths)
-    template = np.frombuffer(bytes(store.serialize_cdr(blank, topic.type)), dtype=np.uint8).copy()
-    layout = layout_of(template.tobytes(), topic.type, store.fielddefs)
-    fields: dict[str, Any] = dict(topic.fields)
-    if "header.stamp.sec" in layout:
-        fields |= {"header.stamp.sec": stamps, "header.stamp.nanosec": stamps}
-    series = sorted((layout[name][0], name) for name, values in fields.items() if np.ndim(values) > 0)
-    for name in fields.keys() - {name for _, name in series}:
+    kind, columns, stamps = topic.table.type, topic.table.columns, topic.table.log_time_ns
+    lengths = {name: values.shape[1] for name, values in columns.items() if values.ndim == 2}
+    blank = _blank(kind, store, topic.texts, lengths)
+    template = np.frombuffer(bytes(store.serialize_cdr(blank, kind)), dtype=np.uint8).copy()
+    layout = layout_of(template.tobytes(), kind, store.fielddefs)
+    for name, value in topic.alike.items():
         offset, dtype, count = layout[name]
-        template[offset : offset + dtype.itemsize * count] = np.full(count, fields[name], dtype=dtype).view(np.uint8)
-    kinds = [(name, dtype, (count,)) for _, name in series for _, dtype, count in [layout[name]]]
+        template[offset : offset + dtype.itemsize * count] = np.full(count, value, dtype=dtype).view(np.uint8)
+    header = [name for name in ("header.stamp.sec", "header.stamp.nanosec") if name in layout]
+    names = sorted([*columns, *header], key=lambda name: layout[name][0])
+    kinds = [(name, dtype, (count,)) for name in names for _, dtype, count in [layout[name]]]
 
     def varying(start: int, stop: int) -> NDArray[np.uint8]:
         """What varies in messages start to stop, as bytes."""
         out = np.empty(stop - start, dtype=kinds)
-        for _, name in series:
-            part = fields[name][start:stop]
-            if name.startswith("header.stamp."):
-                seconds = part // SECOND
-                part = seconds if name == "header.stamp.sec" else part - SECOND * seconds
-            out[name] = part if np.ndim(part) > 1 else part[:, None]
+        for name in names:
+            if name in header:
+                seconds = stamps[start:stop] // SECOND
+                part = seconds if name == header[0] else stamps[start:stop] - SECOND * seconds
+            else:
+                part = columns[name][start:stop]
+            out[name] = part if part.ndim > 1 else part[:, None]
         return out.view(np.uint8).reshape(stop - start, out.dtype.itemsize)
 
-    sizes = np.array([dtype.itemsize * shape[0] for _, dtype, shape in kinds], dtype=np.int64)
-    spans = np.stack((np.cumsum(sizes) - sizes, [offset for offset, _ in series], sizes), axis=1)
-    return template, varying, _joined(spans)
+    sizes = [dtype.itemsize * count for _, dtype, (count,) in kinds]
+    starts = np.cumsum([0, *sizes])[:-1].tolist()
+    return template, varying, joined_ranges(zip(starts, (layout[name][0] for name in names), sizes, strict=True))
 
 
-def _joined(spans: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Spans (S, 3) as `Messages` has them, in order, those that lie side by side in one."""
-    found: list[list[int]] = []
-    for source, target, size in spans.tolist():
-        if found and found[-1][1] + found[-1][2] == target:
-            found[-1][2] += size
-        else:
-            found.append([source, target, size])
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
-
-
-def _blank(kind: str, store: Typestore, texts: dict[str, str], lengths: dict[str, int], prefix: str = "") -> object:
+def _blank(kind: str, store: Typestore, texts: Mapping[str, str], lengths: dict[str, int], prefix: str = "") -> object:
     """A message of zeros, with given texts and lengths of sequences."""
     values: dict[str, Any] = {}
     descriptions: Any = store.fielddefs[kind][1]
@@ -186,91 +176,56 @@ def _blank(kind: str, store: Typestore, texts: dict[str, str], lengths: dict[str
     return store.types[kind](**values)
 
 
-def _typestore() -> Typestore:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(ACTUATORS["actuator_msgs/msg/Actuators"], "actuator_msgs/msg/Actuators"))
-    return store
-
-
-def _flight_topics(flight: Flight) -> Iterator[_Topic]:
+def _flight_topics(flight: Flight, at: At) -> Iterator[_Topic]:
     for wrench, name in ((flight.commanded, "/command/wrench"), (flight.desired, "/desired/wrench")):
         if wrench is not None:
-            yield _wrench(name if wrench.unit == "N" else f"{name}_normalised", wrench.time, wrench.wrench_B)
+            topic = at(name if wrench.unit == "N" else f"{name}_normalised", wrench.time)
+            yield _Topic(topic.wrench(wrench.wrench_B[:, :3], wrench.wrench_B[:, 3:]))
     if (sent := flight.actuators) is not None:
-        place = "normalized" if sent.unit == "normalised" else "velocity"
-        fields: Fields = {"position": sent.tilt, place: sent.rotor_speed}
-        name = "/command/actuators_pwm" if sent.unit == "pwm" else "/command/actuators"
-        yield _Topic(name, "actuator_msgs/msg/Actuators", sent.time, fields)
+        topic = at("/command/actuators_pwm" if sent.unit == "pwm" else "/command/actuators", sent.time)
+        yield _Topic(topic.actuators(sent.rotor_speed, sent.tilt, sent.unit))
     if (imu := flight.imu) is not None:
-        fields = _xyz("angular_velocity", imu.omega_B) | _xyz("linear_acceleration", imu.specific_force_B)
-        no_orientation = np.tile([-1.0, *[0.0] * 8], (len(imu.time), 1))  # as the message's definition asks
-        fields |= {"orientation.w": 1.0, "orientation_covariance": no_orientation}
+        none = [-1.0, *[0.0] * 8]  # as the message's definition asks where there is no estimate
+        alike: dict[str, Any] = {"orientation.w": 1.0, "orientation_covariance": none}
         for name, values in (("angular_velocity", imu.omega_B), ("linear_acceleration", imu.specific_force_B)):
-            if np.isnan(values).all():  # likewise
-                fields[f"{name}_covariance"] = no_orientation
-        yield _Topic("/imu", "sensor_msgs/msg/Imu", imu.time, fields)
+            if np.isnan(values).all():
+                alike[f"{name}_covariance"] = none
+        yield _Topic(at("/imu", imu.time).imu(imu.omega_B, imu.specific_force_B), alike)
     if (seen := flight.odometry) is not None:
-        twist = (seen.velocity_E, seen.omega_B)
-        yield _moving("/odometry", seen.time, (seen.position_E, seen.quat_EB), twist, "base_link")
-    if flight.reference is not None:
-        yield from _reference(flight.reference)
+        yield _moving(at("/odometry", seen.time), seen, seen.quat_EB, seen.omega_B, "base_link")
+    if (asked := flight.reference) is not None:
+        yield _moving(at("/reference", asked.time), asked, asked.quat_ED, asked.omega_D, "reference")
+        linear, angular = asked.acceleration_E, asked.omega_dot_D
+        if linear is not None or angular is not None:
+            linear_D = None if linear is None else so3.rotate_inverse(asked.quat_ED, linear)
+            made = at("/reference/acceleration", asked.time).acceleration(linear_D, angular)
+            yield _Topic(made, texts={"header.frame_id": "reference"})
     if (battery := flight.battery) is not None:
         unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
-        fields = {"voltage": battery.voltage} | dict.fromkeys(unknown, np.nan) | {"present": 1.0}
-        yield _Topic("/battery", "sensor_msgs/msg/BatteryState", battery.time, fields, {})
-
-
-def _xyz(prefix: str, values: Array) -> Fields:
-    return {f"{prefix}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
-
-
-def _quaternion(prefix: str, quat_wxyz: Array) -> Fields:
-    return {f"{prefix}.{axis}": quat_wxyz[:, i] for i, axis in enumerate("wxyz")}
-
-
-def _wrench(name: str, time: Array, wrench_B: Array) -> _Topic:
-    fields = _xyz("wrench.force", wrench_B[:, :3]) | _xyz("wrench.torque", wrench_B[:, 3:])
-    return _Topic(name, "geometry_msgs/msg/WrenchStamped", time, fields)
-
-
-def _reference(series: ReferenceSeries) -> Iterator[_Topic]:
-    pose, twist = (series.position_E, series.quat_ED), (series.velocity_E, series.omega_D)
-    yield _moving("/reference", series.time, pose, twist, "reference")
-    linear, angular = series.acceleration_E, series.omega_dot_D
-    if linear is None and angular is None:
-        return
-    unknown = np.full((len(series.time), 3), np.nan)
-    linear_D = unknown if linear is None else so3.rotate_inverse(series.quat_ED, linear)
-    fields = _xyz("accel.linear", linear_D) | _xyz("accel.angular", unknown if angular is None else angular)
-    texts = {"header.frame_id": "reference"}
-    yield _Topic("/reference/acceleration", "geometry_msgs/msg/AccelStamped", series.time, fields, texts)
+        alike = dict.fromkeys(unknown, np.nan) | {"present": 1.0}
+        yield _Topic(at("/battery", battery.time).battery(battery.voltage), alike, {})
 
 
 def _moving(
-    name: str, time: Array, pose: tuple[Array, Array], twist: tuple[Array | None, Array | None], child: str
+    topic: StandardTopic, series: OdometrySeries | ReferenceSeries, quat: Array, omega: Array | None, child: str
 ) -> _Topic:
     """Odometry with the twist in the child frame, or a bare pose where no velocity is known."""
-    position_E, quat = pose
-    velocity_E, omega = twist
     texts = {"header.frame_id": "world"}
-    if velocity_E is None and omega is None:
-        fields = _xyz("pose.position", position_E) | _quaternion("pose.orientation", quat)
-        return _Topic(name, "geometry_msgs/msg/PoseStamped", time, fields, texts)
-    unknown = np.full((len(time), 3), np.nan)
-    linear = unknown if velocity_E is None else so3.rotate_inverse(quat, velocity_E)
-    fields = _xyz("pose.pose.position", position_E) | _quaternion("pose.pose.orientation", quat)
-    fields |= _xyz("twist.twist.linear", linear) | _xyz("twist.twist.angular", unknown if omega is None else omega)
-    return _Topic(name, "nav_msgs/msg/Odometry", time, fields, texts | {"child_frame_id": child})
+    if series.velocity_E is None and omega is None:
+        columns = vector("pose.position", series.position_E) | vector("pose.orientation", quat, "wxyz")
+        return _Topic(topic.table("geometry_msgs/msg/PoseStamped", columns), texts=texts)
+    made = topic.odometry(series.position_E, quat, series.velocity_E, omega)
+    return _Topic(made, texts=texts | {"child_frame_id": child})
 
 
-def _named_topic(named: Named) -> _Topic:
-    name, time, values = named.topic, named.time, np.asarray(named.values, dtype=float)
-    if len(values) != len(time):
-        raise UsageError(f"series {name}: {len(values)} values at {len(time)} times; expected as many")
+def _named_topic(named: Named, at: At) -> _Topic:
+    values, topic = np.asarray(named.values, dtype=float), at(named.topic, named.time)
+    if len(values) != len(named.time):
+        raise UsageError(f"series {named.topic}: {len(values)} values at {len(named.time)} times; expected as many")
     if values.ndim == 1:
-        return _Topic(name, "std_msgs/msg/Float64", time, {"data": values}, {})
+        return _Topic(topic.table("std_msgs/msg/Float64", {"data": values}), texts={})
     if values.shape[1] == 3:
-        return _Topic(name, "geometry_msgs/msg/Vector3Stamped", time, _xyz("vector", values))
+        return _Topic(topic.table("geometry_msgs/msg/Vector3Stamped", vector("vector", values)))
     if values.shape[1] == 6:
-        return _wrench(name, time, values)
-    return _Topic(name, "std_msgs/msg/Float64MultiArray", time, {"data": values}, {})
+        return _Topic(topic.wrench(values[:, :3], values[:, 3:]))
+    return _Topic(topic.table("std_msgs/msg/Float64MultiArray", {"data": values}), texts={})

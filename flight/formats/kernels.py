@@ -1,7 +1,7 @@
 """Loops over the bytes of messages, read and written, compiled.
 
-Writing an MCAP file, these are the order of messages, messages by topic, and records filled in place; their plain form,
-message by message, is the `mcap` package's `Writer` (tests/flight/test_mcap_messages.py).
+Writing an MCAP file, these are the order of messages, and records filled in place; their plain form, message by
+message, is the `mcap` package's `Writer` (tests/flight/test_mcap_messages.py).
 
 numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md).
 """
@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 Bytes = NDArray[np.uint8]
-Places = NDArray[np.int64]
+Ints = NDArray[np.int64]
 
 END, OTHER, FULL, BROKEN = range(4)
 """Why a walk stops: no record left; one that it does not read; no room for more messages; one that cannot be."""
@@ -40,7 +40,7 @@ def _number(data: Bytes, place: Any, size: int) -> Any:
 
 @njit(cache=True, nogil=True)
 def walked(
-    data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
+    data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Ints, count: int
 ) -> tuple[int, int, int]:
     """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
 
@@ -92,7 +92,7 @@ def _named(data: Bytes, place: Any, name: Bytes) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def walked_bag(data: Bytes, places: Places) -> int:
+def walked_bag(data: Bytes, places: Ints) -> int:
     """Go through the records of a ROS 1 chunk and note the messages; gives how many, or -1 where something is odd.
 
     A column of `places` (6, room) becomes connection, log time [ns], first byte and length of the payload, where the
@@ -145,7 +145,7 @@ def walked_bag(data: Bytes, places: Places) -> int:
 
 
 @njit(cache=True, nogil=True)
-def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
+def grouped(places: Ints, count: int) -> tuple[Ints, Ints, Ints]:
     """The first `count` columns of `places` (4, room), channel by channel, as they come within a channel.
 
     Channels (C,), the first column of each and the number of all (C + 1,), and times, first bytes, lengths (3, count).
@@ -194,11 +194,11 @@ copy_bytes: Any = intrinsic(_memcpy)
 @njit(cache=True, nogil=True)
 def copied(
     data: Bytes,
-    starts: Places,
-    lengths: Places,
-    fixed: Places,
+    starts: Ints,
+    lengths: Ints,
+    fixed: Ints,
     expected: Bytes,
-    ranges: Places,
+    ranges: Ints,
     fits: NDArray[np.bool_],
     rows: Bytes,
     used: int,
@@ -230,8 +230,6 @@ def copied(
     return count
 
 
-Ints = NDArray[np.int64]
-
 HEAD = 31
 """Bytes of a message record before its payload: opcode 1, length 8, channel 2, sequence 4, two times of 8."""
 
@@ -239,7 +237,7 @@ HEAD = 31
 @njit(cache=True, nogil=True)
 def merged(
     stamps: Ints, starts: Ints, counts: Ints, sizes: Ints, done: Ints, now: Ints, at: int, most: int, found: Ints
-) -> tuple[int, bool]:  # fmt: skip
+) -> tuple[int, bool]:
     """The next messages by time, then by topic, until one ends beyond `most` bytes, the first at place `at`.
 
     Topic k has rising stamps, `counts[k]` from `starts[k]` on in `stamps`, of which `done[k]` are through, and records
@@ -271,60 +269,15 @@ def merged(
 
 
 @njit(cache=True, nogil=True)
-def by_topic(number: Ints, index: Ints, stamps: Ints, places: Ints, topics: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Messages grouped by topic: the topics as they appear (T,), where each begins (T + 1,), and in these groups stamps
-    and places (N, 2), and indices (N,). `number` (N,) has the topic of each.
-    """  # noqa: D205
-    count = np.zeros(topics, dtype=np.int64)
-    found, starts = np.empty(topics, dtype=np.int64), np.zeros(topics + 1, dtype=np.int64)
-    many = 0
-    for n in range(len(number)):
-        if count[number[n]] == 0:
-            found[many] = number[n]
-            many += 1
-        count[number[n]] += 1
-    at = np.zeros(topics, dtype=np.int64)
-    for k in range(many):
-        at[found[k]] = starts[k]
-        starts[k + 1] = starts[k] + count[found[k]]
-    entries, rows = np.empty((len(number), 2), dtype=np.int64), np.empty(len(number), dtype=np.int64)
-    for n in range(len(number)):
-        here = at[number[n]]
-        at[number[n]] += 1
-        entries[here, 0], entries[here, 1], rows[here] = stamps[n], places[n], index[n]
-    return found[:many], starts[: many + 1], entries, rows
+def placed(records: Bytes, places: Ints, record: Bytes, varying: Bytes, rows: Ints, spans: Ints) -> None:
+    """Message records of one topic into `records`, at `places` (N,).
 
-
-def _put(_: Any, target: Any, at: Any, value: Any) -> Any:
-    """Store a 64-bit integer into an array of bytes from `at` on, the lowest byte first."""
-
-    def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        place = builder.gep(context.make_array(signature.args[0])(context, builder, args[0]).data, [args[1]])
-        word = context.get_value_type(types.int64)
-        builder.store(args[2], builder.bitcast(place, word.as_pointer()), align=1)
-        return context.get_dummy_value()
-
-    return types.void(target, types.int64, types.int64), generated
-
-
-put: Any = intrinsic(_put)
-
-
-@njit(cache=True, nogil=True)
-def placed(
-    records: Bytes, entries: Ints, index: Ints, record: Bytes, varying: Bytes, first: int, spans: Ints
-) -> None:  # fmt: skip
-    """Message records of one topic into `records`: stamps and places in `entries` (N, 2), rows `index` (N,).
-
-    `record` (HEAD + length,) is what they share; `varying` (M, V) begins with row `first`. Plain form:
-    `mcap.records.Message.write`, of `Messages.payloads`.
+    `record` (length,) is what they share. Of `varying` (M, V), `rows` (N,) is what each has of its own; of these bytes
+    `spans` (S, 3) are first byte, first byte in the record, and how many.
     """
     flat, width = varying.reshape(-1), varying.shape[1]
-    for n in range(len(index)):
-        stamp, at, row = entries[n, 0], entries[n, 1], index[n]
-        copy_bytes(records, at, record, 0, len(record))
-        put(records, at + 11, row)
-        put(records, at + 15, stamp)
-        put(records, at + 23, stamp)
+    for n in range(len(rows)):
+        copy_bytes(records, places[n], record, 0, len(record))
         for s in range(len(spans)):
-            copy_bytes(records, at + HEAD + spans[s, 1], flat, (row - first) * width + spans[s, 0], spans[s, 2])
+            to, of = places[n] + spans[s, 1], rows[n] * width + spans[s, 0]
+            copy_bytes(records, to, flat, of, spans[s, 2])

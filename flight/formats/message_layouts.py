@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import mmap
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -67,44 +68,35 @@ class Template:
                 places[name] = first, dtype, values.shape[1:]
         constant = {name: values for name, values in walk.columns.items() if name not in places}
         ranges, row = _packed(places)
-        return cls(expected, _merged([*fixed, *walk.fixed]), ranges, row, tuple(walk.columns), constant)
+        asked = joined_ranges((first, first, size) for first, size in [*fixed, *walk.fixed])[:, ::2]
+        return cls(expected, np.ascontiguousarray(asked), ranges, row, tuple(walk.columns), constant)
 
 
 def _packed(places: dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]) -> tuple[NDArray[np.int64], np.dtype[Any]]:
     """Ranges to copy, and the type of a row: numbers in their order, each aligned to its size."""
     ranges: list[tuple[int, int, int]] = []
-    offsets, formats, end = [], [], 0
+    formats, end = [], 0
     for first, dtype, shape in places.values():
         place = -(-end // dtype.itemsize) * dtype.itemsize
         size = dtype.itemsize * int(np.prod(shape))
         end = place + size
-        offsets.append(place)
+        ranges.append((first, place, size))
         formats.append((dtype, shape) if shape else dtype)
-        before = ranges[-1] if ranges else (0, 0, 0)
-        if ranges and before[0] + before[2] == first and before[1] + before[2] == place:
-            ranges[-1] = before[0], before[1], before[2] + size
-        else:
-            ranges.append((first, place, size))
-    made = np.array(ranges, dtype=np.int64).reshape(-1, 3)
-    width = row_width(made)
+    width = -(-max(end, 1) // 8) * 8  # in eights
+    offsets = [place for _, place, _ in ranges]
     described: Any = {"names": list(places), "formats": formats, "offsets": offsets, "itemsize": width}
-    return made, np.dtype(described)
+    return joined_ranges(ranges), np.dtype(described)
 
 
-def row_width(ranges: NDArray[np.int64]) -> int:
-    """Bytes of a row, in eights, and eight at least."""
-    return int(-(-np.max(ranges[:, 1] + ranges[:, 2], initial=1) // 8) * 8)
-
-
-def _merged(fixed: list[tuple[int, int]]) -> NDArray[np.int64]:
-    """First byte and number of bytes (F, 2), neighbours as one."""
-    out: list[tuple[int, int]] = []
-    for first, size in fixed:
-        if out and sum(out[-1]) == first:
-            out[-1] = out[-1][0], out[-1][1] + size
+def joined_ranges(ranges: Iterable[tuple[int, int, int]]) -> NDArray[np.int64]:
+    """Ranges (R, 3) of bytes: where they begin, where they go to, how many; neighbours in both as one."""
+    out: list[list[int]] = []
+    for first, place, size in ranges:
+        if out and out[-1][0] + out[-1][2] == first and out[-1][1] + out[-1][2] == place:
+            out[-1][2] += size
         elif size:
-            out.append((first, size))
-    return np.array(out, dtype=np.int64).reshape(-1, 2)
+            out.append([first, place, size])
+    return np.array(out, dtype=np.int64).reshape(-1, 3)
 
 
 @dataclass

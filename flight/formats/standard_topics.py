@@ -133,7 +133,7 @@ class StandardTopic:
     def imu(self, omega_B: Array | None, specific_force_B: Array | None) -> Table:
         """Of gyroscope and accelerometer (N, 3); what is None was not measured."""
         columns = vector("angular_velocity", self._or_unknown(omega_B))
-        return self._table(
+        return self.table(
             "sensor_msgs/msg/Imu", columns | vector("linear_acceleration", self._or_unknown(specific_force_B))
         )
 
@@ -144,33 +144,36 @@ class StandardTopic:
         columns = vector("pose.pose.position", position_E) | vector("pose.pose.orientation", quat_EB, "wxyz")
         velocity_B = None if velocity_E is None else so3.rotate_inverse(quat_EB, velocity_E)
         columns |= vector("twist.twist.linear", self._or_unknown(velocity_B))
-        return self._table("nav_msgs/msg/Odometry", columns | vector("twist.twist.angular", self._or_unknown(omega_B)))
+        return self.table("nav_msgs/msg/Odometry", columns | vector("twist.twist.angular", self._or_unknown(omega_B)))
 
     def wrench(self, force_B: Array, torque_B: Array) -> Table:
         """Of force and torque (N, 3); the topic's name says where they are normalised."""
         columns = vector("wrench.force", force_B) | vector("wrench.torque", torque_B)
-        return self._table("geometry_msgs/msg/WrenchStamped", columns)
+        return self.table("geometry_msgs/msg/WrenchStamped", columns)
 
     def actuators(self, rotors: Array | None, tilt: Array | None = None, unit: SpeedUnit = "rad/s") -> Table:
         """Of rotor commands (N, R) and tilt angles (N, A) [rad]."""
         columns: Columns = {} if tilt is None else {"position": tilt}
         if rotors is not None:
             columns["normalized" if unit == "normalised" else "velocity"] = rotors
-        return self._table("actuator_msgs/msg/Actuators", columns)
+        return self.table("actuator_msgs/msg/Actuators", columns)
 
     def battery(self, voltage: Array) -> Table:
         """Of a voltage (N,) [V]."""
-        return self._table("sensor_msgs/msg/BatteryState", {"voltage": voltage})
+        return self.table("sensor_msgs/msg/BatteryState", {"voltage": voltage})
 
-    def acceleration(self, linear: Array) -> Table:
-        """Of a reference's acceleration (N, 3), in the frame that fits."""
-        columns = vector("accel.linear", linear) | vector("accel.angular", self._or_unknown(None))
-        return self._table("geometry_msgs/msg/AccelStamped", columns)
+    def acceleration(self, linear: Array | None, angular: Array | None = None) -> Table:
+        """Of a reference's acceleration and that of its rates (N, 3), in the frame that fits."""
+        columns = vector("accel.linear", self._or_unknown(linear))
+        return self.table(
+            "geometry_msgs/msg/AccelStamped", columns | vector("accel.angular", self._or_unknown(angular))
+        )
 
     def _or_unknown(self, values: Array | None) -> Array:
         return np.full((len(self.stamps), 3), np.nan) if values is None else values
 
-    def _table(self, kind: str, columns: Columns) -> Table:
+    def table(self, kind: str, columns: Columns) -> Table:
+        """Of any type."""
         return Table(self.topic, kind, self.log_time_ns, self.stamps, columns)
 
 

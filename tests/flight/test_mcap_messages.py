@@ -24,6 +24,14 @@ def our_level(monkeypatch):
     monkeypatch.setattr(mcap.writer, "zstandard", SimpleNamespace(compress=compress))
 
 
+def payloads(m):
+    """All of a topic's (N, length)."""
+    rows, varying = np.repeat(m.template[None], len(m.stamps), axis=0), m.varying(0, len(m.stamps))
+    for source, target, size in m.spans.tolist():
+        rows[:, target : target + size] = varying[:, source : source + size]
+    return rows
+
+
 def message_by_message(every, metadata):
     """The specification: `mcap.writer.Writer`, in the order of time, then of topics."""
     stream = BytesIO()
@@ -33,8 +41,9 @@ def message_by_message(every, metadata):
         if m.type not in schemas:
             schemas[m.type] = writer.register_schema(m.type, "ros2msg", m.definition.encode())
         channels.append(writer.register_channel(m.topic, "cdr", schemas[m.type]))
+    rows = [payloads(m) for m in every]
     for stamp, topic, index in sorted((int(s), k, n) for k, m in enumerate(every) for n, s in enumerate(m.stamps)):
-        writer.add_message(channels[topic], stamp, every[topic].payloads[index].tobytes(), stamp, index)
+        writer.add_message(channels[topic], stamp, rows[topic][index].tobytes(), stamp, index)
     if metadata is not None:
         writer.add_metadata(*metadata)
     writer.finish()
