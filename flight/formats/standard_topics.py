@@ -8,7 +8,8 @@ what asks is averaged over the interval between the stamps, so that nothing abov
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from wrenchgap.flight.flight import Array, SpeedUnit
 from wrenchgap.flight.formats.table import Columns, Table
 
 Stamps = NDArray[np.int64]
+RPM = 2.0 * np.pi / 60.0
+"""One turn a minute [rad/s]."""
 
 
 def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
@@ -195,3 +198,67 @@ def taken(table: Table, rows: slice | NDArray[Any]) -> Table:
     header = None if table.header_ns is None else table.header_ns[rows]
     columns = {name: values[rows] for name, values in table.columns.items()}
     return Table(table.topic, table.type, table.log_time_ns[rows], header, columns, table.problem)
+
+
+def numbers(table: Table, *names: str) -> Array | None:
+    """Fields (N, K) side by side; arrays give all their columns. None where the messages lack one, or it is a text."""
+    if any(name not in table.columns or table.columns[name].dtype.kind not in "iufb" for name in names):
+        return None
+    return np.hstack([np.asarray(table.columns[name], dtype=float).reshape(len(table), -1) for name in names])
+
+
+@dataclass(frozen=True)
+class Messages:
+    """An autopilot's messages by name, further instances as `name/1`; `parameters` are its own, where the log has them.
+
+    What is made of them goes to topics below `prefix`. `notes` grow: what was repaired, or is not there.
+    """
+
+    prefix: str
+    tables: Mapping[str, Table]
+    parameters: Mapping[str, float | int]
+    notes: list[str] = field(default_factory=list)
+
+    def read(self, name: str, *fields: str | tuple[str, ...]) -> tuple[Any, ...] | None:
+        """A message's table, and the numbers (N, K) of each of `fields`; None where it, or one of them, is missing."""
+        table = self.tables.get(name)
+        if table is None or not len(table) or not table.columns:
+            return None
+        found = [numbers(table, *((each,) if isinstance(each, str) else each)) for each in fields]
+        return None if any(values is None for values in found) else (table, *found)
+
+    def instances(self, name: str) -> list[tuple[int, str]]:
+        """The number and the key of all instances of a message."""
+        keys = [key.partition("/") for key in self.tables]
+        return sorted((int(number or 0), f"{own}{slash}{number}") for own, slash, number in keys if own == name)
+
+    def made(self, name: str, table: Table, stamps: Stamps | None = None) -> StandardTopic:
+        """A topic to be, with the log times of a message and its own `stamps`."""
+        return StandardTopic(
+            f"{self.prefix}/{name}", table.log_time_ns, table.log_time_ns if stamps is None else stamps
+        )
+
+
+Made = Iterator[tuple[str, Table]]
+"""Topics, each with the names of the messages that it is made of."""
+
+
+def made_of(
+    said: Messages, makers: Iterable[Callable[[Messages], Made]], whose: str
+) -> tuple[dict[str, Table], list[str]]:
+    """Topics that the makers give, by name, and what to say of them, of `whose` messages; nothing where there are none.
+
+    Messages whose fields have other shapes than they should come from a damaged file.
+    """
+    made: list[tuple[str, Table]] = []
+    for make in makers:
+        try:
+            with np.errstate(invalid="ignore", over="ignore"):  # what is absurd is left out later, and counted
+                made += [(source, table) for source, table in make(said) if len(table) > 1]
+        except (ValueError, IndexError, TypeError) as error:
+            said.notes.append(f"{said.prefix}: {make.__name__} could not be made of damaged messages ({error}).")
+    if not made:
+        return {}, []
+    listed = "; ".join(f"{table.topic} from {source}" for source, table in made)
+    notes = [f"{whose} in FRD and NED became, in FLU and ENU: {listed}.", *said.notes]
+    return {table.topic: table for _, table in made}, notes
