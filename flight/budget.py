@@ -214,12 +214,17 @@ class Account:
                 f"{in_bytes(1.25 * total).replace(' ', '')}"
             )
 
+    @property
+    def over_time(self) -> bool:
+        """Whether the reading has taken longer than it may."""
+        return _worked() - self._began > self.seconds
+
     def check_time(self) -> None:
         """Raise BudgetError where the reading has taken longer than it may; looks now and then."""
         if (now := time.monotonic()) < self._look:
             return
         self._look = now + LIMITS.look_interval
-        if _worked() - self._began > self.seconds:
+        if self.over_time:
             raise BudgetError(
                 f"{self.path}: reading it takes more than {self.seconds:.3g} s of processor time, which is the budget. "
                 f"If the file is sound, allow more: --budget {math.ceil(4 * self.seconds)}s"

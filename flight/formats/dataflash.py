@@ -17,38 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.autopilot import Autopilot
-from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.flight.formats.reader import TableReader, one_line, silenced
+from wrenchgap.flight.formats.reader import TableReader, readable
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 HEADER = 3
 """Bytes before a message: two of a mark, one of the type."""
-CODES: dict[str, tuple[str, float]] = {
-    "b": ("i1", 1.0),
-    "B": ("u1", 1.0),
-    "h": ("<i2", 1.0),
-    "H": ("<u2", 1.0),
-    "i": ("<i4", 1.0),
-    "I": ("<u4", 1.0),
-    "q": ("<i8", 1.0),
-    "Q": ("<u8", 1.0),
-    "g": ("<f2", 1.0),
-    "f": ("<f4", 1.0),
-    "d": ("<f8", 1.0),
-    "M": ("i1", 1.0),
-    "c": ("<i2", 0.01),
-    "C": ("<u2", 0.01),
-    "e": ("<i4", 0.01),
-    "E": ("<u4", 0.01),
-    "L": ("<i4", 1e-7),
-    "n": ("S4", 1.0),
-    "N": ("S16", 1.0),
-    "Z": ("S64", 1.0),
-    "a": ("(32,)<i2", 1.0),
-}
-"""Of each letter of a format: the primitive, and the factor that the letter implies."""
+_PRIMITIVES = """
+    b:i1 B:u1 h:<i2 H:<u2 i:<i4 I:<u4 q:<i8 Q:<u8 g:<f2 f:<f4 d:<f8 M:i1
+    c:<i2 C:<u2 e:<i4 E:<u4 L:<i4 n:S4 N:S16 Z:S64 a:(32,)<i2
+"""
+CODES = dict(entry.split(":") for entry in _PRIMITIVES.split())
+"""The primitive of each letter of a format."""
+FACTORS = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
+"""Factors that a letter implies."""
 INSTANCES = ("I", "Instance", "Inst", "C")
 """Columns that number instances, for logs that do not say which does; `C` is an estimator's core."""
 NUMBERED = frozenset({"IMU", "ACC", "GYR", "ESC", "BAT", "XKQ", "XKF1", "NKQ", "NKF1"})
@@ -108,15 +92,10 @@ def _messages(path: Path, account: Account, only: str | None = None) -> tuple[di
     """Columns of every type of message, by its name; how many bytes are of no message."""
     with needed_for(f"{path}: ArduPilot .bin logs", LogError):
         from pymavlink import DFReader as reader
-    try:
-        with silenced():
-            # its clock is not needed, and it would look for a GPS through the whole of a log that has none
-            kind = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})
-            log = kind(str(path), progress_callback=lambda percent: account.check_time())
-    except BudgetError:
-        raise
-    except Exception as error:  # a damaged log makes pymavlink raise many kinds
-        raise LogError(f"{path}: not a readable dataflash log ({one_line(error) or type(error).__name__})") from error
+    with readable(path, "dataflash log"):
+        # its clock is not needed, and it would look for a GPS through the whole of a log that has none
+        kind = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})
+        log = kind(str(path), progress_callback=lambda percent: account.check_time())
     data = np.memmap(path, dtype=np.uint8, mode="r")
     out, strange = {}, len(data)
     account.take(LIMITS.dataflash_place * sum(map(len, log.offsets)), "the places of messages")
@@ -134,22 +113,20 @@ def _messages(path: Path, account: Account, only: str | None = None) -> tuple[di
 
 def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) -> Columns:
     """The fields of N messages; none where names and format, or format and length, contradict each other."""
-    if len(set(layout.columns)) < len(layout.columns) or not all(layout.columns):
+    names, letters = layout.columns, [letter for letter in layout.format if letter in CODES]
+    if len(set(names)) < len(names) or not all(names) or len(letters) != len(names) or not letters:
         return {}
-    letters = [letter for letter in layout.format if letter in CODES]
-    dtype = np.dtype([(name, CODES[letter][0]) for name, letter in zip(layout.columns, letters, strict=False)])
-    if not letters or dtype.itemsize != layout.len - HEADER or len(letters) != len(layout.columns):
+    dtype = np.dtype([(name, CODES[letter]) for name, letter in zip(names, letters, strict=True)])
+    if dtype.itemsize != layout.len - HEADER:
         return {}
     rows = np.empty((len(places), dtype.itemsize), dtype=np.uint8)
     for first in range(0, len(places), LIMITS.dataflash_block):
         some = slice(first, first + LIMITS.dataflash_block)
         rows[some] = data[places[some, None] + np.arange(HEADER, layout.len)]
     fields = rows.view(dtype)[:, 0]
-    factors = (CODES[letter][1] for letter in letters)
-    named = zip(layout.columns, factors, strict=True)
-    return {name: fields[name] if factor == 1.0 else fields[name] * factor for name, factor in named} | (
-        {"#": fields[layout.instance_field]} if layout.instance_field in layout.columns else {}
-    )
+    found: Columns = {name: fields[name] for name in names}
+    found |= {name: fields[name] * FACTORS[code] for name, code in zip(names, letters, strict=True) if code in FACTORS}
+    return found | ({"#": fields[layout.instance_field]} if layout.instance_field in names else {})
 
 
 def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]:

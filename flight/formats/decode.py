@@ -27,7 +27,7 @@ from wrenchgap.flight.formats.message_walk import DTYPES as DTYPES
 from wrenchgap.flight.formats.message_walk import Definitions, Layout, Uneven, Walk
 from wrenchgap.flight.formats.message_walk import UndecodableError as UndecodableError
 from wrenchgap.flight.formats.reader import Channel, Places, one_line
-from wrenchgap.flight.formats.table import Columns
+from wrenchgap.flight.formats.table import Columns, joined
 
 ACTUATORS = {
     "actuator_msgs/msg/Actuators": (
@@ -195,28 +195,7 @@ class Decoder:
         self.parts = sorted([*self.parts, *self._packer.parts()], key=lambda part: int(part[0][0]))
         if len(self.parts) == 1 and len(self.parts[0][0]) == self.count:  # all of one layout, in their order
             return self.parts.pop()[1]
-        names = dict.fromkeys(name for _, columns in self.parts for name in columns)
-        return {name: self._joined(name) for name in names}
-
-    def _joined(self, name: str) -> NDArray[Any]:
-        parts = [(index, columns.pop(name)) for index, columns in self.parts if name in columns]
-        shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
-        dtype = np.result_type(*{values.dtype for _, values in parts})
-        self.account.take(
-            dtype.itemsize * self.count * np.prod(shape), f"the column {name:.100} of {self.count} messages"
-        )
-        complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
-        if not complete and dtype.kind != "S":
-            dtype = np.dtype(float)
-        out = np.zeros((self.count, *shape), dtype=dtype)
-        if not complete and dtype.kind == "f":
-            out[:] = np.nan
-        for index, values in parts:
-            if values.ndim == 1:
-                out[index] = values
-            else:
-                out[index, : values.shape[1]] = values
-        return out
+        return joined(self.parts, self.count, self.account, f"the column {{name}} of {self.count} messages")
 
 
 def _by_byte_order(rows: NDArray[np.uint8], encoding: str) -> list[tuple[str, NDArray[np.intp]]]:

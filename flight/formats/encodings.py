@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats.decode import UndecodableError
 from wrenchgap.flight.formats.reader import Channel, one_line
-from wrenchgap.flight.formats.table import Columns
+from wrenchgap.flight.formats.table import Columns, joined
 
 Value = float | list[float]
 
@@ -81,41 +80,21 @@ class Encoded(ABC):
                 LIMITS.decoded_number + 8 * len(rows) * max(width, 1), f"columns, of which {name:.100} is one,"
             )
             self.account.check_time()
-            columns[name] = _column(len(rows), where, values, width)
+            if not width:
+                columns[name] = np.full(len(rows), np.nan)
+                columns[name][where] = values
+                continue
+            columns[name] = np.full((len(rows), width), np.nan)
+            for i, cell in zip(where, values, strict=True):
+                if isinstance(cell, list):
+                    columns[name][i, : len(cell)] = cell
         self._parts.append((slice(self.count - len(rows), self.count), columns))
 
     def columns(self) -> Columns:
         """All columns, (count,) or (count, K), nan where a message lacks one; what was gathered is given away."""
         if self._rows:
             self._gather()
-        names = dict.fromkeys(name for _, columns in self._parts for name in columns)
-        return {name: self._joined(name) for name in names}
-
-    def _joined(self, name: str) -> NDArray[Any]:
-        parts = [(rows, columns.pop(name)) for rows, columns in self._parts if name in columns]
-        shape = max((values.shape[1:] for _, values in parts), key=lambda shape: (len(shape), shape))
-        self.account.take(8 * self.count * int(np.prod(shape)), f"columns, of which {name:.100} is one,")
-        self.account.check_time()
-        out = np.full((self.count, *shape), np.nan)
-        for rows, values in parts:
-            if not shape:
-                out[rows] = values
-            elif values.ndim > 1:  # a number where others have an array is none
-                out[rows, : values.shape[1]] = values
-        return out
-
-
-def _column(count: int, where: list[int], cells: list[Value], width: int) -> NDArray[Any]:
-    """Numbers (count,) with the cells `where` they are, or arrays (count, width) where any is one."""
-    if not width:
-        out = np.full(count, np.nan)
-        out[where] = cells
-        return out
-    out = np.full((count, width), np.nan)
-    for i, cell in zip(where, cells, strict=True):
-        if isinstance(cell, list):
-            out[i, : len(cell)] = cell
-    return out
+        return joined(self._parts, self.count, self.account, "columns, of which {name} is one,")
 
 
 class JsonMessages(Encoded):
@@ -137,16 +116,11 @@ def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
     elif kind is float:
         found[path] = value
     elif kind is int or kind is bool:
-        found[path] = _number(value)
+        found[path] = float(value) if abs(value) < 1e300 else float("nan")  # JSON has any number of digits
     elif (
         kind is list and 0 < len(value) <= LIMITS.array_numbers and all(isinstance(item, int | float) for item in value)
     ):
-        found[path] = [_number(item) for item in value]
-
-
-def _number(value: float) -> float:
-    """A number of JSON, which may have any number of digits; NaN beyond what a float holds."""
-    return float(value) if not isinstance(value, int) or abs(value) < 1e300 else float("nan")
+        found[path] = [float(item) if isinstance(item, float) or abs(item) < 1e300 else float("nan") for item in value]
 
 
 def _schema_fields(schema: Any, path: str = "", depth: int = LIMITS.object_depth) -> Iterator[str]:
@@ -175,23 +149,19 @@ class ProtobufMessages(Encoded):
 
 
 def _leaves(message: Any, path: str, depth: int = LIMITS.object_depth) -> Iterator[tuple[str, Value]]:
-    for described, value in _fields(message):
-        name = f"{path}.{described.name}" if path else described.name
-        if described.message_type is not None:
-            if depth and not _repeated(described) and hasattr(value, "DESCRIPTOR"):
-                yield from _leaves(value, name, depth - 1)
-        elif _repeated(described):
-            if 0 < len(value) <= LIMITS.array_numbers and isinstance(value[0], int | float):
-                yield name, [float(item) for item in value]
-        elif isinstance(value, int | float):
-            yield name, float(value)
-
-
-def _fields(message: Any) -> Iterator[tuple[Any, Any]]:
-    """Fields with their values; a number that was not sent has its default, a message that was not sent is none."""
+    """Numbers by dotted name; one that was not sent has its default, a message within that was not sent is none."""
     for described in message.DESCRIPTOR.fields:
-        if described.message_type is None or _repeated(described) or message.HasField(described.name):
-            yield described, getattr(message, described.name)
+        name = f"{path}.{described.name}" if path else described.name
+        if _repeated(described):
+            value = getattr(message, described.name)
+            known = described.message_type is None and 0 < len(value) <= LIMITS.array_numbers
+            if known and isinstance(value[0], int | float):
+                yield name, [float(item) for item in value]
+        elif described.message_type is not None:
+            if depth and message.HasField(described.name):
+                yield from _leaves(getattr(message, described.name), name, depth - 1)
+        elif isinstance(value := getattr(message, described.name), int | float):
+            yield name, float(value)
 
 
 def _repeated(described: Any) -> bool:

@@ -15,7 +15,7 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 
-from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 
 STORAGE = (".db3", ".mcap")
@@ -115,7 +115,7 @@ def bag_database(path: Path, account: Account) -> sqlite3.Connection:
         database.setlimit(
             sqlite3.SQLITE_LIMIT_LENGTH, int(min(account.memory / LIMITS.sqlite_copies, LIMITS.sqlite_message))
         )
-        database.set_progress_handler(lambda: _over_time(account), LIMITS.sqlite_steps)
+        database.set_progress_handler(lambda: account.over_time, LIMITS.sqlite_steps)
         database.text_factory = lambda text: text.decode(errors="replace")
         kinds = dict(database.execute(f"SELECT name, type FROM sqlite_master WHERE name IN {TABLES}"))
         if not {"messages", "topics"} <= kinds.keys() or set(kinds.values()) != {"table"}:
@@ -127,15 +127,6 @@ def bag_database(path: Path, account: Account) -> sqlite3.Connection:
         database.close()
         raise
     return database
-
-
-def _over_time(account: Account) -> bool:
-    """Whether a query is to be interrupted."""
-    try:
-        account.check_time()
-    except BudgetError:
-        return True
-    return False
 
 
 def _time_range(path: Path) -> Range | None:

@@ -22,21 +22,12 @@ Layout = dict[str, tuple[int, np.dtype[Any], int]]
 Definitions = Mapping[str, tuple[Any, Any]]
 
 DTYPES = {
-    "bool": "u1",
-    "byte": "u1",
-    "char": "u1",
-    "octet": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
+    **dict.fromkeys(("bool", "byte", "char", "octet"), "u1"),
+    **{f"{kind}{8 * size}": f"{kind[0]}{size}" for kind in ("int", "uint") for size in (1, 2, 4, 8)},
     "float32": "f4",
     "float64": "f8",
 }
+"""The primitive of each of ROS' types."""
 
 
 class UndecodableError(Exception):
@@ -96,19 +87,12 @@ class Walk:
             self.account.ask(LIMITS.field_overhead * self.fields, f"the fields of one message, {self.fields} and more,")
             self.account.check_time()
         if node == Nodetype.BASE:
-            self.base(path, payload[0])
+            self.columns[path] = self.text() if payload[0] == "string" else self.numbers(payload[0], 1, path)[:, 0]
         elif node == Nodetype.NAME:
             self.message(f"{path}.", payload)
         else:
             inner, number = payload
             self.several(path, inner, int(number) if node == Nodetype.ARRAY else self.counter())
-
-    def base(self, path: str, kind: str) -> None:
-        """Read one number or text."""
-        if kind == "string":
-            self.columns[path] = self.text()
-        else:
-            self.columns[path] = self.numbers(kind, 1, path)[:, 0]
 
     def several(self, path: str, inner: Any, number: int) -> None:
         """Read an array or a sequence."""

@@ -22,7 +22,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import LIMITS, Account
+from wrenchgap.flight.budget import LIMITS, Account, BudgetError
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -218,3 +219,15 @@ def silenced() -> Iterator[None]:
             os.dup2(kept, 2)
             os.close(kept)
             os.close(nowhere)
+
+
+@contextlib.contextmanager
+def readable(path: Path, kind: str) -> Iterator[None]:
+    """What a library makes of a file: of a damaged one it raises many kinds of error, which become one LogError."""
+    try:
+        with silenced():
+            yield
+    except BudgetError:
+        raise
+    except Exception as error:
+        raise LogError(f"{path}: not a readable {kind} ({one_line(error) or type(error).__name__})") from error

@@ -12,13 +12,11 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
 from wrenchgap.flight import work_files
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError, in_bytes
@@ -44,7 +42,6 @@ PIECE = 2**16
 LONGEST_METADATA = 2**24
 """Bytes of a metadata.yaml that are read: a thousand topics are 1 MB."""
 Row = tuple[Any, Any, Any]
-PAYLOAD = itemgetter(2)
 
 
 @dataclass
@@ -88,17 +85,18 @@ class Rosbag2SqliteReader(Reader):
     def _taken(
         self, rows: list[Row], channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
     ) -> Iterator[Batch]:
-        """Rows by channel, side by side; those among which one is odd or compressed one by one."""
+        """Rows by channel, side by side; those among which one is odd or may be compressed one by one."""
         identifiers, times, payloads = zip(*rows, strict=True)
         places = np.empty((4, len(rows)), dtype=np.int64)
         try:  # arrays of integers, and join, take nothing else
             places[0], places[1], data = array("q", identifiers), array("q", times), b"".join(payloads)
         except TypeError:
-            data = None
+            plain = False
         else:
             places[3] = np.fromiter(map(len, payloads), np.int64, len(rows))
             places[2] = np.cumsum(places[3]) - places[3]
-        if data is None or _may_be_compressed(data, places[2], places[3]):
+            plain = not np.any(np.frombuffer(data, dtype=np.uint8)[places[2, places[3] > 0]] == ZSTD_MAGIC[0])
+        if not plain:
             for row in rows:
                 yield from self._one(*row, channels, wanted, gathered)
             return
@@ -126,12 +124,6 @@ class Rosbag2SqliteReader(Reader):
         yield from to.add(channel, log_time_ns, payload)
 
 
-def _may_be_compressed(data: bytes, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> bool:
-    """Whether a message that begins at one of the `starts` (N,) has the first byte of zstd's."""
-    heads = np.frombuffer(data, dtype=np.uint8)[starts[lengths > 0]]
-    return bool((heads == ZSTD_MAGIC[0]).any())
-
-
 def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
     """Rows in lists, of so many bytes; where the database is damaged those before the damage, then the error."""
     found: list[Row] = []
@@ -143,7 +135,7 @@ def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
             if len(found) == known:
                 break
             try:
-                sizes = list(map(len, map(PAYLOAD, found[known:])))
+                sizes = [len(payload) for _, _, payload in found[known:]]
             except TypeError:  # one that is no message
                 sizes = [LIMITS.sqlite_bytes]
             size, known = size + sum(sizes), len(found)
@@ -185,7 +177,11 @@ class Rosbag2FolderReader(Reader):
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the files one after another."""
         files = self.data_files()
-        self._compare_with_metadata(files)
+        listed = _listed_files(self.path / "metadata.yaml")
+        if listed is None:
+            self.notes.append("The folder has no metadata.yaml: its files were read without.")
+        elif missing := sorted(listed - {p.name for p in files} - {p.name.removesuffix(".zstd") for p in files}):
+            self.notes.append(f"metadata.yaml lists {', '.join(missing)}, which the folder does not hold.")
         unreadable: list[LogError] = []
         for path in files:
             with tempfile.TemporaryDirectory(dir=work_files.folder()) as scratch:
@@ -205,16 +201,6 @@ class Rosbag2FolderReader(Reader):
         if unreadable and len(unreadable) == len(files):
             raise unreadable[0]
         self.notes += [f"{len(unreadable)} file(s) are left out: {error}." for error in unreadable[:1]]
-
-    def _compare_with_metadata(self, files: list[Path]) -> None:
-        listed = _listed_files(self.path / "metadata.yaml")
-        if listed is None:
-            self.notes.append("The folder has no metadata.yaml: its files were read without.")
-            return
-        present = {p.name for p in files} | {p.name.removesuffix(".zstd") for p in files}
-        missing = sorted(listed - present)
-        if missing:
-            self.notes.append(f"metadata.yaml lists {', '.join(missing)}, which the folder does not hold.")
 
     def _unpacked(self, path: Path, scratch: Path) -> Path:
         """The file itself, or its decompressed copy, as far as it goes."""

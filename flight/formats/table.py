@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wrenchgap.flight.budget import Account
 
 Columns = dict[str, NDArray[Any]]
 
@@ -40,3 +42,30 @@ def give_away(tables: Mapping[str, Table], keep: Collection[str]) -> None:
 
 Selection = Callable[[str, str, list[str]], bool]
 """Says from topic, type and dotted field names whether a topic's messages are worth decoding."""
+
+
+def joined(parts: Sequence[tuple[Any, Columns]], count: int, account: Account, what: str) -> Columns:
+    """Columns (count, ...) out of those of some rows each, which are given away column by column.
+
+    Where widths differ or rows are missing, the rest is NaN (text: empty); a number where others have an array is none.
+    `what` is a column to the account, with its `{name}`.
+    """
+    out: Columns = {}
+    for name in dict.fromkeys(name for _, columns in parts for name in columns):
+        some = [(rows, columns.pop(name)) for rows, columns in parts if name in columns]
+        shape = max((values.shape[1:] for _, values in some), key=lambda shape: (len(shape), shape))
+        dtype = np.result_type(*{values.dtype for _, values in some})
+        account.take(dtype.itemsize * count * int(np.prod(shape)), what.format(name=name[:100]))
+        account.check_time()
+        complete = sum(len(values) for _, values in some if values.shape[1:] == shape) == count
+        if not complete and dtype.kind != "S":
+            dtype = np.dtype(float)
+        out[name] = np.zeros((count, *shape), dtype=dtype)
+        if not complete and dtype.kind == "f":
+            out[name][:] = np.nan
+        for rows, values in some:
+            if not shape:
+                out[name][rows] = values
+            elif values.ndim > 1:
+                out[name][rows, : values.shape[1]] = values
+    return out

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.autopilot import Autopilot
-from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.flight.formats.reader import TableReader, one_line, silenced
+from wrenchgap.flight.formats.reader import TableReader, readable
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
 LATEST = 2**63 // 1000 - 1
@@ -42,7 +42,11 @@ class UlogReader(TableReader):
         if log.file_corruption:
             self.notes.append(f"{self.path.name} is damaged: what could be read around the damage was.")
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
-        self.autopilot = _autopilot(log, lost)
+        about = log.msg_info_dict
+        number = isinstance(about.get("ver_sw_release"), int)  # in a damaged log it may be bytes
+        firmware = (log.get_version_info_str() if number else None) or str(about.get("ver_sw", ""))[:10]
+        hardware, name = str(about.get("ver_hw", "")), str(about.get("sys_name", "PX4"))
+        self.autopilot = Autopilot(name, firmware, hardware, "", _last_values(log), len(log.dropouts), lost)
         if log.dropouts:
             self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
         found = []
@@ -63,33 +67,20 @@ def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str
     with Path(path).open("rb") as file:
         if not file.read(7) == UlogReader.magic:
             raise LogError(f"{path}: not a PX4 log (.ulg); parameters are read from those")
-    return _parameters(_opened(Path(path), Budget.of(budget).account(Path(path), Path(path).stat().st_size)))
+    return _last_values(_opened(Path(path), Budget.of(budget).account(Path(path), Path(path).stat().st_size)))
 
 
-def _parameters(log: Any) -> dict[str, float | int]:
+def _last_values(log: Any) -> dict[str, float | int]:
     every = {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
     return {name: v for name, v in every.items() if isinstance(v, int | float) and np.isfinite(v)}  # else damaged
-
-
-def _autopilot(log: Any, lost: float) -> Autopilot:
-    said = log.msg_info_dict
-    number = isinstance(said.get("ver_sw_release"), int)  # in a damaged log it may be bytes
-    firmware = (log.get_version_info_str() if number else None) or str(said.get("ver_sw", ""))[:10]
-    hardware, name = str(said.get("ver_hw", "")), str(said.get("sys_name", "PX4"))
-    return Autopilot(name, firmware, hardware, "", _parameters(log), len(log.dropouts), lost)
 
 
 def _opened(path: Path, account: Account) -> Any:
     with needed_for(f"{path}: PX4 .ulg logs", LogError):
         import pyulog
     account.take(path.stat().st_size, "messages")
-    try:
-        with silenced():
-            return _counted(pyulog.ULog, account)(str(path))
-    except BudgetError:
-        raise
-    except Exception as error:  # a damaged log makes pyulog raise many kinds
-        raise LogError(f"{path}: not a readable PX4 log ({one_line(error) or type(error).__name__})") from error
+    with readable(path, "PX4 log"):
+        return _counted(pyulog.ULog, account)(str(path))
 
 
 def _counted(kind: Any, account: Account) -> Any:
