@@ -91,21 +91,12 @@ def _packed(found: Flight) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
     roles: dict[str, Any] = {}
     for role, series in found.series().items():
-        roles[role] = {
-            "topic": series.topic,
-            "gaps": [[gap.start, gap.stop] for gap in series.gaps],
-            "dropped": series.dropped,
-            "unit": getattr(series, "unit", None),
-        }
-        for item in fields(series):
-            value = getattr(series, item.name)
-            if isinstance(value, np.ndarray):
-                arrays[f"{role}.{item.name}"] = value
-    about: dict[str, Any] = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
-    about |= {"mapping": found.mapping, "checks": None if found.checks is None else [asdict(c) for c in found.checks]}
-    about["left_out"] = [asdict(one) for one in found.left_out]
-    about["autopilot"] = None if found.autopilot is None else asdict(found.autopilot)
-    text = json.dumps({**about, "notes": found.notes, "unmeasured": found.unmeasured, "roles": roles})
+        own = {item.name: getattr(series, item.name) for item in fields(series)}
+        arrays |= {f"{role}.{name}": value for name, value in own.items() if isinstance(value, np.ndarray)}
+        roles[role] = {name: own[name] for name in ("topic", "gaps", "dropped", "unit") if name in own}
+    about = {name: getattr(found, name) for name in ("name", "content_hash", "start_ns", "mapping", "notes")}
+    about |= {name: getattr(found, name) for name in ("unmeasured", "checks", "left_out", "autopilot")}
+    text = json.dumps(about | {"roles": roles}, default=asdict)
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
 
 
@@ -113,18 +104,16 @@ def _unpacked(file: Path, path: Path) -> Flight:
     if not file.is_file():  # a pipe would be waited for
         raise FileNotFoundError(file)
     with np.load(file, allow_pickle=False) as archive:
-        about = json.loads(archive["about"].tobytes())
-        series: dict[str, Any] = {}
-        for role, said in about["roles"].items():
+        known = json.loads(archive["about"].tobytes())
+        for role, said in known.pop("roles").items():
             values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
-            gaps = tuple(Gap(*gap) for gap in said["gaps"])
-            unit = {} if said["unit"] is None else {"unit": said["unit"]}
-            series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **unit, **values)
-    known = {key: about[key] for key in ("name", "content_hash", "start_ns", "mapping")}
-    known["checks"] = None if about["checks"] is None else tuple(Check(**one) for one in about["checks"])
-    known["left_out"] = tuple(TimeLeftOut(**one) for one in about["left_out"])
-    known["autopilot"] = None if about["autopilot"] is None else Autopilot(**about["autopilot"])
-    return Flight(path=path, notes=tuple(about["notes"]), unmeasured=about["unmeasured"], **known, **series)
+            said["gaps"] = tuple(Gap(**gap) for gap in said["gaps"])
+            known[role] = SERIES[role](**said, **values)
+    known["notes"] = tuple(known["notes"])
+    known["checks"] = None if known["checks"] is None else tuple(Check(**one) for one in known["checks"])
+    known["left_out"] = tuple(TimeLeftOut(**one) for one in known["left_out"])
+    known["autopilot"] = None if known["autopilot"] is None else Autopilot(**known["autopilot"])
+    return Flight(path=path, **known)
 
 
 @lru_cache(maxsize=1)

@@ -206,27 +206,21 @@ def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing
 
     Jumps of the stamps are taken out before.
     """
-    jumps: dict[str, tuple[tuple[int, float], ...]] = {}
-    steady = dict(tables)
+    steady, jumps, relations = dict(tables), dict[str, tuple[tuple[int, float], ...]](), dict[str, Relation]()
     for topic, table in tables.items():
         if table.header_ns is not None:
             moved, found = without_jumps(table.log_time_ns, table.header_ns)
-            jumps |= {topic: found} if found else {}
-            steady[topic] = replace(table, header_ns=moved) if found else table
-    tables = steady
-    relations = {
-        topic: relation(table.log_time_ns, table.header_ns)
-        for topic, table in tables.items()
-        if table.header_ns is not None
-    }
+            if found:
+                jumps[topic], steady[topic] = found, replace(table, header_ns=moved)
+            relations[topic] = relation(table.log_time_ns, moved)
     base = next((topic for topic in motion if topic in relations and not relations[topic].same_rate), None)
     if base is None:
-        stamps, notes, mapped = _in_log_clock(tables, relations)
+        stamps, notes, mapped = _in_log_clock(steady, relations)
+        unstamped = [topic for topic in tables if topic not in relations]
+        if unstamped:
+            notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
     else:
-        stamps, notes, mapped = _in_clock_of(base, tables, relations)
-    unstamped = [topic for topic in tables if topic not in relations]
-    if unstamped and base is None:
-        notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
+        stamps, notes, mapped = _in_clock_of(base, steady, relations)
     notes += [
         f"{topic}: its stamps jump by {', '.join(f'{by:+.3f} s' for _, by in found)} against log time: taken out."
         for topic, found in jumps.items()
@@ -238,47 +232,39 @@ def _in_log_clock(
     tables: Mapping[str, Table], relations: Mapping[str, Relation]
 ) -> tuple[dict[str, Stamps], list[str], list[str]]:
     foreign = [topic for topic, found in relations.items() if not found.same]
-    stamped_alone = len(foreign) == len(tables) and _agree([relations[topic] for topic in foreign])
-    stamps: dict[str, Stamps] = {}
-    notes: list[str] = []
-    mapped: list[str] = []
-    for topic, table in tables.items():
-        if table.header_ns is None:
-            stamps[topic] = table.log_time_ns
-        elif topic in foreign and not stamped_alone:
-            mapped.append(topic)
-            stamps[topic] = clock_map(table.log_time_ns, table.header_ns).inverse(table.header_ns)
-            notes.append(f"Two clocks: {topic} {_describe(relations[topic])}; its stamps were mapped to log time.")
-        else:
-            stamps[topic] = table.header_ns
-    if stamped_alone and foreign:
-        notes.append(_one_foreign(relations[foreign[0]]))
-    return stamps, notes, mapped
+    if foreign and len(foreign) == len(tables) and _agree([relations[topic] for topic in foreign]):
+        stamps = {topic: table.header_ns for topic, table in tables.items() if table.header_ns is not None}
+        return stamps, [_one_foreign(relations[foreign[0]])], []
+    notes = [
+        f"Two clocks: {topic} {_describe(relations[topic])}; its stamps were mapped to log time."
+        for topic in tables
+        if topic in foreign
+    ]
+    return {topic: _log_times(table, relations.get(topic)) for topic, table in tables.items()}, notes, foreign
 
 
 def _in_clock_of(
     base: str, tables: Mapping[str, Table], relations: Mapping[str, Relation]
 ) -> tuple[dict[str, Stamps], list[str], list[str]]:
-    reference = tables[base]
+    reference, found = tables[base], relations[base]
     assert reference.header_ns is not None
     to_base = clock_map(reference.log_time_ns, reference.header_ns)
     stamps: dict[str, Stamps] = {}
     mapped: list[str] = []
     for topic, table in tables.items():
-        if table.header_ns is not None and _agree([relations[base], relations[topic]]):
+        if table.header_ns is not None and _agree([found, relations[topic]]):
             stamps[topic] = table.header_ns
         else:
             stamps[topic] = to_base(_log_times(table, relations.get(topic)))
             mapped.append(topic)
     if not mapped:
-        return stamps, [_one_foreign(relations[base])], mapped
+        return stamps, [_one_foreign(found)], mapped
     then = f"mapped to it: {', '.join(mapped)}."
-    notes = [f"Two clocks: {base} {_describe(relations[base])}. All times are given in that clock; {then}"]
-    residual = relations[base].residual
-    if residual > CLOCKS.straight:
+    notes = [f"Two clocks: {base} {_describe(found)}. All times are given in that clock; {then}"]
+    if found.residual > CLOCKS.straight:
         notes.append(
-            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map "
-            f"is piecewise linear, {CLOCKS.edge_window} s each; expect tens of ms of error between topics of different "
+            f"The two clocks are not in a linear relation (residual {1e3 * found.residual:.0f} ms): the map is "
+            f"piecewise linear, {CLOCKS.edge_window} s each; expect tens of ms of error between topics of different "
             "clocks."
         )
     return stamps, notes, mapped
@@ -299,12 +285,11 @@ def _log_times(table: Table, found: Relation | None) -> Stamps:
 
 def _agree(relations: list[Relation]) -> bool:
     """Whether several topics' stamps are of one clock."""
-    first = relations[0] if relations else None
+    first = relations[0]
+    bend = abs(1.0 - first.rate) * 10.0
     return all(
-        first is not None
-        and abs(other.rate - first.rate) <= CLOCKS.same_rate + first.doubt + other.doubt
-        and abs(other.offset - first.offset)
-        <= CLOCKS.same_offset + 5 * (first.residual + other.residual) + abs(1.0 - first.rate) * 10.0
+        abs(other.rate - first.rate) <= CLOCKS.same_rate + first.doubt + other.doubt
+        and abs(other.offset - first.offset) <= CLOCKS.same_offset + 5 * (first.residual + other.residual) + bend
         for other in relations
     )
 

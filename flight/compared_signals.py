@@ -51,14 +51,10 @@ def tracking_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Of
     odometry, reference = flight.odometry, flight.reference
     if odometry is None or reference is None:
         return ()
-    pairs = (
-        (_velocity("reference position", reference), _velocity("odometry position", odometry)),
-        (
-            _rate("reference attitude", reference, reference.quat_ED),
-            _rate("odometry attitude", odometry, odometry.quat_EB),
-        ),
-    )
-    return tuple(offset(first, second, within=within) for first, second in pairs)
+    positions = _velocity("reference position", reference), _velocity("odometry position", odometry)
+    wanted = _rate("reference attitude", reference, reference.quat_ED)
+    attitudes = wanted, _rate("odometry attitude", odometry, odometry.quat_EB)
+    return tuple(offset(first, second, within=within) for first, second in (positions, attitudes))
 
 
 def controller_offset(flight: Flight, within: Intervals = EVERYWHERE) -> Offset | None:
@@ -66,11 +62,12 @@ def controller_offset(flight: Flight, within: Intervals = EVERYWHERE) -> Offset 
     desired, commanded = flight.desired, flight.commanded
     if desired is None or commanded is None:
         return None
-    first, second = (
-        Signal(name, series.time, series.wrench_B, AXES, series.gaps)
-        for name, series in (("desired wrench", desired), ("commanded wrench", commanded))
-    )
-    return offset(first, second, within=within)
+    first = _signal("desired wrench", desired, desired.wrench_B, AXES)
+    return offset(first, _signal("commanded wrench", commanded, commanded.wrench_B, AXES), within=within)
+
+
+def _signal(name: str, series: Series, values: Array, axes: tuple[str, ...] = ("x", "y", "z")) -> Signal:
+    return Signal(name, series.time, values, axes, series.gaps)
 
 
 def _sensor_pairs(flight: Flight) -> Iterator[tuple[Signal, Signal]]:
@@ -78,26 +75,26 @@ def _sensor_pairs(flight: Flight) -> Iterator[tuple[Signal, Signal]]:
     if odometry is None:
         return
     attitude = _rate("odometry attitude", odometry, odometry.quat_EB)
+    rate = None if odometry.omega_B is None else _signal("odometry rate", odometry, odometry.omega_B)
     if imu is not None:
-        gyroscope = Signal("gyroscope", imu.time, imu.omega_B, gaps=imu.gaps)
+        gyroscope = _signal("gyroscope", imu, imu.omega_B)
         yield gyroscope, attitude
-        if odometry.omega_B is not None:
-            yield gyroscope, Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
+        if rate is not None:
+            yield gyroscope, rate
         if odometry.velocity_E is not None:
-            accelerometer = Signal("accelerometer", imu.time, imu.specific_force_B, gaps=imu.gaps)
+            accelerometer = _signal("accelerometer", imu, imu.specific_force_B)
             yield accelerometer, _felt(odometry, odometry.time, odometry.velocity_E)
-    if odometry.omega_B is not None:
-        yield Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps), attitude
+    if rate is not None:
+        yield rate, attitude
     if odometry.velocity_E is not None:
-        velocity = Signal("odometry velocity", odometry.time, odometry.velocity_E, gaps=odometry.gaps)
+        velocity = _signal("odometry velocity", odometry, odometry.velocity_E)
         yield velocity, _velocity("odometry position", odometry)
 
 
 def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
     """Body rates and specific force that an odometry alone amounts to."""
-    rate = _rate("rate", odometry, odometry.quat_EB)
-    if odometry.omega_B is not None:
-        rate = Signal("rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
+    known = odometry.omega_B
+    rate = _rate("rate", odometry, odometry.quat_EB) if known is None else _signal("rate", odometry, known)
     if odometry.velocity_E is not None:
         return rate, _felt(odometry, odometry.time, odometry.velocity_E)
     mean = _velocity("velocity", odometry)
@@ -125,14 +122,11 @@ def _felt(odometry: OdometrySeries, time: Array, velocity_E: Array) -> Signal:
 
 def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> Signal:
     """Steps (N-1, C) between samples at `time` (N,) as rates at the middles of the intervals, none over a gap."""
-    interval = np.diff(time)
-    middle = 0.5 * (time[1:] + time[:-1])
-    if not gaps:
-        return Signal(name, middle, steps / interval[:, None], gaps=gaps)
-    keep = np.ones(len(middle), dtype=bool)
-    for gap in gaps:
-        keep &= (middle < gap.start) | (middle > gap.stop)
-    return Signal(name, middle[keep], steps[keep] / interval[keep, None], gaps=gaps)
+    middle, rates = 0.5 * (time[1:] + time[:-1]), steps / np.diff(time)[:, None]
+    if gaps:
+        keep = np.all([(middle < gap.start) | (middle > gap.stop) for gap in gaps], axis=0)
+        middle, rates = middle[keep], rates[keep]
+    return Signal(name, middle, rates, gaps=gaps)
 
 
 SHIFTABLE = ("imu", "odometry", "reference", "battery")

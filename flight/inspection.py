@@ -131,7 +131,9 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: M
     gaps = steps.gaps
     period = steps.nominal_period if len(time) > 2 else 0.0
     several = period > 0.0  # damaged logs repeat one stamp
-    clock = known.get(table.topic) or _relation(table)
+    clock = known.get(table.topic)
+    if clock is None and table.header_ns is not None:
+        clock = relation(table.log_time_ns, without_jumps(table.log_time_ns, table.header_ns)[0])
     series = [] if flight is None else flight.series().values()
     return TopicReport(
         topic=table.topic,
@@ -155,12 +157,6 @@ def _told(stamps: Stamps) -> Stamps:
     """Stamps without those of zero, which say that the time was not known; all where there are no others."""
     known = stamps[stamps != 0]
     return known if len(known) else stamps
-
-
-def _relation(table: Table) -> Relation | None:
-    if table.header_ns is None:
-        return None
-    return relation(table.log_time_ns, without_jumps(table.log_time_ns, table.header_ns)[0])
 
 
 def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:

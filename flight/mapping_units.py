@@ -20,10 +20,11 @@ into rad/s. A vector turns as v_B = R v. Of a pose the body's axes change, R_EB 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -78,7 +79,60 @@ LEAST, MOST = 1e-12, 1e12
 TURN = 360.0
 """Largest angle of an axis [deg]."""
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_AXIS_FACTOR = re.compile(rf"([a-z]+)\.([xyz])\*({NUMBER})")
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a word does to its `vectors`: a factor, factors by axis, or a turn (3, 3); `stamp` is a factor of stamps."""
+
+    vectors: tuple[str, ...]
+    scale: float = 1.0
+    axis_scales: tuple[float, ...] = (1.0, 1.0, 1.0)
+    turn: Array | None = None
+    stamp: float = 1.0
+
+
+@lru_cache(maxsize=256)
+def known_word(word: str) -> Word | None:
+    """What a word means; None for what is no word."""
+    if word in UNITS:
+        return Word(UNITS[word][1], scale=UNITS[word][0])
+    if word in STAMPS:
+        return Word((), stamp=STAMPS[word])
+    if word in ("flu", "enu", "xyzw", "ned"):
+        return Word(("position", "attitude", "velocity", "acceleration", *TURNING))
+    if word in ("wxyz", "inverse"):
+        return Word(("attitude",))
+    if match := re.fullmatch(rf"([a-z]+)(?:\.([xyz]))?\*({NUMBER})", word):
+        vector, axis, factor = match[1], match[2], float(match[3])
+        if vector == "stamp" and not axis:
+            return Word((), stamp=factor)
+        every = {vector for vectors in VECTORS_OF.values() for vector in vectors}
+        if vector not in (TURNING if axis else every) or vector == "attitude":
+            return None
+        if axis:
+            return Word((vector,), axis_scales=tuple(factor if other == axis else 1.0 for other in "xyz"))
+        return Word((vector,), scale=factor)
+    match = re.fullmatch(r"(?:([a-z]+)\.)?(.*)", word)
+    turn = None if match is None else _turn(match[2])
+    if match is None or turn is None or (match[1] and match[1] not in TURNING):
+        return None
+    return Word((match[1],) if match[1] else TURNING, turn=turn)
+
+
+def _turn(word: str) -> Array | None:
+    """The matrix (3, 3) of a word about axes; None for any other."""
+    if word == "frd":
+        return FRD
+    if match := re.fullmatch(rf"(roll|pitch|yaw)=({NUMBER})", word):
+        axis = np.eye(3)[("roll", "pitch", "yaw").index(match[1])]
+        with np.errstate(over="ignore", invalid="ignore"):  # of an angle that is none, which is refused
+            return np.asarray(so3.matrix(so3.exp(np.radians(float(match[2])) * axis)))
+    if re.fullmatch(r"axes=(?:[+-]?[xyz]){3}", word):
+        rows = re.findall(r"([+-]?)([xyz])", word.removeprefix("axes="))
+        if len({axis for _, axis in rows}) == 3:
+            return np.array([[(-1.0 if sign == "-" else 1.0) * (axis == c) for c in "xyz"] for sign, axis in rows])
+    return None
 
 
 @dataclass(frozen=True)
@@ -94,13 +148,14 @@ class Meaning:
         return factor + (f":{','.join(self.words)}" if self.words else "")
 
     @cached_property
+    def known(self) -> tuple[Word, ...]:
+        """What its words mean."""
+        return tuple(found for word in self.words if (found := known_word(word)) is not None)
+
+    @cached_property
     def stamp(self) -> float:
         """Factor of the stamps."""
-        scale = 1.0
-        for word in self.words:
-            vector, _, factor = word.partition("*")
-            scale *= float(factor) if vector == "stamp" and factor else STAMPS.get(word, 1.0)
-        return scale
+        return math.prod(word.stamp for word in self.known)
 
     @property
     def world(self) -> Array:
@@ -110,10 +165,9 @@ class Meaning:
     def body(self, vector: str) -> Array:
         """From the log's axes to B (3, 3), of one of the vectors."""
         turn = np.eye(3)
-        for word in self.words:
-            own, rest = _split(word)
-            if not own or own == vector:
-                turn = _turn(rest) @ turn
+        for word in self.known:
+            if word.turn is not None and vector in word.vectors:
+                turn = word.turn @ turn
         return turn
 
     @property
@@ -123,21 +177,12 @@ class Meaning:
 
     def axis_scales(self, vector: str) -> Array:
         """Factors (3,) of the axes of one of the vectors, besides `scale`."""
-        scales = np.ones(3)
-        for word in self.words:
-            found = _AXIS_FACTOR.fullmatch(word)
-            if found and found[1] == vector:
-                scales["xyz".index(found[2])] *= float(found[3])
-        return scales
+        return np.prod([np.ones(3), *(word.axis_scales for word in self.known if vector in word.vectors)], axis=0)
 
     def scale(self, vector: str) -> float:
         """Factor of one of the vectors."""
-        scale = 1.0 if vector == "attitude" else self.factor
-        for word in self.words:
-            unit, named = UNITS.get(word), word.partition("*")
-            scale *= unit[0] if unit is not None and vector in unit[1] else 1.0
-            scale *= float(named[2]) if named[1] and named[0] == vector else 1.0
-        return scale
+        own = 1.0 if vector == "attitude" else self.factor
+        return math.prod((word.scale for word in self.known if vector in word.vectors), start=own)
 
     def applied(self, quantity: str, values: Array) -> Array:
         """A quantity's numbers (N, K) in SI and our axes; a twist's are turned where its frame is known."""
@@ -175,88 +220,38 @@ def meaning(text: str, factor: float, value: str, quantities: Iterable[str]) -> 
     words = tuple(word.strip() for word in text.split(",")) if text.strip() else ()
     vectors = {vector for quantity in quantities for vector in VECTORS_OF[quantity]}
     for word in words:
-        suits = suited(word)
-        if suits is None:
+        found = known_word(word)
+        if found is None:
             raise UsageError(f"topic {value!r}: {word!r} means nothing; {EXPECTED}")
-        if suits and not vectors & set(suits):
-            raise UsageError(
-                f"topic {value!r}: {word!r} is about {', '.join(suits)}, and this role has {', '.join(sorted(vectors))}"
-            )
-    found = Meaning(words, factor)
-    _check_numbers(found, value, vectors)
-    return found
+        if found.vectors and not vectors & set(found.vectors):
+            about = f"is about {', '.join(found.vectors)}, and this role has {', '.join(sorted(vectors))}"
+            raise UsageError(f"topic {value!r}: {word!r} {about}")
+    meant = Meaning(words, factor)
+    _check_numbers(meant, value, vectors)
+    return meant
 
 
 def _check_numbers(found: Meaning, value: str, vectors: Iterable[str]) -> None:
     """Raise UsageError for factors, also of several words together, and angles that no sensor has."""
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         scales = [found.scale(vector) * found.axis_scales(vector) for vector in vectors]
-    factors = np.concatenate([[found.stamp, found.factor], *scales])
-    if not np.all((np.abs(factors) >= LEAST) & (np.abs(factors) <= MOST)):
-        raise UsageError(f"topic {value!r}: its factors come to {_worst(factors):g}; expected {LEAST:g} to {MOST:g}")
+        factors = np.concatenate([[found.stamp, found.factor], *scales])
+        if not np.all((np.abs(factors) >= LEAST) & (np.abs(factors) <= MOST)):
+            worst = factors[np.argmax(np.abs(np.log(np.abs(factors))))]
+            raise UsageError(f"topic {value!r}: its factors come to {worst:g}; expected {LEAST:g} to {MOST:g}")
     for word in found.words:
-        name, _, angle = _split(word)[1].partition("=")
-        if name in ("roll", "pitch", "yaw") and not abs(float(angle)) <= TURN:
+        angle = re.search(r"(?:roll|pitch|yaw)=(.*)", word)
+        if angle and not abs(float(angle[1])) <= TURN:
             raise UsageError(f"topic {value!r}: {word!r} is no angle; expected -{TURN:g} to {TURN:g} degrees")
-
-
-def _worst(factors: Array) -> float:
-    """The factor that is furthest from one."""
-    with np.errstate(divide="ignore"):
-        return float(factors[np.argmax(np.abs(np.log(np.abs(factors))))])
-
-
-def suited(word: str) -> tuple[str, ...] | None:
-    """The vectors that a word is about, () for stamps; None for what is no word."""
-    if word in UNITS:
-        return UNITS[word][1]
-    if word in STAMPS or re.fullmatch(rf"stamp\*{NUMBER}", word):
-        return ()
-    if word in ("flu", "enu", "xyzw", "ned"):
-        return ("position", "attitude", "velocity", "acceleration", *TURNING)
-    if word in ("wxyz", "inverse"):
-        return ("attitude",)
-    scaled = re.fullmatch(rf"([a-z]+)\*{NUMBER}", word)
-    every = {vector for vectors in VECTORS_OF.values() for vector in vectors}
-    if scaled:
-        return (scaled[1],) if scaled[1] in every - {"attitude"} else None
-    axis = _AXIS_FACTOR.fullmatch(word)
-    if axis:
-        return (axis[1],) if axis[1] in {*TURNING} - {"attitude"} else None
-    own, rest = _split(word)
-    if own and own not in TURNING:
-        return None
-    axes = re.fullmatch(r"axes=((?:[+-]?[xyz]){3})", rest)
-    if axes and len(set(re.sub(r"[+-]", "", axes[1]))) < 3:
-        return None
-    if rest == "frd" or axes or re.fullmatch(rf"(roll|pitch|yaw)={NUMBER}", rest):
-        return (own,) if own else TURNING
-    return None
 
 
 def axes_word(matrix: Array) -> str:
     """The word for a signed permutation (3, 3) with v_B = matrix v_log; `frd` where it is that."""
     if np.array_equal(matrix, FRD):
         return "frd"
-    letters = []
-    for row in matrix:
-        k = int(np.argmax(np.abs(row)))
-        letters.append(("-" if row[k] < 0 else "") + "xyz"[k])
+    columns = np.argmax(np.abs(matrix), axis=1)
+    letters = (("-" if row[k] < 0 else "") + "xyz"[k] for row, k in zip(matrix, columns, strict=True))
     return f"axes={''.join(letters)}"
-
-
-def _turn(word: str) -> Array:
-    """The matrix (3, 3) of a word about axes; of any other word the identity."""
-    name, _, value = word.partition("=")
-    if name == "frd":
-        return FRD
-    if name == "axes":
-        rows = re.findall(r"([+-]?)([xyz])", value)
-        return np.array([[(-1.0 if sign == "-" else 1.0) * (axis == c) for c in "xyz"] for sign, axis in rows])
-    if name not in ("roll", "pitch", "yaw"):
-        return np.eye(3)
-    axis = np.eye(3)[("roll", "pitch", "yaw").index(name)]
-    return np.asarray(so3.matrix(so3.exp(np.radians(float(value)) * axis)))
 
 
 def _quaternion(matrix: Array) -> Array:
@@ -264,12 +259,6 @@ def _quaternion(matrix: Array) -> Array:
     if np.linalg.det(matrix) < 0.0:
         raise UsageError("axes of an attitude must be right-handed; e.g. axes=y-xz, frd")
     return np.asarray(so3.from_matrix(matrix))
-
-
-def _split(word: str) -> tuple[str, str]:
-    """`gyro.yaw=45` as ("gyro", "yaw=45"), `yaw=45` as ("", "yaw=45")."""
-    match = re.fullmatch(r"(?:([a-z]+)\.)?(.*)", word)
-    return ("", word) if match is None else (match[1] or "", match[2])
 
 
 def topic_of(value: str) -> str:

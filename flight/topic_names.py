@@ -91,75 +91,39 @@ def score(part: str, topic: str, kind: str) -> float:
     """How well a topic's name and type suit a part; not above zero means: not without being asked."""
     if name_words(topic) & _FOREIGN:
         return -10.0
-    return _SCORES[part](name_words("/".join(topic.split("/")[-2:])), kind)
-
-
-def _score_commanded(words: frozenset[str], kind: str) -> float:
-    if words & _NOT_COMMAND or words & _DESIRED:
-        return -5.0
-    return (3.0 if words & _COMMAND else 1.0) + 0.2 * ("Stamped" in kind)
-
-
-def _score_desired(words: frozenset[str], kind: str) -> float:
-    if words & _NOT_COMMAND or not words & _DESIRED:
-        return -5.0
-    return 3.0 + 0.2 * ("Stamped" in kind)
-
-
-def _score_tilt(words: frozenset[str], kind: str) -> float:
-    if "Actuators" in kind:
-        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
-    score = 2.0 * bool(words & _TILT) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _ROTOR - {"speed"})
-    return score - (2.0 if "JointState" in kind else 0.5)
-
-
-def _score_rotor(words: frozenset[str], kind: str) -> float:
-    if "Actuators" in kind:
-        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
-    if kind not in TYPES:
-        return 2.0 + bool(words & (_COMMAND | _DESIRED))  # a custom type with a field of that name
-    score = 2.0 * bool(words & _ROTOR) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _TILT)
-    return score - (2.0 if "JointState" in kind else 0.5)
-
-
-def _score_imu(words: frozenset[str], kind: str) -> float:
-    return (
-        2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
-    )
-
-
-def _score_motion(words: frozenset[str], kind: str) -> float:
-    if words & _DESIRED or words & (_COMMAND | {"vel"}) or "Trajectory" in kind:
-        return -5.0
-    score = 2.0 * ("Odometry" in kind) + bool(words & _TRUTH) + 0.5 * bool(words & {"truth", "gt", "mocap", "vicon"})
-    return score + (0.5 if "Stamped" in kind else 0.1 if "Pose" in kind else 0.0)
-
-
-def _score_reference(words: frozenset[str], kind: str) -> float:
-    if "Trajectory" in kind:
+    words = name_words("/".join(topic.split("/")[-2:]))
+    asked, stamped = bool(words & (_COMMAND | _DESIRED)), 0.2 * ("Stamped" in kind)
+    if part == "commanded":
+        return -5.0 if words & (_NOT_COMMAND | _DESIRED) else (3.0 if words & _COMMAND else 1.0) + stamped
+    if part == "desired":
+        return -5.0 if words & _NOT_COMMAND or not words & _DESIRED else 3.0 + stamped
+    if part == "imu":
+        truth, other = bool(words & {"truth", "gt", "ground"}), bool(words & {"mag", "temp"})
+        return 2.0 + ("raw" not in words) * 0.2 - 0.5 * truth - other
+    if part == "battery":
+        return 3.0 if "Battery" in kind else 1.0 if words & _BATTERY and "Float" in kind else -5.0
+    if part in ("tilt", "rotor_speed"):
+        return _score_actuators(part, words, kind, asked)
+    if part in ("pose", "twist"):
+        if asked or "vel" in words or "Trajectory" in kind:
+            return -5.0
+        truth = bool(words & {"truth", "gt", "mocap", "vicon"})
+        own = 2.0 * ("Odometry" in kind) + bool(words & _TRUTH) + 0.5 * truth
+        return own + (0.5 if "Stamped" in kind else 0.1 if "Pose" in kind else 0.0)
+    if "Trajectory" in kind:  # the others are parts of a reference
         return 3.0
-    if not words & (_DESIRED | _COMMAND) or words & {"vel"}:
+    if not asked or "vel" in words:
         return -5.0
-    return 2.0 + bool(words & _DESIRED) + ("Odometry" in kind) + 0.2 * ("Stamped" in kind)
+    return 2.0 + bool(words & _DESIRED) + ("Odometry" in kind) + stamped
 
 
-def _score_voltage(words: frozenset[str], kind: str) -> float:
-    return 3.0 if "Battery" in kind else 1.0 if words & _BATTERY and "Float" in kind else -5.0
-
-
-_SCORES = {
-    "commanded": _score_commanded,
-    "desired": _score_desired,
-    "tilt": _score_tilt,
-    "rotor_speed": _score_rotor,
-    "imu": _score_imu,
-    "pose": _score_motion,
-    "twist": _score_motion,
-    "reference_pose": _score_reference,
-    "reference_twist": _score_reference,
-    "reference_acceleration": _score_reference,
-    "battery": _score_voltage,
-}
+def _score_actuators(part: str, words: frozenset[str], kind: str, asked: bool) -> float:
+    if "Actuators" in kind:
+        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
+    if part == "rotor_speed" and kind not in TYPES:
+        return 2.0 + asked  # a custom type with a field of that name
+    own, other = (_TILT, _ROTOR - {"speed"}) if part == "tilt" else (_ROTOR, _TILT)
+    return 2.0 * bool(words & own) + asked - 3.0 * bool(words & other) - (2.0 if "JointState" in kind else 0.5)
 
 
 def says_command(topic: str, kind: str) -> bool:
