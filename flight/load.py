@@ -31,7 +31,7 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     Series,
 )
-from wrenchgap.flight.formats import Log, Table, give_away, read_log
+from wrenchgap.flight.formats import Log, give_away, read_log
 from wrenchgap.flight.formats.headers import listed
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.model_topics import assignment
@@ -87,7 +87,15 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
             "`wrenchgap inspect`"
         )
     sources = assignment.sources
-    used = {source.topic: _stamped(log.tables[source.topic], source) for source in sources.values()}
+    used = {source.topic: log.tables[source.topic] for source in sources.values()}
+    for source in sources.values():
+        header, unit = used[source.topic].header_ns, source.meaning.stamp
+        if header is not None and unit != 1.0:  # the user said in which unit its stamps are
+            scaled = np.round(header * unit)
+            if np.any(np.abs(scaled) >= 2.0**63):
+                largest = f"stamps of {np.abs(scaled).max():.3g} ns"
+                raise UsageError(f"{source}: {largest}; expected a unit in which they are times")
+            used[source.topic] = replace(log.tables[source.topic], header_ns=scaled.astype(np.int64))
     timing = one_clock(used, [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources])
     builder = _Builder(log, assignment, timing, axis_names(unmeasured))
     if not builder.parts:
@@ -111,16 +119,6 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing
-
-
-def _stamped(table: Table, source: Source) -> Table:
-    """The table with its stamps in nanoseconds, where the user said in which unit they are."""
-    if table.header_ns is None or source.meaning.stamp == 1.0:
-        return table
-    scaled = np.round(table.header_ns * source.meaning.stamp)
-    if np.any(np.abs(scaled) >= 2.0**63):
-        raise UsageError(f"{source}: stamps of {np.abs(scaled).max():.3g} ns; expected a unit in which they are times")
-    return replace(table, header_ns=scaled.astype(np.int64))
 
 
 @dataclass
@@ -232,11 +230,11 @@ class _Builder:
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
         tilt, speed = self.parts.get("tilt"), self.parts.get("rotor_speed")
+        if tilt is not None and speed is not None and not np.array_equal(tilt.stamps, speed.stamps):
+            tilt, speed = self._joined_commands(tilt, speed)
         main = tilt or speed
         if main is None:
             return None
-        if tilt is not None and speed is not None and not np.array_equal(tilt.stamps, speed.stamps):
-            main, tilt, speed = self._joined_commands(tilt, speed)
         empty = np.zeros((len(main.stamps), 0))
         if speed is not None and not says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
             self._note(
@@ -247,7 +245,7 @@ class _Builder:
         values = (empty if part is None else part.values for part in (tilt, speed))
         return self._made(ActuatorSeries, topic, main, *values)
 
-    def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
+    def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part]:
         """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
         partner = nearest(first.stamps, second.stamps)
         apart = np.abs(second.stamps[partner] - first.stamps)
@@ -255,13 +253,13 @@ class _Builder:
         keep = np.flatnonzero(apart <= allowed)
         if len(keep) < 2:
             self._note(f"{second.source.topic} has no samples at the times of {first.source.topic}: left out.")
-            return first, first, _Part(second.source, first.stamps, np.zeros((len(first.stamps), 0)), {})
-        alone = len(apart) - len(keep)
-        dropped = first.dropped | ({"no partner": alone} if alone else {})
-        if alone:
+            return first, replace(second, stamps=first.stamps, values=np.zeros((len(first.stamps), 0)), dropped={})
+        dropped = first.dropped
+        if alone := len(apart) - len(keep):
+            dropped = dropped | {"no partner": alone}
             self._note(f"{alone} samples of {first.source.topic} have no partner in {second.source.topic}: left out.")
         joined = _Part(first.source, first.stamps[keep], first.values[keep], dropped)
-        return joined, joined, _Part(second.source, joined.stamps, second.values[partner[keep]], dropped)
+        return joined, _Part(second.source, joined.stamps, second.values[partner[keep]], dropped)
 
     def odometry(self) -> OdometrySeries | None:
         """Pose, with the velocity taken to E and the rate to B, whatever frames the log has them in."""

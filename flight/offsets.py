@@ -25,11 +25,12 @@ there are blocks. A slope of the delay over the flight is estimated along with i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.block_integrals import Complex, integrals
 from wrenchgap.flight.flight import Array, Gap
@@ -264,12 +265,15 @@ class Correlated:
         curvatures = (chosen.reshape(count, -1) @ (turn * self.heard).reshape(-1)).real
         return delay, score - curvatures * (delay - before) if delay == delay else score, curvatures
 
-    def part(self, name: str, u: Complex) -> Part:
-        """The delay of some axes or frequencies alone."""
-        delay, score, curvature = self.newton(u)
-        if not abs(delay) < 0.25 * OFFSETS.block:
-            return Part(name, None, None)
-        return Part(name, self.seconds + delay, scatter(score) / float(curvature.sum()))
+    def parts(self, chosen: Iterable[tuple[str, NDArray[np.bool_]]]) -> tuple[Part, ...]:
+        """The delays of some blocks, axes or frequencies alone, by their names and masks on `u`."""
+        out = []
+        for name, mask in chosen:
+            delay, score, curvature = self.newton(np.where(mask, self.u, 0.0))
+            told = abs(delay) < 0.25 * OFFSETS.block
+            std = scatter(score) / float(curvature.sum()) if told else None
+            out.append(Part(name, self.seconds + delay if told else None, std))
+        return tuple(out)
 
 
 def scatter(score: Array) -> float:
@@ -293,8 +297,10 @@ class _Pair:
         coherent: float,
     ) -> None:
         # Side by side in memory once, and not for every integral: columns of a series lie among others.
-        first, second = (replace(s, values=np.ascontiguousarray(s.values, dtype=float)) for s in (first, second))
-        self.first, self.second, self.gains, self.coherent = first, second, gains, coherent
+        self.first, self.second = (
+            replace(s, values=np.ascontiguousarray(s.values, dtype=float)) for s in (first, second)
+        )
+        self.gains, self.coherent = gains, coherent
         common = [(max(a, c, e), min(b, d, f)) for a, b in _runs(first) for c, d in _runs(second) for e, f in within]
         common = [(a, b) for a, b in common if b - a >= OFFSETS.shortest_block]
         total = sum(b - a for a, b in common)
@@ -313,7 +319,13 @@ class _Pair:
 
     def estimate(self, none: Offset) -> Offset:
         """Search, align, and say how sure."""
-        x = self._integrals(self.first, self.starts)
+
+        def moved(signal: Signal, time: Array) -> Complex:
+            """Fourier integrals (B, C, F) of the tapered blocks, each over the samples that lie in it."""
+            count, lowest = len(self.harmonics), int(self.harmonics[0])
+            return integrals(time, signal.values, self.starts, self.length, lowest, count)
+
+        x = moved(self.first, self.first.time)
         seconds, slope = 0.0, 0.0
         middle = float(np.mean(self.starts)) + 0.5 * self.length
         grid = np.linspace(-self.reach, self.reach, 1 + 2 * int(np.ceil(self.reach * self.omega[-1] * 2)))
@@ -321,10 +333,8 @@ class _Pair:
         found: Correlated | None = None
         for round_ in range(12):
             time = self.second.time - seconds - slope * (self.second.time - middle)
-            moved, nudged = (
-                self._integrals(replace(self.second, time=time - by), self.starts) for by in (0.0, OFFSETS.nudge)
-            )
-            found = self._correlate(x, moved, nudged, seconds)
+            y, nudged = moved(self.second, time), moved(self.second, time - OFFSETS.nudge)
+            found = self._correlate(x, y, nudged, seconds)
             if found is None:
                 return replace(none, blocks=len(self.starts), problem=Problem.UNRELATED)
             coarse = float(grid[np.argmax(found.curve(grid))])
@@ -347,7 +357,8 @@ class _Pair:
     def _told(self, none: Offset, found: Correlated, seconds: float, slope: float, spread: float) -> Offset:
         """The result, or why there is none."""
         none = replace(none, blocks=len(self.starts))
-        heard = found.omega[(np.abs(found.u).sum(axis=0) > 0).any(axis=0)] / (2.0 * np.pi)
+        used = np.abs(found.u).sum(axis=0) > 0
+        heard = found.omega[used.any(axis=0)] / (2.0 * np.pi)
         if len(heard) < OFFSETS.fewest_bins:
             return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
@@ -361,10 +372,16 @@ class _Pair:
         _, score, curvature = found.newton()
         turn, turn_std = _slope(found.when, score, curvature)
         enough = len(self.starts) >= 2 * OFFSETS.fewest_blocks
-        used = np.abs(found.u).sum(axis=0) > 0
-        hz = found.omega[used.any(axis=0)] / (2.0 * np.pi)
         frequency = found.omega / (2.0 * np.pi)
-        late = found.when > np.median(found.when)
+        late = found.when[:, None, None] > np.median(found.when)
+        column = np.arange(len(self.first.axes))[:, None]
+        halves = (("first half", ~late), ("second half", late)) if enough and not slope else ()
+        axes = ((name, column == c) for c, name in enumerate(self.first.axes))
+        bands = (
+            (f"{low:g}-{high:g} Hz", (frequency >= low) & (frequency < high))
+            for low, high in OFFSETS.bands_hz
+            if low < frequency[-1]
+        )
         return replace(
             none,
             seconds=seconds,
@@ -372,24 +389,12 @@ class _Pair:
             interval=interval,
             drift=slope + turn if enough else None,
             drift_std=turn_std if enough else None,
-            halves=tuple(
-                found.part(name, np.where(rows[:, None, None], found.u, 0.0))
-                for name, rows in (("first half", ~late), ("second half", late))
-            )
-            if enough and not slope
-            else (),
-            axes=tuple(
-                found.part(a, np.where(np.arange(len(self.first.axes))[:, None] == c, found.u, 0.0))
-                for c, a in enumerate(self.first.axes)
-            ),
-            bands=tuple(
-                found.part(f"{low:g}-{high:g} Hz", np.where((frequency >= low) & (frequency < high), found.u, 0.0))
-                for low, high in OFFSETS.bands_hz
-                if low < frequency[-1]
-            ),
+            halves=found.parts(halves),
+            axes=found.parts(axes),
+            bands=found.parts(bands),
             coherence=float(found.coherence[used].mean()),
-            lowest_hz=float(hz[0]),
-            highest_hz=float(hz[-1]),
+            lowest_hz=float(heard[0]),
+            highest_hz=float(heard[-1]),
             correlated=found,
         )
 
@@ -397,18 +402,19 @@ class _Pair:
         """Whether another peak within reach is nearly as high, and not lower beyond chance."""
         delays = np.linspace(-self.reach, self.reach, 801)
         curve = found.curve(delays)
-        other = _rival(curve)
-        if other is None or curve[other] < OFFSETS.rival * curve[len(curve) // 2]:
+        rising = np.diff(curve, prepend=-np.inf) > 0
+        falling = np.diff(curve, append=-np.inf) <= 0
+        peaks, middle = np.flatnonzero(rising & falling), len(curve) // 2  # ends included
+        others = np.delete(peaks, np.argmin(np.abs(peaks - middle)))
+        if not others.size:
             return False
-        if curve[other] > OFFSETS.twin * curve[len(curve) // 2]:
+        other = int(others[np.argmax(curve[others])])
+        if curve[other] < OFFSETS.rival * curve[middle]:
+            return False
+        if curve[other] > OFFSETS.twin * curve[middle]:
             return True
         difference = found.by_block(0.0) - found.by_block(float(delays[other]))
         return float(difference.sum()) < OFFSETS.certain * scatter(difference)
-
-    def _integrals(self, signal: Signal, starts: Array) -> Complex:
-        """Fourier integrals (B, C, F) of the tapered blocks, each over the samples that lie in it."""
-        count, lowest = len(self.harmonics), int(self.harmonics[0])
-        return integrals(signal.time, signal.values, starts, self.length, lowest, count)
 
     def _correlate(self, x: Complex, y: Complex, nudged: Complex, seconds: float) -> Correlated | None:
         """Weighted cross-spectra, or None where nothing is in common; `nudged` is y, `OFFSETS.nudge` earlier."""
@@ -452,15 +458,6 @@ def _slope(when: Array, score: Array, curvature: Array) -> tuple[float, float]:
         return 0.0, np.inf
     slope = float(score @ lever) / information
     return slope, scatter((score - slope * curvature * lever) * lever) / information
-
-
-def _rival(curve: Array) -> int | None:
-    """Index of the highest peak of `curve` (ends included) beside the one nearest to its middle."""
-    rising = np.diff(curve, prepend=-np.inf) > 0
-    falling = np.diff(curve, append=-np.inf) <= 0
-    peaks = np.flatnonzero(rising & falling)
-    others = np.delete(peaks, np.argmin(np.abs(peaks - len(curve) // 2)))
-    return int(others[np.argmax(curve[others])]) if others.size else None
 
 
 def _runs(signal: Signal) -> list[tuple[float, float]]:

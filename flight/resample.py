@@ -15,6 +15,7 @@ shortest rotation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ def resample(
     stretches = _intersection([_cover(role, item, 1.0 / grid_rate) for role, item in series.items()])
     shortest = max(minimum_duration, 4.0 / grid_rate)
     kept = [(start, stop) for start, stop in stretches if stop - start >= shortest]
-    short = tuple(Gap(start, stop) for start, stop in stretches if stop - start < shortest)
+    short = [(start, stop) for start, stop in stretches if stop - start < shortest]
     if not kept:
         longest = max((stop - start for start, stop in stretches), default=0.0)
         raise LogError(
@@ -114,13 +115,13 @@ def resample(
             f"(longest {longest:.2f} s); see `wrenchgap inspect` for rates and gaps"
         )
     if short:
-        total = sum(gap.stop - gap.start for gap in short)
-        notes.append(f"{flight.name}: {len(short)} stretch(es) shorter than {shortest:g} s left out ({total:.2f} s).")
+        words = f"shorter than {shortest:g} s left out ({_length(short):.2f} s)"
+        notes.append(f"{flight.name}: {len(short)} stretch(es) {words}.")
     samples = tuple(_samples(flight, series, interval, grid_rate) for interval in kept)
     every = [item.time for item in series.values()]
     span = max(time[-1] for time in every) - min(time[0] for time in every)
-    covered = sum(stop - start for start, stop in kept)
-    return Resampling(samples, grid_rate, float(covered), float(span), short, tuple(notes))
+    gaps = tuple(Gap(*interval) for interval in short)
+    return Resampling(samples, grid_rate, float(_length(kept)), float(span), gaps, tuple(notes))
 
 
 def _check_requirements(flight: Flight, require: tuple[str, ...]) -> None:
@@ -134,10 +135,8 @@ def _check_requirements(flight: Flight, require: tuple[str, ...]) -> None:
                 f"Map one with --topic {role}=/your/topic"
             )
     if "imu" not in played and "odometry" not in played:
-        raise LogError(
-            f"{flight.path}: neither an IMU nor an odometry; played: {', '.join(played)}. "
-            "Map one with --topic imu=/your/topic"
-        )
+        lacking = f"neither an IMU nor an odometry; played: {', '.join(played)}"
+        raise LogError(f"{flight.path}: {lacking}. Map one with --topic imu=/your/topic")
 
 
 def _grid_rate(flight: Flight, rate: float | None) -> float:
@@ -154,19 +153,20 @@ def _grid_rate(flight: Flight, rate: float | None) -> float:
 def _used_series(flight: Flight, require: tuple[str, ...], rate: float, notes: list[str]) -> dict[str, Series]:
     """Required roles, and others that are there for most of the time in which the required ones are."""
     played = {role: item for role, item in flight.series().items() if role in _USED}
-    needed = {role for role in require if role in played}
-    needed |= {"odometry"} if "imu" not in played else {"imu"}
+    needed = {*require, "imu" if "imu" in played else "odometry"} & played.keys()
     core = _intersection([_cover(role, played[role], 1.0 / rate) for role in needed])
-    total = sum(stop - start for start, stop in core)
     used: dict[str, Series] = {}
     for role, item in played.items():
-        if role not in needed:
-            both = _intersection([core, _cover(role, item, 1.0 / rate)])
-            if sum(stop - start for start, stop in both) < GRID.minimum_cover * total:
-                notes.append(f"{flight.name}: {role} covers less than half of the flight: left out.")
-                continue
-        used[role] = item
+        both = core if role in needed else _intersection([core, _cover(role, item, 1.0 / rate)])
+        if _length(both) < GRID.minimum_cover * _length(core):
+            notes.append(f"{flight.name}: {role} covers less than half of the flight: left out.")
+        else:
+            used[role] = item
     return used
+
+
+def _length(intervals: list[Interval]) -> float:
+    return sum(stop - start for start, stop in intervals)
 
 
 def _cover(role: str, series: Series, step: float) -> list[Interval]:
@@ -197,35 +197,35 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
     on = _Grid(time, rate, interval)
     used = {role: getattr(flight, role) if role in series else None for role in _USED}
     commanded, desired, actuators, imu, odometry = (used[role] for role in _USED)
+    found: dict[str, Any] = {}
+
+    def keep(name: str, values: Array) -> None:
+        found[name] = on_disk(values)
+        give_back(len(values))
+
     absent = tuple(unmeasured_axes(flight))
     if imu is None:
-        omega_B, force_B = on.inertial(odometry)
+        motion = on.inertial(odometry)
     else:
-        omega_B, force_B = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
+        motion = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
         if absent:
-            omega_B, force_B = _instead(flight, absent, (omega_B, force_B), odometry and on.inertial(odometry))
-
-    def kept(values: Array) -> Array:
-        found = on_disk(values)
-        give_back(len(found))
-        return found
-
-    return Samples(
-        flight=flight.name,
-        time=on_disk(time),
-        dt=1.0 / rate,
-        omega_B=kept(omega_B),
-        specific_force_B=kept(force_B),
-        wrench_cmd_B=None if commanded is None else kept(on.held(commanded, commanded.wrench_B)),
-        wrench_des_B=None if desired is None else kept(on.held(desired, desired.wrench_B)),
-        tilt_cmd=None if actuators is None else kept(on.held(actuators, actuators.tilt)),
-        rotor_speed_cmd=None if actuators is None else kept(on.held(actuators, actuators.rotor_speed)),
-        position_E=None if odometry is None else kept(on.measured(odometry, odometry.position_E)),
-        velocity_E=None if odometry is None else kept(on.measured(odometry, _velocity_E(odometry, on.run(odometry)))),
-        quat_EB=None if odometry is None else kept(on.attitude(odometry)),
-        voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
-        unmeasured=absent,
-    )
+            motion = _instead(flight, absent, motion, odometry and on.inertial(odometry))
+    keep("omega_B", motion[0])
+    keep("specific_force_B", motion[1])
+    if commanded is not None:
+        keep("wrench_cmd_B", on.held(commanded, commanded.wrench_B))
+    if desired is not None:
+        keep("wrench_des_B", on.held(desired, desired.wrench_B))
+    if actuators is not None:
+        keep("tilt_cmd", on.held(actuators, actuators.tilt))
+        keep("rotor_speed_cmd", on.held(actuators, actuators.rotor_speed))
+    if odometry is not None:
+        keep("position_E", on.measured(odometry, odometry.position_E))
+        keep("velocity_E", on.measured(odometry, _velocity_E(odometry, on.run(odometry))))
+        keep("quat_EB", on.attitude(odometry))
+    if flight.battery is not None:
+        found["voltage"] = np.interp(time, flight.battery.time, flight.battery.voltage)
+    return Samples(flight=flight.name, time=on_disk(time), dt=1.0 / rate, unmeasured=absent, **found)
 
 
 def _instead(
