@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.check import Check
+from wrenchgap.flight.check import Check, Level
 from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, without_mean
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.filters import smooth
@@ -60,28 +60,28 @@ def accelerometer_unit(flight: Flight, seen: MotionMeans | None) -> Iterator[Che
     parts = spread(len(values), ATTITUDE.rows, ATTITUDE.run)
     size = np.concatenate([lengths(smooth(imu.time[rows], values[rows])) for rows in parts])
     median = float(np.median(size))
-    described = f"Median specific force is {median:.2f} m/s^2"
     expected = GRAVITY if seen is None else float(np.median(lengths(seen.force())))
     expected = expected if expected < LARGEST else GRAVITY
+    scaled = f"accel*{factor(expected / max(median, 1e-9))}"
+    words, mend = f"Median specific force is {median:.2f} m/s^2", None
+    level: Level = "bad"
     if _without_gravity(seen, size):
-        instead = "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
-        yield Check("accelerometer-unit", "bad", f"{described}: gravity was removed; record the raw one", instead)
+        words += ": gravity was removed; record the raw one"
+        mend = "--topic imu=none" if flight.odometry is not None else "--unmeasured force_x,force_y,force_z"
     elif 0.8 < median / max(expected / GRAVITY, 0.1) < 1.25 and median < 4.0:
-        yield Check("accelerometer-unit", "bad", f"{described}: it is in units of g", option(flight, "g", "imu"))
+        words, mend = f"{words}: it is in units of g", option(flight, "g", "imu")
     elif median < 3.0 and expected > 6.0:
-        yield Check(
-            "accelerometer-unit", "bad", f"{described}, expected about {expected:.2f}: its unit is unknown",
-            option(flight, f"accel*{factor(expected / max(median, 1e-9))}", "imu"),
-        )  # fmt: skip
+        words += f", expected about {expected:.2f}: its unit is unknown"
+        mend = option(flight, scaled, "imu")
     elif median > 100.0 and 0.7 < median / (1000.0 * expected / GRAVITY) < 1.4:
-        yield Check("accelerometer-unit", "bad", f"{described}: it is in milli-g", option(flight, "mg", "imu"))
+        words, mend = f"{words}: it is in milli-g", option(flight, "mg", "imu")
     elif not 0.7 < median / expected < 1.6:
         level = "bad" if not 0.4 < median / expected < 2.5 else "warn"
-        mend = option(flight, f"accel*{factor(expected / median)}", "imu") if level == "bad" else None
-        words = f"{described}, expected about {expected:.2f}: check its unit and scale."
-        yield Check("accelerometer-unit", level, words, mend)  # type: ignore[arg-type]
+        words += f", expected about {expected:.2f}: check its unit and scale."
+        mend = option(flight, scaled, "imu") if level == "bad" else None
     else:
-        yield Check("accelerometer-unit", "ok", f"{described}.")
+        words, level = f"{words}.", "ok"
+    yield Check("accelerometer-unit", level, words, mend)
 
 
 def _without_gravity(seen: MotionMeans | None, size: Array) -> bool:
@@ -121,15 +121,23 @@ def frames(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     moving = rms(without_mean(seen.rate)) > ATTITUDE.still_rate
     alike = cosine(without_mean(seen.rate), without_mean(seen.gyro)) if moving else 1.0
     best = _best_reading(seen, force_z) if away > ATTITUDE.upright_deg or alike < ATTITUDE.same_motion else None
+    words = f"Rotated to E, the median specific force points {away:.0f} deg away from up"
     if together is not None and (best is None or best.imu_down or together[1] > best.gyro - 0.02):
         yield together[0]
     elif best is not None and (best.words or best.imu_down):
-        yield from _as_read(flight, best, away, force_z)
+        if best.imu_down:
+            yield _upside_down(flight, force_z)
+        if best.words:
+            parts = ("pose", "twist") if "twist" in flight.mapping or not flight.mapping else ("pose",)
+            words = (
+                f"{words}, or the attitude turns unlike the gyroscope; read as {best.words} it points up within "
+                f"{best.up:.1f} deg and turns alike (cosine {best.gyro:.2f})"
+            )
+            yield Check("inertial-frame", "bad", words, option(flight, best.words, *parts))
     elif alone is not None:
-        yield alone[0]
+        yield alone
     elif away > ATTITUDE.upright_deg:
         hint = "the attitude is not body to east-north-up (NED, inverted, or another quaternion order), and no reading "
-        words = f"Rotated to E, the median specific force points {away:.0f} deg away from up"
         yield Check("inertial-frame", "bad", f"{words}: {hint}of it fits the IMU")
     else:
         yield Check("body-frame", "ok", "The IMU turns as the attitude does.")
@@ -148,20 +156,6 @@ def _best_reading(seen: MotionMeans, force_z: float) -> Reading | None:
     fitting = [r for r in tried if r.up < ATTITUDE.upright_deg and (r.gyro > ATTITUDE.same_motion or still)]
     likely = (force_z < 0.0,)
     return max(fitting, key=lambda r: (round(r.gyro, 1), r.imu_down in likely, -len(r.words)), default=None)
-
-
-def _as_read(flight: Flight, best: Reading, away: float, force_z: float) -> Iterator[Check]:
-    """What is wrong with an attitude, or an IMU, that fits when it is read otherwise."""
-    if best.imu_down:
-        yield _upside_down(flight, force_z)
-    if best.words:
-        parts = ("pose", "twist") if "twist" in flight.mapping or not flight.mapping else ("pose",)
-        words = (
-            f"Rotated to E, the median specific force points {away:.0f} deg away from up, or the attitude turns unlike "
-            f"the gyroscope; read as {best.words} it points up within {best.up:.1f} deg and turns alike (cosine "
-            f"{best.gyro:.2f})"
-        )
-        yield Check("inertial-frame", "bad", words, option(flight, best.words, *parts))
 
 
 WORLDS = (
@@ -212,35 +206,25 @@ def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:
     return float(np.degrees(np.arccos(np.clip(mean_E[2] / size, -1.0, 1.0))))
 
 
-def _turned(flight: Flight, seen: MotionMeans) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
-    """An IMU that is mounted otherwise than the mapping says: all of it, and its gyroscope alone; each with its fit."""
+def _turned(flight: Flight, seen: MotionMeans) -> tuple[tuple[Check, float] | None, Check | None]:
+    """An IMU that is mounted otherwise than the mapping says: all of it, with its fit, and its gyroscope alone."""
     assert seen.gyro is not None
     assert seen.accel is not None
     rates = without_mean(seen.rate), without_mean(seen.gyro)
     if rms(rates[0]) < ATTITUDE.still_rate or rms(rates[1]) == 0.0:
         return None, None
-    forces = seen.force(), seen.accel
+    truth, reading = forces = seen.force(), seen.accel
     together, whole = best_axes([rates, forces]), None
-    if together is not None and _improves_force(forces, together.matrix):
+    said = "The gyroscope goes with the attitude's rate by a cosine of"
+    if together is not None and cosine(truth, reading @ together.matrix.T) > cosine(truth, reading) - 0.02:
         named = "forward-right-down" if together.words == "frd" else together.words
-        words = (
-            f"The gyroscope goes with the attitude's rate by a cosine of {together.as_is:.2f}, with the IMU's axes "
-            f"read as {named} by {together.fits:.2f}"
-        )
+        words = f"{said} {together.as_is:.2f}, with the IMU's axes read as {named} by {together.fits:.2f}"
         whole = Check("body-frame", "bad", words, option(flight, together.words, "imu")), together.fits
     alone = best_axes([rates])
     if alone is None or len(alone.words.split(",")) > 1:
         return whole, None
-    words = f"The gyroscope goes with the attitude's rate by a cosine of {alone.as_is:.2f}, as gyro.{alone.words} by "
-    mend = option(flight, f"gyro.{alone.words}", "imu")
-    found = Check("body-frame", "bad", f"{words}{alone.fits:.2f}: opposite or swapped axes", mend)
-    return whole, (found, alone.fits)
-
-
-def _improves_force(forces: tuple[Array, Array], turn: Array) -> bool:
-    """Whether the accelerometer allows this turn of the IMU."""
-    truth, reading = forces
-    return cosine(truth, reading @ turn.T) > cosine(truth, reading) - 0.02
+    words = f"{said} {alone.as_is:.2f}, as gyro.{alone.words} by {alone.fits:.2f}: opposite or swapped axes"
+    return whole, Check("body-frame", "bad", words, option(flight, f"gyro.{alone.words}", "imu"))
 
 
 def gyroscope(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
@@ -248,16 +232,14 @@ def gyroscope(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     if flight.imu is None or flight.odometry is None:
         return
     if seen is None or seen.gyro is None:
-        period = flight.odometry.period
-        slow = (
-            f"The odometry comes every {period:.2g} s: too slowly, or too rarely beside the IMU, to check a gyroscope."
+        words = (
+            f"The odometry comes every {flight.odometry.period:.2g} s: too slowly, or too rarely beside the IMU, to "
         )
-        yield Check("gyroscope", "ok", slow)
+        yield Check("gyroscope", "ok", f"{words}check a gyroscope.")
         return
     known = [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]
-    if not known:
-        return
-    yield rate_check("gyroscope", flight, (seen.rate[:, known], seen.gyro[:, known]), ("imu",), "gyro")
+    if known:
+        yield rate_check("gyroscope", flight, (seen.rate[:, known], seen.gyro[:, known]), ("imu",), "gyro")
 
 
 def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tuple[str, ...], vector: str) -> Check:
@@ -271,24 +253,19 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
     if 0.7 * DEGREES < ratio < 1.4 * DEGREES and abs(alike) > 0.5:
         return Check(name, "bad", f"{said}: deg/s", option(flight, "deg", *parts))
     if alike < -0.5:
-        words = f"{said}: its sign is opposite"
-        return Check(name, "bad", words, option(flight, f"{vector}*-1", *parts))
+        return Check(name, "bad", f"{said}: its sign is opposite", option(flight, f"{vector}*-1", *parts))
     if alike > 0.9 and not 0.75 < ratio < 1.33:
         mend = option(flight, f"{vector}*{factor(1.0 / slope)}", *parts)
         return Check(name, "bad", f"{said}: another unit or scale", mend)
-    if not 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor and rms(truth) > 2.0 * ATTITUDE.still_rate:
-        return Check(name, "warn", f"{said}: {_apart(flight, slope, ratio, parts, vector)}")
-    between = f"{slope:.2f}" if alike > 0.995 else f"{slope:.2f} to {ratio**2 / slope:.2f}, by the noise of either"
-    return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")
-
-
-def _apart(flight: Flight, slope: float, ratio: float, parts: tuple[str, ...], vector: str) -> str:
-    """What may be the matter with a rate that is no more than like the attitude's."""
+    high = ratio**2 / slope if slope else np.inf
+    if 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor or rms(truth) <= 2.0 * ATTITUDE.still_rate:
+        between = f"{slope:.2f}" if alike > 0.995 else f"{slope:.2f} to {high:.2f}, by the noise of either"
+        return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")
     if slope <= 0.0:
-        return "check clocks, units and axes."
-    high = ratio**2 / slope
+        return Check(name, "warn", f"{said}: check clocks, units and axes.")
     scale = option(flight, f"{vector}*{factor(1.0 / float(np.sqrt(slope * high)))}", *parts)
-    return (
-        f"the factor is between {slope:.2f} and {high:.2f}. Noise of the attitude makes it small, and so does a delay "
-        f"between the two (see the timing; --shift odometry=SECONDS); a wrong scale would be mended by {scale}."
+    words = (
+        f"{said}: the factor is between {slope:.2f} and {high:.2f}. Noise of the attitude makes it small, and so does "
+        f"a delay between the two (see the timing; --shift odometry=SECONDS); a wrong scale would be mended by {scale}."
     )
+    return Check(name, "warn", words)

@@ -13,12 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.remedies import option
-from wrenchgap.flight.clocks import UNIT_RATES, Relation, Timing
-from wrenchgap.flight.flight import AXES, Array, Flight, Series
+from wrenchgap.flight.clocks import UNIT_RATES, Timing
+from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.mapping_units import topic_of
 from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import Steps, thinned
@@ -29,12 +28,8 @@ def roles(flight: Flight) -> Iterator[Check]:
     """What is played, and what cannot be done without the rest."""
     played = flight.series()
     if "commanded" not in played and "actuators" not in played:
-        yield Check(
-            "roles",
-            "bad",
-            "Neither a commanded wrench nor actuators: there is no model to compare with. "
-            "Map one with --topic commanded=/your/topic.",
-        )
+        words = "Neither a commanded wrench nor actuators: there is no model to compare with."
+        yield Check("roles", "bad", f"{words} Map one with --topic commanded=/your/topic.")
     if "imu" not in played:
         instead = "rates and forces come from the odometry" if "odometry" in played else "map one with --topic imu=..."
         yield Check("roles", "warn" if "odometry" in played else "bad", f"No IMU: {instead}.")
@@ -61,12 +56,8 @@ def units(flight: Flight, rows: int = 20_000) -> Iterator[Check]:
     some = thinned(len(flight.actuators.time), rows)
     speeds, tilts = np.abs(flight.actuators.rotor_speed[some]), np.abs(flight.actuators.tilt[some])
     if speeds.size and float(np.median(speeds)) > 3500.0:
-        yield Check(
-            "rotor-speed-unit",
-            "warn",
-            f"Median rotor speed is {np.median(speeds):.0f}: rpm? Expected rad/s (rpm / 9.549).",
-            option(flight, "rpm", "rotor_speed"),
-        )
+        words = f"Median rotor speed is {np.median(speeds):.0f}: rpm? Expected rad/s (rpm / 9.549)."
+        yield Check("rotor-speed-unit", "warn", words, option(flight, "rpm", "rotor_speed"))
     if speeds.size and float(np.max(speeds)) <= 1.0 and 0.0 < np.max(np.abs(flight.actuators.rotor_speed)) <= 1.0:
         yield Check("rotor-speed-unit", "warn", "Rotor speeds never exceed 1: normalised commands? Expected rad/s.")
     if tilts.size and float(np.percentile(tilts, 90)) > 4 * np.pi:
@@ -81,24 +72,13 @@ def unmeasured(flight: Flight) -> Iterator[Check]:
         yield Check("not-measured", "warn", sentence(flight.name, absent))
     if flight.imu is None:
         return
-    zero = [
-        axis
-        for axis, values in zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
-        if not values.any()
-    ]
+    readings = zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
+    zero = [axis for axis, values in readings if not values.any()]
     if zero:
-        yield Check(
-            "not-measured",
-            "warn",
-            f"The IMU reads exactly zero throughout on {', '.join(zero)} (force: accelerometer, torque: gyroscope): "
-            f"not measured? Say so with --unmeasured {','.join(zero)}.",
-            f"--unmeasured {','.join(zero)}" if len(zero) < len(AXES) else "--topic imu=none",
-        )
-
-
-def _still(values: Array) -> NDArray[np.bool_]:
-    """Columns (C,) of numbers (N, C) that never change."""
-    return np.asarray(~varying(values) & ~np.isnan(values[0]))
+        mend = f"--unmeasured {','.join(zero)}"
+        words = f"The IMU reads exactly zero throughout on {', '.join(zero)} (force: accelerometer, torque: gyroscope)"
+        words += f": not measured? Say so with {mend}."
+        yield Check("not-measured", "warn", words, mend if len(zero) < len(AXES) else "--topic imu=none")
 
 
 def constant(flight: Flight) -> Iterator[Check]:
@@ -106,22 +86,22 @@ def constant(flight: Flight) -> Iterator[Check]:
     columns: list[tuple[str, Array]] = []
     if flight.imu is not None:
         columns += [("gyroscope", flight.imu.omega_B), ("accelerometer", flight.imu.specific_force_B)]
+        if not any(varying(values).any() for _, values in columns):
+            mend = "--topic imu=none" if flight.odometry is not None else None
+            yield Check("constant-channel", "bad", "The IMU never changes at all: it is stuck, or no IMU", mend)
+            columns = []
     if flight.odometry is not None:
         columns += [("position", flight.odometry.position_E), ("attitude", flight.odometry.quat_EB[:, 1:])]
     if flight.actuators is not None and flight.actuators.rotor_speed.size:
         columns.append(("rotor speed", flight.actuators.rotor_speed))
-    if flight.imu is not None and not any(varying(v).any() for _, v in columns[:2]):
-        mend = "--topic imu=none" if flight.odometry is not None else None
-        yield Check("constant-channel", "bad", "The IMU never changes at all: it is stuck, or no IMU", mend)
-        columns = columns[2:]
-    for name, values in columns:
-        flat = [str(i) for i in np.flatnonzero(_still(values))]
-        if flat:
-            yield Check("constant-channel", "warn", f"{name}: component(s) {', '.join(flat)} never change.")
     if flight.commanded is not None:
-        flat = [str(i) for i in np.flatnonzero(_still(flight.commanded.wrench_B))]
-        if len(flat) > 3:
-            yield Check("constant-channel", "warn", f"commanded wrench: components {', '.join(flat)} never change.")
+        columns.append(("commanded wrench", flight.commanded.wrench_B))
+    for name, values in columns:
+        flat = [str(i) for i in np.flatnonzero(~varying(values) & ~np.isnan(values[0]))]
+        if name == "commanded wrench" and len(flat) > 3:
+            yield Check("constant-channel", "warn", f"{name}: components {', '.join(flat)} never change.")
+        elif flat and name != "commanded wrench":
+            yield Check("constant-channel", "warn", f"{name}: component(s) {', '.join(flat)} never change.")
 
 
 @dataclass(frozen=True)
@@ -147,17 +127,12 @@ CLIPPING = ClippingThresholds()
 
 @dataclass(frozen=True)
 class Clipped:
-    """A channel at one end of its range: the `value`, and the `count` of its samples there, of `total`."""
+    """A channel at one end of its range: the `value`, and the `count` and `share` of its samples there."""
 
     name: str
     value: float
     count: int
-    total: int
-
-    @property
-    def share(self) -> float:
-        """Of the samples."""
-        return self.count / self.total
+    share: float
 
 
 def clipped(flight: Flight) -> Iterator[Check]:
@@ -165,20 +140,14 @@ def clipped(flight: Flight) -> Iterator[Check]:
     if flight.imu is None:
         return
     readings = (flight.imu.omega_B, flight.imu.specific_force_B)
-    for sensor, unit, values in (
-        ("gyroscope", "rad/s", flight.imu.omega_B),
-        ("accelerometer", "m/s^2", flight.imu.specific_force_B),
-    ):
+    for sensor, unit, values in zip(("gyroscope", "accelerometer"), ("rad/s", "m/s^2"), readings, strict=True):
         found = [one for axis, column in zip("xyz", values.T, strict=True) for one in flat_tops(axis, column, readings)]
-        if not found:
-            continue
-        said = ", ".join(f"{c.name} at {c.value:+.4g} {unit} in {c.count} samples" for c in found)
-        share = max(c.share for c in found)
-        words = (
-            f"{sensor} reaches the end of its range: {said} ({100 * share:.2g} %); what it missed is in no filter or "
-        )
-        words += "fit: set a larger range in the driver"
-        yield Check("clipped", "bad" if share > CLIPPING.stops else "warn", words)
+        if found:
+            said = ", ".join(f"{c.name} at {c.value:+.4g} {unit} in {c.count} samples" for c in found)
+            share = max(c.share for c in found)
+            words = f"{sensor} reaches the end of its range: {said} ({100 * share:.2g} %); what it missed is in no "
+            words += "filter or fit: set a larger range in the driver"
+            yield Check("clipped", "bad" if share > CLIPPING.stops else "warn", words)
 
 
 def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[Clipped]:
@@ -186,22 +155,14 @@ def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[C
     for sign in (1.0, -1.0):
         end = float(values.max() if sign > 0.0 else values.min())
         at = values == end
-        if (
-            not np.isfinite(end)
-            or end == 0.0
-            or not CLIPPING.fewest_samples <= np.count_nonzero(at) < CLIPPING.largest_share * len(values)
-        ):
+        count, most = int(np.count_nonzero(at)), CLIPPING.largest_share * len(values)
+        if not np.isfinite(end) or end == 0.0 or not CLIPPING.fewest_samples <= count < most:
             continue  # no range ends at zero: a simulator without noise rests there
         edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
-        runs = zip(edges[::2], edges[1::2], strict=True)
-        flat = sum(b - a for a, b in runs if b - a > 1 and any(_moves(v[a:b]) for v in readings))
-        if flat >= CLIPPING.fewest_samples and at.sum() > CLIPPING.oftener * _most_beside(sign * values, sign * end):
-            yield Clipped(name, end, int(at.sum()), len(values))
-
-
-def _moves(readings: Array) -> bool:
-    """Whether any channel changes."""
-    return bool(np.any(np.abs(np.diff(readings, axis=0)) > 0.0))
+        runs = ((a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)
+        flat = sum(b - a for a, b in runs if any(np.any(np.abs(np.diff(v[a:b], axis=0)) > 0.0) for v in readings))
+        if flat >= CLIPPING.fewest_samples and count > CLIPPING.oftener * _most_beside(sign * values, sign * end):
+            yield Clipped(name, end, count, count / len(values))
 
 
 def _most_beside(values: Array, top: float) -> int:
@@ -221,27 +182,19 @@ def stamps(flight: Flight) -> Iterator[Check]:
     for role, series in flight.series().items():
         if role == "battery" or len(series.time) < 3:
             continue
-        for name, message in _stamp_faults(series):
-            by_message.setdefault((name, message), []).append(role)
+        if series.gaps:
+            longest = max(series.gaps, key=lambda gap: gap.stop - gap.start)
+            words = f"the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s"
+            words = f"{len(series.gaps)} gap(s), {words}; stretches are split there."
+            by_message.setdefault(("gaps", words), []).append(role)
+        spread = Steps(series.time).jitter
+        if spread > 0.3 * series.period:
+            words = (
+                f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on arrival?"
+            )
+            by_message.setdefault(("jitter", f"{words} Record header stamps."), []).append(role)
     for (name, message), roles in by_message.items():  # topics of one recorder share their gaps
         yield Check(name, "warn", f"{', '.join(roles)}: {message}")
-
-
-def _stamp_faults(series: Series) -> Iterator[tuple[str, str]]:
-    if series.gaps:
-        longest = max(series.gaps, key=lambda gap: gap.stop - gap.start)
-        yield (
-            "gaps",
-            f"{len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s; "
-            "stretches are split there.",
-        )
-    spread = Steps(series.time).jitter
-    if spread > 0.3 * series.period:
-        yield (
-            "jitter",
-            f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on arrival? "
-            "Record header stamps.",
-        )
 
 
 def dropped(flight: Flight) -> Iterator[Check]:
@@ -253,49 +206,37 @@ def dropped(flight: Flight) -> Iterator[Check]:
             yield Check("left-out", "warn", f"{role}: {lost} of {lost + len(series.time)} samples ({listed}).")
 
 
-def clocks(timing: Timing, mapping: Mapping[str, str]) -> tuple[Check, ...]:
-    """Stamps against log times; `mapping` is that of the flight, for the option that mends them."""
-    return (*_units(timing, mapping), *_jumps(timing), *_others(timing))
+def clocks(timing: Timing, mapping: Mapping[str, str], slow_link: float = 0.1) -> Iterator[Check]:
+    """Stamps against log times, and links that are later than `slow_link` [s].
 
-
-def _units(timing: Timing, mapping: Mapping[str, str]) -> Iterator[Check]:
+    `mapping` is that of the flight, for the option that mends their unit.
+    """
     strange = {topic: r.unit for topic, r in timing.relations.items() if r.unit is not None}
-    if not strange:
-        return
-    mends = []
-    for part, source in mapping.items():
-        unit = next((u for topic, u in strange.items() if topic_of(source) == topic), None)
-        if unit is not None:
-            word = STAMP_WORDS.get(unit) or f"stamp*{1.0 / unit:g}"
-            mends.append(f"--topic {shlex.quote(f'{part}={source}' + (',' if ':' in source else ':') + word)}")
-    rates = ", ".join(f"{topic} {unit:g} times ({UNIT_RATES[unit]})" for topic, unit in strange.items())
-    words = f"Stamps advance faster or slower than time by a power of a thousand: {rates}"
-    yield Check("clock-unit", "bad", words, " ".join(mends))
-
-
-def _jumps(timing: Timing) -> Iterator[Check]:
+    if strange:
+        mends = []
+        for part, source in mapping.items():
+            unit = strange.get(topic_of(source))
+            if unit is not None:
+                word = STAMP_WORDS.get(unit) or f"stamp*{1.0 / unit:g}"
+                mends.append(f"--topic {shlex.quote(f'{part}={source}' + (',' if ':' in source else ':') + word)}")
+        rates = ", ".join(f"{topic} {unit:g} times ({UNIT_RATES[unit]})" for topic, unit in strange.items())
+        words = f"Stamps advance faster or slower than time by a power of a thousand: {rates}"
+        yield Check("clock-unit", "bad", words, " ".join(mends))
     for topic, found in timing.jumps.items():
         listed = ", ".join(f"{seconds:+.3f} s at message {index}" for index, seconds in found)
         yield Check("clock-jump", "warn", f"{topic}: stamps jump by {listed}: a clock was set; taken out.")
-
-
-def _others(timing: Timing, slow_link: float = 0.1) -> Iterator[Check]:
-    """How clocks differ from the recorder's, and links that are later than `slow_link` [s]."""
-    relations = {topic: clock for topic, clock in timing.relations.items() if clock.unit is None}
-    if relations and not timing.mapped and not any(clock.same for clock in relations.values()):
-        topic, clock = next(iter(relations.items()))
-        words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
-        yield Check("clock", "ok", f"{words} ({topic}: {_described(clock)}).")
-        return
+    relations = {topic: clock for topic, clock in timing.relations.items() if topic not in strange}
+    alone = relations and not timing.mapped and not any(clock.same for clock in relations.values())
     for topic, clock in relations.items():
+        described = (
+            f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times its "
+        )
+        described += f"rate (residual {1e3 * clock.residual:.1f} ms)"
+        if alone:
+            words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
+            yield Check("clock", "ok", f"{words} ({topic}: {described}).")
+            return
         if not clock.same:
-            yield Check("clock", "warn", f"{topic}: {_described(clock)}; see the notes for how they are used.")
+            yield Check("clock", "warn", f"{topic}: {described}; see the notes for how they are used.")
         elif abs(clock.offset) > slow_link:
             yield Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
-
-
-def _described(clock: Relation) -> str:
-    return (
-        f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times its rate "
-        f"(residual {1e3 * clock.residual:.1f} ms)"
-    )

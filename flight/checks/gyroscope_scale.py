@@ -86,11 +86,6 @@ class Bounds:
         return float(np.sqrt(self.low * self.high)) if self.low > 0.0 < self.high else np.nan
 
     @property
-    def width(self) -> float:
-        """How far the bounds are apart."""
-        return self.high - self.low
-
-    @property
     def off(self) -> bool:
         """Whether one is surely not between the bounds."""
         return self.low - SCALE.sure * self.std > 1.0 or 0.0 < self.high + SCALE.sure * self.std < 1.0
@@ -105,7 +100,7 @@ class Scale:
     @property
     def value(self) -> float:
         """The scale, of the band that knows it best."""
-        return min(self.bounds, key=lambda b: b.width + b.std).middle
+        return min(self.bounds, key=lambda b: b.high - b.low + b.std).middle
 
     def allows(self, value: float) -> bool:
         """Whether the scale may be this one."""
@@ -115,13 +110,11 @@ class Scale:
     @property
     def off(self) -> bool:
         """Whether all bands say that it is off, by at least `SCALE.said` and by the same."""
-        middles = [b.middle for b in self.bounds]
-        if not all(b.off for b in self.bounds) or min(abs(m - 1.0) for m in middles) < SCALE.said - SCALE.steady:
-            return False
-        if abs(self.value - 1.0) < SCALE.said:
-            return False
-        apart = max(SCALE.steady, SCALE.steady_share * abs(self.value - 1.0))
-        return max(b.width for b in self.bounds) < apart and float(np.ptp(middles)) < apart
+        middles, beyond = [b.middle for b in self.bounds], abs(self.value - 1.0)
+        said = min(abs(m - 1.0) for m in middles) >= SCALE.said - SCALE.steady and beyond >= SCALE.said
+        apart = max(SCALE.steady, SCALE.steady_share * beyond)
+        steady = max(b.high - b.low for b in self.bounds) < apart and float(np.ptp(middles)) < apart
+        return all(b.off for b in self.bounds) and said and steady
 
 
 def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
@@ -130,22 +123,27 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
         return
     scales = gyroscope_scales(flight)
     if scales is None:
-        untested = (
-            "no attitude is logged" if flight.odometry is None else "attitude or IMU come too slowly or too briefly"
-        )
-        yield Check("gyroscope-scale", "ok", f"Not tested: {untested}.")
+        why = "no attitude is logged" if flight.odometry is None else "attitude or IMU come too slowly or too briefly"
+        yield Check("gyroscope-scale", "ok", f"Not tested: {why}.")
         return
     off = {axis: scale for axis, scale in scales.items() if scale.off}
     if not off:
-        yield Check(
-            "gyroscope-scale", "ok", f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({_listed(scales)})."
-        )
+        fast = {axis: scale.bounds[0] for axis, scale in scales.items()}
+        known_axes = {axis: np.isfinite(b.low) and b.low > 0.0 and b.high < 2.0 for axis, b in fast.items()}
+        told = (f"{b.low:.3f} to {b.high:.3f}" if known_axes[axis] else "unknown" for axis, b in fast.items())
+        listed = ", ".join(f"{axis} {words}" for axis, words in zip(fast, told, strict=True))
+        yield Check("gyroscope-scale", "ok", f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({listed}).")
         return
     furthest = max(abs(scale.value - 1.0) for scale in off.values())
     said = ", ".join(f"{axis} {scale.value:.3f}" for axis, scale in off.items())
     words = f"The gyroscope is not the attitude's rate: scale {said}, steady over time and frequency; its datasheet's "
     words += "sensitivity, or the full-scale range that the driver assumes, may be another"
-    yield Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, _mend(flight, scales, off))
+    common, mend = float(np.mean([scale.value for scale in off.values()])), None
+    if all(scale.allows(common) for scale in scales.values()):
+        mend = option(flight, f"gyro*{factor(1.0 / common)}", "imu")
+    elif not turns(flight, "imu", "gyroscope"):  # else the sensor's axes are not the body's
+        mend = option(flight, ",".join(f"gyro.{axis}*{factor(1.0 / s.value)}" for axis, s in off.items()), "imu")
+    yield Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
 
 
 BEFORE = ("gyroscope", "body-frame", "inertial-frame", "clock-unit")
@@ -267,23 +265,3 @@ def _bounds(band: Sequence[tuple[Array, Array, Array, Array]], axis: int) -> Bou
     count = len(tt)
     scatter = [np.sqrt(np.sum(e**2) * count / (count - 1)) for e in (tr - low * tt, rr - high * tr)]
     return Bounds(low, high, float(max(scatter[0] / total[0], scatter[1] / total[1])))
-
-
-def _listed(scales: dict[str, Scale]) -> str:
-    """Bounds of each axis, from the faster band."""
-    found = []
-    for axis, scale in scales.items():
-        low, high = scale.bounds[0].low, scale.bounds[0].high
-        known = np.isfinite(low) and low > 0.0 and high < 2.0
-        found.append(f"{axis} {low:.3f} to {high:.3f}" if known else f"{axis} unknown")
-    return ", ".join(found)
-
-
-def _mend(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale]) -> str | None:
-    """One factor where all axes may be off alike, else one by axis; None where the sensor's axes are not the body's."""
-    common = float(np.mean([scale.value for scale in off.values()]))
-    if all(scale.allows(common) for scale in scales.values()):
-        return option(flight, f"gyro*{factor(1.0 / common)}", "imu")
-    if turns(flight, "imu", "gyroscope"):
-        return None
-    return option(flight, ",".join(f"gyro.{axis}*{factor(1.0 / s.value)}" for axis, s in off.items()), "imu")

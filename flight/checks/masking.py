@@ -10,7 +10,7 @@ of the log: there the other sensors alone are asked, because commands go on wher
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,11 +117,7 @@ def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, spli
     keep = ~bad
     if keep.sum() < 2:
         return flight
-    arrays: dict[str, Any] = {}
-    for item in fields(series):
-        value = getattr(series, item.name)
-        if isinstance(value, np.ndarray):
-            arrays[item.name] = value[keep]
+    arrays = {name: value[keep] for name, value in vars(series).items() if isinstance(value, np.ndarray)}
     dropped = {**series.dropped, why: series.dropped.get(why, 0) + int(bad.sum())}
     gaps = gaps_of(arrays["time"]) if split else series.gaps
     replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps, dropped=dropped)}
@@ -129,56 +125,41 @@ def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, spli
 
 
 def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
-    """Role, start and stop [s] and channel of every run of repeated values that nothing explains."""
+    """Role, start and stop [s] and channel of every run of repeated values that nothing explains.
+
+    A command may rest at its limit: rotors at full speed hold every torque, in the wrench as well. A channel of the IMU
+    has died where most channels of the odometry and of the IMU's other sensor go on to the end.
+    """
     series = {role: s for role, s in flight.series().items() if role in WATCHED}
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
+    sensors = {role for role in ("imu", "odometry") if role in series}
+
+    def at_limit(role: str, start: float, stop: float) -> bool:
+        a, b = np.searchsorted(series[role].time, (start, stop))
+        return b > a and any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in lively[role])
+
     for role, channels in lively.items():
         for name, values, longest in channels:
             if longest < MASKING.frozen_samples:
                 continue
             for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role == "imu"):
-                if role in LIMITED and not jumps and _saturated(series, lively, start, stop):
+                limited = (r for r in LIMITED if r in series)
+                if role in LIMITED and not jumps and any(at_limit(r, start, stop) for r in limited):
                     continue
-                if stop == series[role].time[-1]:
-                    if _dead(series, lively, name, start, stop):
-                        yield role, start, stop, name
-                    continue
-                sensors = {r for r in ("imu", "odometry") if r in series}
-                witnesses = (
-                    sensors if sensors != {role} or role != "imu" else {*series} - {role}
-                )  # motors idle on the ground
-                others = [
-                    moving
-                    for other, kept in lively.items()
-                    for label, column, _ in kept
-                    if (other, label) != (role, name) and other in (witnesses | {role})
-                    for moving in [_moves(series[other].time, column, start, stop)]
-                    if moving is not None
-                ]
-                if len(others) >= 2 and np.mean(others) > 0.25:
+                ends = stop == series[role].time[-1]
+                witnesses = sensors
+                if not ends and sensors == {role} == {"imu"}:
+                    witnesses = {*series} - {role}  # motors idle on the ground
+                others = []
+                for other in lively.keys() & (witnesses | {role}):
+                    for label, column, _ in lively[other]:
+                        own = other == role and (
+                            label.partition(" ")[0] == name.partition(" ")[0] if ends else label == name
+                        )
+                        moving = None if own else _moves(series[other].time, column, start, stop)
+                        others += [] if moving is None else [moving]
+                if len(others) >= 2 and np.mean(others) > (MASKING.alive if ends else 0.25):
                     yield role, start, stop, name
-
-
-def _dead(series: dict[str, Series], lively: dict[str, list[_Channel]], name: str, start: float, stop: float) -> bool:
-    """Whether a channel of the IMU died: most channels of the odometry and of the IMU's other sensor go on."""
-    others = [
-        moving
-        for role in ("imu", "odometry")
-        for label, column, _ in lively.get(role, [])
-        if role != "imu" or label.partition(" ")[0] != name.partition(" ")[0]
-        for moving in [_moves(series[role].time, column, start, stop)]
-        if moving is not None
-    ]
-    return len(others) >= 2 and float(np.mean(others)) > MASKING.alive
-
-
-def _saturated(series: dict[str, Series], lively: dict[str, list[_Channel]], start: float, stop: float) -> bool:
-    """Whether a command rests at its limit: rotors at full speed hold every torque, in the wrench as well."""
-    for role in (r for r in LIMITED if r in series):
-        a, b = np.searchsorted(series[role].time, (start, stop))
-        if b > a and any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in lively[role]):
-            return True
-    return False
 
 
 class _Channel(NamedTuple):
@@ -209,20 +190,19 @@ def _runs(time: Array, column: Array, *, limited: bool, dies: bool) -> Iterator[
     run may last to the end.
     """
     steps = np.diff(column)
-    same = steps == 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], steps == 0.0, [False])).astype(int)))
     usual = None
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first < MASKING.frozen_samples or time[last] - time[first] < MASKING.frozen_seconds:
+        short = last - first < MASKING.frozen_samples or time[last] - time[first] < MASKING.frozen_seconds
+        ends = last == len(steps)
+        if short or first == 0 or (ends and not dies):
             continue
-        if first == 0 or (last == len(same) and not dies):
-            continue
-        if last == len(same):
-            yield float(time[first]), float(time[last]), False
-            continue
-        usual = MASKING.leap * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
-        jumps = column[first] == 0.0 and min(abs(steps[first - 1]), abs(steps[last])) > usual
-        at_limit = limited and column[first] in (column.min(), column.max())
+        if ends:
+            jumps = at_limit = False
+        else:
+            usual = MASKING.leap * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
+            jumps = column[first] == 0.0 and min(abs(steps[first - 1]), abs(steps[last])) > usual
+            at_limit = limited and column[first] in (column.min(), column.max())
         if jumps or not at_limit:
             yield float(time[first]), float(time[last]), bool(jumps)
 

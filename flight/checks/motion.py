@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Series
@@ -105,10 +104,14 @@ def motion_means(flight: Flight) -> MotionMeans | None:
     first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
-    if flight.imu is not None:
-        usable &= _covered(flight.imu, time[first], time[last])
+    imu = flight.imu
+    if imu is not None:
+        usable &= (time[first] >= imu.time[0]) & (time[last] <= imu.time[-1])
+        for gap in imu.gaps:
+            usable &= (time[last] <= gap.start) | (time[first] >= gap.stop)
     first, middle, last = first[usable], middle[usable], last[usable]
-    slow = _halves(quat, first, middle, last) < INTERVALS.half_turn
+    halves = (so3.rotation_between(quat[a], quat[b]) for a, b in ((first, middle), (middle, last)))
+    slow = sum(lengths(half) for half in halves) < INTERVALS.half_turn
     first, middle, last = first[slow], middle[slow], last[slow]
     if len(first) < INTERVALS.fewest:
         return None
@@ -116,7 +119,6 @@ def motion_means(flight: Flight) -> MotionMeans | None:
     before, after = (time[middle] - time[first])[:, None], (time[last] - time[middle])[:, None]
     p, v = odometry.position_E, odometry.velocity_E
     slopes = (p[middle] - p[first]) / before, (p[last] - p[middle]) / after
-    imu = flight.imu
     return MotionMeans(
         rate=so3.rotation_between(quat[first], quat[last]) / span,
         attitude=quat[middle],
@@ -131,25 +133,11 @@ def motion_means(flight: Flight) -> MotionMeans | None:
     )
 
 
-def _halves(quat: Array, first: NDArray[np.intp], middle: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
-    """Angles [rad] turned in both halves of the intervals, added (K,)."""
-    halves = so3.rotation_between(quat[first], quat[middle]), so3.rotation_between(quat[middle], quat[last])
-    return np.asarray(sum(lengths(half) for half in halves))
-
-
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:
     """Means (K, C) of a signal, straight between its samples, over intervals."""
     integral = row_kernels.integral(series.time, np.ascontiguousarray(values))
     until, since = (interpolated(at, series.time, integral) for at in (stop, start))
     return np.asarray((until - since) / (stop - start)[:, None])
-
-
-def _covered(series: Series, start: Array, stop: Array) -> NDArray[np.bool_]:
-    """Intervals in which a series has samples."""
-    covered: NDArray[np.bool_] = (start >= series.time[0]) & (stop <= series.time[-1])
-    for gap in series.gaps:
-        covered &= (stop <= gap.start) | (start >= gap.stop)
-    return covered
 
 
 def cosine(truth: Array, reading: Array) -> float:
@@ -201,32 +189,21 @@ def best_axes(pairs: Sequence[Pair]) -> Axes | None:
     """
     total = np.sum([cross(pair) for pair in pairs], axis=0)
     leading = cross(pairs[0])
-    scores = [float(np.sum(p * total)) for p in PERMUTATIONS]
-    chosen = PERMUTATIONS[int(np.argmax(scores))]
+    chosen = max(PERMUTATIONS, key=lambda p: float(np.sum(p * total)))
     turn = _rotation(total)
+    parts = [[np.array_split(signal, AXES_SEARCH.blocks) for signal in pair] for pair in pairs]
+    blocks = [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(AXES_SEARCH.blocks)]
+    scatter = float(np.median([angle(_rotation(block) @ turn.T) for block in blocks]))
+    better = sum(float(np.sum((chosen - np.eye(3)) * block)) > 0.0 for block in blocks)
     as_is = float(np.trace(leading))
-    scatter = _scatter(pairs, turn)
-    if (
-        angle(turn) > AXES_SEARCH.turned_deg
-        and scatter < AXES_SEARCH.known_deg
-        and angle(turn @ nearest(turn).T) > 0.75 * AXES_SEARCH.turned_deg
-    ):
-        fits = float(np.sum(turn * leading))
-        if (
-            fits > AXES_SEARCH.explains
-            and fits > as_is + AXES_SEARCH.better
-            and fits > float(np.sum(chosen * leading)) + 0.02
-        ):
-            return Axes(turn, fits, as_is, rotation_words(turn))
-    fits = float(np.sum(chosen * leading))
-    if (
-        np.array_equal(chosen, np.eye(3))
-        or fits < AXES_SEARCH.explains
-        or fits < as_is + AXES_SEARCH.better
-        or not _steady(pairs, chosen)
-    ):
-        return None
-    return Axes(chosen, fits, as_is, axes_word(chosen))
+    least = max(AXES_SEARCH.explains, as_is + AXES_SEARCH.better)
+    swapped, turned = float(np.sum(chosen * leading)), float(np.sum(turn * leading))
+    is_turned = angle(turn) > AXES_SEARCH.turned_deg and scatter < AXES_SEARCH.known_deg
+    oblique = angle(turn @ nearest(turn).T) > 0.75 * AXES_SEARCH.turned_deg
+    if is_turned and oblique and turned > least and turned > swapped + 0.02:
+        return Axes(turn, turned, as_is, rotation_words(turn))
+    is_swapped = not np.array_equal(chosen, np.eye(3)) and better >= AXES_SEARCH.blocks - 1  # in nearly every block
+    return Axes(chosen, swapped, as_is, axes_word(chosen)) if is_swapped and swapped >= least else None
 
 
 def nearest(turn: Array) -> Array:
@@ -240,38 +217,24 @@ def angle(turn: Array) -> float:
 
 
 def rotation_words(turn: Array) -> str:
-    """Roll, pitch and yaw in degrees, those that matter: the words of a mapping, applied in this order."""
-    yaw = np.arctan2(turn[1, 0], turn[0, 0])
-    pitch = -np.arcsin(np.clip(turn[2, 0], -1.0, 1.0))
-    roll = np.arctan2(turn[2, 1], turn[2, 2])
-    found = {"roll": np.degrees(roll), "pitch": np.degrees(pitch), "yaw": np.degrees(yaw)}
-    rounded = {name: _round(float(value)) for name, value in found.items()}
-    return ",".join(f"{name}={value:g}" for name, value in rounded.items() if value)
+    """Roll, pitch and yaw in degrees, those that matter: the words of a mapping, applied in this order.
 
-
-def _round(degrees: float) -> float:
-    """To what somebody would mount: a multiple of 15 deg where one is near, nothing below 6 deg."""
-    grid = 15.0 * round(degrees / 15.0)
-    return grid if abs(degrees - grid) < 6.0 else float(round(degrees))
+    Rounded to what somebody would mount: a multiple of 15 deg where one is near, nothing below 6 deg.
+    """
+    found = {
+        "roll": np.arctan2(turn[2, 1], turn[2, 2]),
+        "pitch": -np.arcsin(np.clip(turn[2, 0], -1.0, 1.0)),
+        "yaw": np.arctan2(turn[1, 0], turn[0, 0]),
+    }
+    words = []
+    for name, angle in found.items():
+        degrees = float(np.degrees(angle))
+        grid = 15.0 * round(degrees / 15.0)
+        rounded = grid if abs(degrees - grid) < 6.0 else float(round(degrees))
+        words += [f"{name}={rounded:g}"] if rounded else []
+    return ",".join(words)
 
 
 def _rotation(matrix: Array) -> Array:
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
-
-
-def _blocks(pairs: Sequence[Pair]) -> list[Array]:
-    """Summed cross products (3, 3) block by block."""
-    parts = [[np.array_split(signal, AXES_SEARCH.blocks) for signal in pair] for pair in pairs]
-    return [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(AXES_SEARCH.blocks)]
-
-
-def _scatter(pairs: Sequence[Pair], turn: Array) -> float:
-    """Median angle [deg] between the rotation and those of blocks."""
-    return float(np.median([angle(_rotation(block) @ turn.T) for block in _blocks(pairs)]))
-
-
-def _steady(pairs: Sequence[Pair], chosen: Array) -> bool:
-    """Whether a permutation beats the identity in nearly every block."""
-    better = [float(np.sum((chosen - np.eye(3)) * block)) > 0.0 for block in _blocks(pairs)]
-    return sum(better) >= AXES_SEARCH.blocks - 1
