@@ -46,7 +46,8 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     partial = target.with_name(f".{stem}.{secrets.token_hex(8)}.part{suffix}")
     try:
         kept = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
-        _create(partial, mode if kept is None else kept | 0o200)
+        # not there before, nor a link that somebody else put there to be followed
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode if kept is None else kept | 0o200))
         yield partial
         flush(partial)
         if kept is not None:
@@ -57,11 +58,6 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # of a folder that is gone; what was wrong there is said already
             partial.unlink()
-
-
-def _create(path: Path, mode: int) -> None:
-    """An empty file that was not there, nor a link that somebody else put there to be followed."""
-    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
 
 
 def _short(path: Path) -> tuple[str, str]:
@@ -130,7 +126,10 @@ def _opened(root: Path, folders: list[str]) -> Iterator[int]:
 
 
 def _written(place: int, path: Path, content: bytes, check: Callable[[Identity], None]) -> Identity:
-    """Write the file of this name in the folder `place`; the rest of the path is for messages."""
+    """Write the file of this name in the folder `place`; the rest of the path is for messages.
+
+    Raises FileExistsError for a file that came meanwhile.
+    """
     before = check_replaceable(path, check, place)
     partial = f".{''.join(_short(path))}.{secrets.token_hex(8)}.part"
     mode = 0o666 if before is None else stat.S_IMODE(before.st_mode) & 0o777 | 0o200
@@ -143,24 +142,19 @@ def _written(place: int, path: Path, content: bytes, check: Callable[[Identity],
             if before is not None:
                 os.fchmod(made, stat.S_IMODE(before.st_mode) & 0o777)
             found = identity(os.fstat(made))
-        if before is not None or not _linked(partial, path.name, place):
-            check_replaceable(path, check, place)
-            os.rename(partial, path.name, src_dir_fd=place, dst_dir_fd=place)
+        if before is None:
+            try:
+                os.link(partial, path.name, src_dir_fd=place, dst_dir_fd=place, follow_symlinks=False)
+                return found
+            except OSError as error:
+                if error.errno not in NO_LINKS:
+                    raise
+        check_replaceable(path, check, place)
+        os.rename(partial, path.name, src_dir_fd=place, dst_dir_fd=place)
     finally:
         with suppress(FileNotFoundError):
             os.unlink(partial, dir_fd=place)
     return found
-
-
-def _linked(partial: str, name: str, place: int) -> bool:
-    """Give a file a name that nothing has, raising FileExistsError where something has; False where that cannot be."""
-    try:
-        os.link(partial, name, src_dir_fd=place, dst_dir_fd=place, follow_symlinks=False)
-    except OSError as error:
-        if error.errno not in NO_LINKS:
-            raise
-        return False
-    return True
 
 
 def check_replaceable(path: Path, check: Callable[[Identity], None], place: int | None = None) -> os.stat_result | None:

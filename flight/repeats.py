@@ -49,22 +49,36 @@ class Sketch:
     hashes: dict[str, Hashes]
 
     def shared(self, other: Sketch) -> float:
-        """Share of the shorter one's rows that the other has too: the least of all roles that both have."""
-        roles = self.hashes.keys() & other.hashes.keys()
-        return min((_shared(self.hashes[role], other.hashes[role]) for role in roles), default=0.0)
+        """Share of the shorter one's rows that the other has too: the least of all roles that both have.
+
+        From the hashes up to where both are whole.
+        """
+        shares = []
+        for role in self.hashes.keys() & other.hashes.keys():
+            both = self.hashes[role], other.hashes[role]
+            whole = min((h[-1] for h in both if len(h) == SKETCH.kept), default=np.uint64(2**64 - 1))
+            a, b = (h[h <= whole] for h in both)
+            common = len(np.intersect1d(a, b, assume_unique=True))
+            shares.append(common / min(len(a), len(b)) if common >= SKETCH.fewest else 0.0)
+        return min(shares, default=0.0)
 
 
 def sketch(flight: Flight) -> Sketch:
     """What tells a flight from others, by its samples alone."""
-    found: dict[str, Hashes] = {}
-    if flight.imu is not None:
-        found["imu"] = row_hashes([flight.imu.omega_B, flight.imu.specific_force_B])
-    if flight.commanded is not None:
-        found["commanded"] = row_hashes([flight.commanded.wrench_B])
-    if flight.actuators is not None:
-        found["actuators"] = row_hashes([flight.actuators.rotor_speed, flight.actuators.tilt])
-    if flight.imu is None and flight.odometry is not None:
-        found["odometry"] = row_hashes([flight.odometry.position_E, flight.odometry.quat_EB])
+    columns = {
+        "imu": ("omega_B", "specific_force_B"),
+        "commanded": ("wrench_B",),
+        "actuators": ("rotor_speed", "tilt"),
+        "odometry": ("position_E", "quat_EB"),
+    }
+    played = flight.series()
+    if "imu" in played:
+        played.pop("odometry", None)
+    found = {
+        role: row_hashes([getattr(played[role], name) for name in names])
+        for role, names in columns.items()
+        if role in played
+    }
     return Sketch({role: hashes for role, hashes in found.items() if len(hashes) >= SKETCH.fewest})
 
 
@@ -92,14 +106,6 @@ def _mixed(numbers: Hashes) -> Hashes:
     return np.asarray(numbers ^ (numbers >> np.uint64(31)))
 
 
-def _shared(first: Hashes, second: Hashes) -> float:
-    """Share of the shorter one's rows that both have, from the hashes up to where both are whole."""
-    whole = min((h[-1] for h in (first, second) if len(h) == SKETCH.kept), default=np.uint64(2**64 - 1))
-    a, b = (h[h <= whole] for h in (first, second))
-    common = len(np.intersect1d(a, b, assume_unique=True))
-    return common / min(len(a), len(b)) if common >= SKETCH.fewest else 0.0
-
-
 class Repeats:
     """Flights as they are given, each once."""
 
@@ -112,10 +118,8 @@ class Repeats:
         for other, known in self._known:
             share = 1.0 if other.content_hash == flight.content_hash else own.shared(known)
             if share > SKETCH.shared:
-                same = (
-                    f"is the same flight as {other.path} ({100 * share:.0f} % of the shorter one's samples are in both)"
-                )
-                raise LogError(f"{where or flight.path}: {same}; {remedy}")
+                both = f"{100 * share:.0f} % of the shorter one's samples are in both"
+                raise LogError(f"{where or flight.path}: is the same flight as {other.path} ({both}); {remedy}")
         self._known.append((flight, own))
 
 

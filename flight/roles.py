@@ -25,7 +25,7 @@ pose = position x y z, quaternion x y z w; twist and acceleration = linear, angu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -164,12 +164,10 @@ class _Proposer:
 
     def choose(self, part: str) -> None:
         """Give a part to the best topic, if any is good enough."""
-        scored = []
-        for topic, table in self.tables.items():
-            place = _offered(table, part)
-            if place is not None and not (part in ("commanded", "desired") and no_command(topic)):
-                own = score(part, topic, table.type)
-                scored.append((own + self._kinship(part, topic), len(table), topic, place))
+        scored = [
+            (own + self._kinship(part, topic), len(table), topic, place)
+            for topic, table, own, place in _offers(self.tables, part)
+        ]
         scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
         good = self._of_one(part, good)
@@ -244,18 +242,24 @@ class _Proposer:
 
 def _likely(tables: Mapping[str, Table]) -> dict[str, list[str]]:
     """Topics whose type and name suit a role, of roles that every vehicle in a log has topics of its own for."""
-    found: dict[str, list[str]] = {}
-    for role in FLOWN:
-        for part in ROLE_PARTS[role]:
-            if part not in ASKED:
-                found.setdefault(role, []).extend(
-                    topic
-                    for topic, table in tables.items()
-                    if _offered(table, part) is not None
-                    and score(part, topic, table.type) > 0
-                    and not (part == "commanded" and no_command(topic))
-                )
-    return found
+    return {
+        role: [
+            topic
+            for part in ROLE_PARTS[role]
+            if part not in ASKED
+            for topic, _, own, _ in _offers(tables, part)
+            if own > 0
+        ]
+        for role in FLOWN
+    }
+
+
+def _offers(tables: Mapping[str, Table], part: str) -> Iterator[tuple[str, Table, float, str]]:
+    """Topics that offer what a part needs, with how well their names suit it, and the field in which it lies."""
+    for topic, table in tables.items():
+        place = _offered(table, part)
+        if place is not None and not (part in ("commanded", "desired") and no_command(topic)):
+            yield topic, table, score(part, topic, table.type), place
 
 
 def _offered(table: Table, part: str) -> str | None:
@@ -307,10 +311,15 @@ def _named_source(
         raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
     asked = place is not None
-    if place is None:
-        place = _offered(table, part) if part not in ASKED else _vector_field(table, part)
-    if place is None:
-        place = _array_field(table, columns, parts)
+    if place is None and part in ASKED:  # three numbers: of an Imu, or the one vector of another message
+        fields = (ASKED_FIELDS[part], "vector", "vector3", "")
+        whole = (f for f in fields if all((f"{f}.{axis}" if f else axis) in table.columns for axis in "xyz"))
+        place = next(whole, None)
+    elif place is None:
+        place = _offered(table, part)
+    if place is None and len(parts) == 1:  # an array without a name of its own can only play a role of one part
+        arrays = [name for name, values in table.columns.items() if values.ndim == 2 and values.dtype.kind in "fiu"]
+        place = arrays[0] if len(arrays) == 1 and (columns is not None or arrays[0] == "data") else None
     if place is None:
         return None
     array = table.columns.get(place)
@@ -320,19 +329,3 @@ def _named_source(
     if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
         raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
     return Source(topic, place, columns, asked)
-
-
-def _vector_field(table: Table, part: str) -> str | None:
-    """The three numbers of a gyroscope or an accelerometer: of an Imu, or the one vector of another message."""
-    for place in (ASKED_FIELDS[part], "vector", "vector3", ""):
-        if all((f"{place}.{axis}" if place else axis) in table.columns for axis in "xyz"):
-            return place
-    return None
-
-
-def _array_field(table: Table, columns: tuple[int, ...] | None, parts: tuple[str, ...]) -> str | None:
-    """An array without a name of its own can only play a role of one part."""
-    if len(parts) > 1:
-        return None
-    arrays = [name for name, values in table.columns.items() if values.ndim == 2 and values.dtype.kind in "fiu"]
-    return arrays[0] if len(arrays) == 1 and (columns is not None or arrays[0] == "data") else None

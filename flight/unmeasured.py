@@ -20,9 +20,10 @@ from enum import StrEnum
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Flight, ImuSeries
+from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import Source
+from wrenchgap.flight.row_kernels import empty
 
 
 class Why(StrEnum):
@@ -66,13 +67,8 @@ def unmeasured_axes(flight: Flight) -> dict[str, Why]:
     """The axes that a flight did not measure, in the order of `AXES`, each with the reason."""
     found = {axis: Why(why) for axis, why in flight.unmeasured.items()}
     if flight.imu is not None:
-        readings = (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T)
-        absent = {
-            axis: Why.NAN
-            for axis, values in zip(AXES, readings, strict=True)
-            if np.isnan(values[:1]).all() and np.isnan(values).all()
-        }
-        found = {**absent, **found}
+        absent = *empty(flight.imu.specific_force_B), *empty(flight.imu.omega_B)
+        found = {axis: Why.NAN for axis, none in zip(AXES, absent, strict=True) if none} | found
     return {axis: found[axis] for axis in AXES if axis in found}
 
 
@@ -81,16 +77,13 @@ def without_axes(flight: Flight, axes: Mapping[str, Why]) -> Flight:
     if not axes:
         return flight
     said = {axis: str(why) for axis, why in {**unmeasured_axes(flight), **axes, **flight.unmeasured}.items()}
-    imu = None if flight.imu is None else _blank(flight.imu, tuple(said))
+    imu = flight.imu
+    if imu is not None:
+        force, omega = imu.specific_force_B.copy(), imu.omega_B.copy()
+        for column in map(AXES.index, said):
+            (force if column < 3 else omega)[:, column % 3] = np.nan
+        imu = replace(imu, omega_B=omega, specific_force_B=force)
     return replace(flight, imu=imu, unmeasured={axis: said[axis] for axis in AXES if axis in said})
-
-
-def _blank(imu: ImuSeries, axes: tuple[str, ...]) -> ImuSeries:
-    force, omega = imu.specific_force_B.copy(), imu.omega_B.copy()
-    for axis in axes:
-        column = AXES.index(axis)
-        (force if column < 3 else omega)[:, column % 3] = np.nan
-    return replace(imu, omega_B=omega, specific_force_B=force)
 
 
 def sentence(name: str, axes: Mapping[str, Why], left_out: Iterable[str] | None = None) -> str:

@@ -62,9 +62,15 @@ def velocity(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     slope = float(np.sum(logged * moved) / max(np.sum(moved**2), 1e-30))
     misfit = rms(logged - moved) / max(rms(moved), 1e-12)
     said = f"Odometry's velocity is {slope:.3g} times the differentiated position (misfit {100 * misfit:.0f} %)"
-    if alike > 0.9 and not 1.0 / ODOMETRY.factor < slope < ODOMETRY.factor:
-        parts, words = _wrong_lengths(seen, slope)
-        yield Check("velocity", "bad", f"{said}: another unit or scale", option(flight, words, parts))
+    if alike > 0.9 and not _near_one(slope):
+        of_velocity, of_position = _scale(seen, seen.acceleration), _scale(seen, seen.curve)
+        wrong_position = of_position is not None and not _near_one(of_position)
+        wrong_position &= of_velocity is None or _near_one(of_velocity)
+        if wrong_position or (of_position is None and slope < 0.02):
+            mend = option(flight, _unit(1.0 / slope, "position"), "pose")
+        else:
+            mend = option(flight, _unit(slope, "velocity"), "twist")
+        yield Check("velocity", "bad", f"{said}: another unit or scale", mend)
     elif alike < 0.3 and rms(moved) > 6.0 * ODOMETRY.standing:
         yield Check("velocity", "bad", f"{said}: another frame or vehicle", "--topic twist=none")
     elif abs(slope - 1.0) > 0.15 or misfit > 0.5:
@@ -73,15 +79,8 @@ def velocity(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
         yield Check("velocity", "ok", f"Odometry's velocity agrees with its position (factor {slope:.2f}).")
 
 
-def _wrong_lengths(seen: MotionMeans, slope: float) -> tuple[str, str]:
-    """Which of velocity and position is in another unit, and the words that mend it."""
-    of_velocity, of_position = _scale(seen, seen.acceleration), _scale(seen, seen.curve)
-    position_is_wrong = of_position is not None and not 1.0 / ODOMETRY.factor < of_position < ODOMETRY.factor
-    if position_is_wrong and (of_velocity is None or 1.0 / ODOMETRY.factor < of_velocity < ODOMETRY.factor):
-        return "pose", _unit(1.0 / slope, "position")
-    if of_position is None and slope < 0.02:
-        return "pose", _unit(1.0 / slope, "position")
-    return "twist", _unit(slope, "velocity")
+def _near_one(ratio: float) -> bool:
+    return 1.0 / ODOMETRY.factor < ratio < ODOMETRY.factor
 
 
 def _unit(ratio: float, vector: str) -> str:
@@ -92,27 +91,25 @@ def _unit(ratio: float, vector: str) -> str:
 
 def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Lengths of the odometry against the accelerometer."""
-    if seen is None or seen.accel is None or np.isnan(seen.accel).any():
+    scale = None if seen is None else _scale(seen, seen.accelerating)
+    if seen is None or scale is None:
         return
-    scale = _scale(seen, seen.accelerating)
-    if scale is None:
-        return
-    if 1.0 / ODOMETRY.factor < scale < ODOMETRY.factor:
+    if _near_one(scale):
         yield Check("odometry-scale", "ok", f"Accelerations of the odometry are {scale:.2f} times the accelerometer's.")
         return
     other = None if seen.velocity is None else _scale(seen, seen.curve)
-    if other is not None and 1.0 / ODOMETRY.factor < other < ODOMETRY.factor:
+    if other is not None and _near_one(other):
         return  # the positions are right: `velocity` says it
     unit = next((word for k, word in UNITS.items() if 0.7 < scale / k < 1.4), None)
     words = unit or f"position*{factor(1.0 / scale)}"
-    mend = option(flight, words, "pose")
-    if seen.velocity is not None:
-        apart = f"{mend} {option(flight, f'velocity*{factor(1.0 / scale)}', 'twist')}"
-        mend = option(flight, words, "pose", "twist") if unit else apart
-    yield Check(
-        "odometry-scale", "bad",
-        f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres", mend,
-    )  # fmt: skip
+    if seen.velocity is not None and unit:
+        mend = option(flight, words, "pose", "twist")
+    else:
+        mend = option(flight, words, "pose")
+        if seen.velocity is not None:
+            mend += f" {option(flight, f'velocity*{factor(1.0 / scale)}', 'twist')}"
+    said = f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres"
+    yield Check("odometry-scale", "bad", said, mend)
 
 
 def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:
@@ -123,9 +120,6 @@ def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:
     shown = without_mean(acceleration)
     if rms(felt) < ODOMETRY.shaken or cosine(shown, felt) < ODOMETRY.alike:
         return None
-    ratios = [
-        rms(a) / max(rms(b), 1e-12)
-        for a, b in zip(*(np.array_split(v, AXES_SEARCH.blocks) for v in (shown, felt)), strict=True)
-    ]
-    spread = float(np.std(np.log(ratios)))
-    return float(np.exp(np.median(np.log(ratios)))) if spread < 0.7 else None
+    blocks = zip(*(np.array_split(v, AXES_SEARCH.blocks) for v in (shown, felt)), strict=True)
+    logarithms = np.log([rms(a) / max(rms(b), 1e-12) for a, b in blocks])
+    return float(np.exp(np.median(logarithms))) if np.std(logarithms) < 0.7 else None

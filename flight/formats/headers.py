@@ -18,20 +18,17 @@ import numpy as np
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
-from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, taken
-from wrenchgap.flight.formats.table import Columns, Table
+from wrenchgap.flight.formats.standard_topics import RPM, Stamps, StandardTopic, taken
+from wrenchgap.flight.formats.table import Table
 
-RPM, DEGREE = 2.0 * np.pi / 60.0, np.pi / 180.0
+DEGREE = np.pi / 180.0
+
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
     "rate": {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "deg s": DEGREE, "degs": DEGREE, "dps": DEGREE},
     "acceleration": {
-        "m s2": 1.0,
-        "m s 2": 1.0,
-        "mps2": 1.0,
-        "mss": 1.0,
-        "ms2": 1.0,
+        **dict.fromkeys(("m s2", "m s 2", "mps2", "mss", "ms2"), 1.0),
         "g": GRAVITY,
         "mg": 1e-3 * GRAVITY,
     },
@@ -46,12 +43,9 @@ UNITS: dict[str, dict[str, float]] = {
     "voltage": {"v": 1.0, "volt": 1.0, "mv": 1e-3, "m v": 1e-3},
 }
 """Factors to SI by quantity; "/", "^" and "*" of a unit are read as blanks."""
-OTHER_ROTOR_UNITS: dict[str, str] = {
-    "pwm": "pwm",
-    "us": "pwm",
-    "normalised": "normalised",
-    "normalized": "normalised",
-    "norm": "normalised",
+OTHER_ROTOR_UNITS = {
+    **dict.fromkeys(("pwm", "us"), "pwm"),
+    **dict.fromkeys(("normalised", "normalized", "norm"), "normalised"),
 }
 
 _XYZ, _WXYZ = "xyz", "wxyz"
@@ -171,40 +165,44 @@ def _before(words: list[str], spelled: Names, bare: bool) -> frozenset[str] | No
 
 
 def _place(index: str, axes: str) -> int | None:
-    if axes == "number":
-        return int(index) if index.isdigit() else None
+    """Where along a field of these axes an index is; None where it cannot be."""
     if axes == "":
         return 0 if not index else None
-    if axes == "bare":
-        return _XYZ.index(index) if index and index in _XYZ else None
-    if index.isdigit():
+    if axes == "number":
+        return int(index) if index.isdigit() else None
+    letters = _XYZ if axes == "bare" else axes
+    if index.isdigit() and axes != "bare":
         return int(index) if int(index) < len(axes) else None
-    return axes.index(index) if index and index in axes else None
+    return letters.index(index) if index and index in letters else None
 
 
 def _factor(quantity: str, stated: str, words: list[str]) -> tuple[float, str] | None:
     """Factor and unit; "" where none is stated, None where the stated one does not belong to the quantity."""
+    if quantity == "rotor" and not stated:
+        spelt = (("rpm", "rpm"), ("pwm", "pwm"), ("throttle", "normalised"))
+        stated = next((unit for word, unit in spelt if word in words), "")
     if quantity == "rotor" and stated in OTHER_ROTOR_UNITS:
         return 1.0, OTHER_ROTOR_UNITS[stated]
-    if stated:
-        known = UNITS[quantity].get(stated)
-        return None if known is None else (known, stated)
-    if quantity == "rotor":
-        if "rpm" in words:
-            return RPM, "rpm"
-        if "pwm" in words:
-            return 1.0, "pwm"
-        if "throttle" in words:
-            return 1.0, "normalised"
-    return 1.0, ""
+    if not stated:
+        return 1.0, ""
+    known = UNITS[quantity].get(stated)
+    return None if known is None else (known, stated)
 
 
 def from_columns(columns: Mapping[str, Array], stamps: Stamps) -> tuple[dict[str, Table], list[str]]:
-    """Topics made of columns (N,) at `stamps` (N,) [ns], and what to say of units and of columns left aside."""
+    """Topics made of columns (N,) at `stamps` (N,) [ns], and what to say of units and of columns left aside.
+
+    Of each topic the rows in which it has any number: topics of different rates may share a table, with empty cells.
+    """
     known = _Known(stamps)
     for header, values in columns.items():
         known.add(header, values, meaning(header))
-    made = {table.topic: table for table in map(_present, known.topics()) if len(table) > 1}
+    made: dict[str, Table] = {}
+    for table in known.topics():
+        rows = np.any([np.isfinite(v).reshape(len(table), -1).any(axis=1) for v in table.columns.values()], axis=0)
+        some = table if rows.all() else taken(table, np.flatnonzero(rows))
+        if len(some) > 1:
+            made[some.topic] = some
     return made, known.words() if made or known.unknown else []
 
 
@@ -244,38 +242,15 @@ class _Known:
         gyro, acc = self.whole("gyro", 3), self.whole("acc", 3)
         if gyro is not None or acc is not None:
             yield self._to("/imu").imu(gyro, acc)
-        yield from self._wrenches()
-        yield from self._actuators()
-        yield from self._poses()
-        if (voltage := self.whole("voltage", 1)) is not None:
-            yield self._to("/battery").battery(voltage[:, 0])
-
-    def _to(self, topic: str) -> StandardTopic:
-        return StandardTopic(topic, self.stamps, self.stamps)
-
-    def _wrenches(self) -> Iterator[Table]:
         for prefix, topic in (("", "/command/wrench"), ("ref ", "/desired/wrench")):
             force, torque = self.whole(f"{prefix}force", 3), self.whole(f"{prefix}torque", 3)
             if force is not None and torque is not None:
                 yield self._to(topic).wrench(force, torque)
             elif force is not None or torque is not None:
                 self.notes.append(f"{topic}: a wrench needs force and torque; only one of them is there.")
-
-    def _actuators(self) -> Iterator[Table]:
         rotors, tilt = self.numbered("rotor"), self.numbered("tilt")
-        if rotors is None and tilt is None:
-            return
-        unit: SpeedUnit = "rad/s"
-        stated = self.units.get("rotor", "")
-        if stated in ("pwm", "normalised"):
-            unit = "pwm" if stated == "pwm" else "normalised"
-        elif rotors is not None and not stated and np.nanmax(np.abs(rotors), initial=0.0) <= 1.0:
-            unit = "normalised"
-            self.notes.append("rotor: the header states no unit and no value exceeds 1: read as normalised commands.")
-        topic = "/command/actuators_pwm" if unit == "pwm" else "/command/actuators"
-        yield self._to(topic).actuators(rotors, tilt, unit)
-
-    def _poses(self) -> Iterator[Table]:
+        if rotors is not None or tilt is not None:
+            yield self._actuators(rotors, tilt)
         for prefix, topic in (("", "/odometry"), ("ref ", "/reference")):
             place, quat = self.whole(f"{prefix}position", 3), self._attitude(prefix)
             velocity = self.whole(f"{prefix}velocity", 3)
@@ -287,6 +262,24 @@ class _Known:
             elif place is not None or quat is not None:
                 missing = "attitude" if quat is None else "position"
                 self.notes.append(f"{topic}: no {missing} among the columns: not used.")
+        if (voltage := self.whole("voltage", 1)) is not None:
+            yield self._to("/battery").battery(voltage[:, 0])
+
+    def _actuators(self, rotors: Array | None, tilt: Array | None) -> Table:
+        unit: SpeedUnit = "rad/s"
+        stated = self.units.get("rotor", "")
+        if stated == "pwm":
+            unit = "pwm"
+        elif stated == "normalised":
+            unit = "normalised"
+        elif rotors is not None and not stated and np.nanmax(np.abs(rotors), initial=0.0) <= 1.0:
+            unit = "normalised"
+            self.notes.append("rotor: the header states no unit and no value exceeds 1: read as normalised commands.")
+        topic = "/command/actuators_pwm" if unit == "pwm" else "/command/actuators"
+        return self._to(topic).actuators(rotors, tilt, unit)
+
+    def _to(self, topic: str) -> StandardTopic:
+        return StandardTopic(topic, self.stamps, self.stamps)
 
     def _attitude(self, prefix: str) -> Array | None:
         """Quaternions (N, 4), scalar first, of B to E, or None."""
@@ -318,10 +311,3 @@ def listed(names: Sequence[str], longest: int = 100, most: int = 12) -> str:
     """Names for a sentence: the first `most`, each to its `longest` letter, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(f'{name:.{longest}}' for name in names[:most])}{more}"
-
-
-def _present(table: Table) -> Table:
-    """The rows in which a topic has any number: topics of different rates may share a table, with empty cells."""
-    columns: Columns = table.columns
-    rows = np.any([np.isfinite(v).reshape(len(table), -1).any(axis=1) for v in columns.values()], axis=0)
-    return table if rows.all() else taken(table, np.flatnonzero(rows))

@@ -68,7 +68,12 @@ class CsvReader(TableReader):
         delimiter = max(DELIMITERS, key=header.count)
         width = header.count(delimiter) + 1
         self.account.take(LIMITS.table_column * width, f"a header of {width:,} columns")
-        self.account.take(LIMITS.table_cell * self._cells(delimiter), "the cells of the table")
+        cells = 0
+        with self.path.open("rb") as raw:
+            while block := raw.read(PIECE):
+                cells += block.count(delimiter.encode()) + block.count(b"\n")
+                self.account.check_time()
+        self.account.take(LIMITS.table_cell * cells, "the cells of the table")
         decimal = "," if delimiter != "," and re.search(rf"(^|{re.escape(delimiter)})-?\d+,\d", first) else "."
         if delimiter not in header or all(_is_number(cell) for cell in header.split(delimiter)):
             raise LogError(
@@ -79,24 +84,11 @@ class CsvReader(TableReader):
             frame = pd.read_csv(self.path, encoding="utf-8-sig", encoding_errors="replace", low_memory=False, **options)
         except (ValueError, pd.errors.ParserError, OSError) as error:
             raise LogError(f"{self.path}: not a readable CSV table ({one_line(error)})") from error
-        self._count_lines(len(frame), skipped)
-        return tables_of(frame, self)
-
-    def _cells(self, delimiter: str) -> int:
-        """Delimiters and line ends of the file."""
-        cells, sign = 0, delimiter.encode()
-        with self.path.open("rb") as file:
-            while block := file.read(PIECE):
-                cells += block.count(sign) + block.count(b"\n")
-                self.account.check_time()
-        return cells
-
-    def _count_lines(self, rows: int, skipped: int) -> None:
-        with self.path.open("rb") as file:
-            lines = sum(1 for line in file if line.strip())
-        lost = lines - 1 - rows - skipped
+        with self.path.open("rb") as raw:
+            lost = sum(1 for line in raw if line.strip()) - 1 - len(frame) - skipped
         if lost > 0:
             self.notes.append(f"{lost} line(s) of {self.path.name} have more cells than the header: left out.")
+        return tables_of(frame, self)
 
 
 @dataclass
@@ -200,16 +192,12 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
 def _short_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
     """The table with columns of endless names called by their places."""
     names = [str(header) for header in frame.columns]
-    long = [i for i, name in enumerate(names) if len(name) > LIMITS.header_letters]
-    if not long:
+    called = {i: f"column_{i}" for i, name in enumerate(names) if len(name) > LIMITS.header_letters}
+    if not called:
         return frame
-    for i in long:
-        names[i] = f"column_{i}"
-    called = listed([names[i] for i in long])
-    reader.notes.append(
-        f"{len(long)} column(s) have names of more than {LIMITS.header_letters} letters: called {called}."
-    )
-    return frame.set_axis(names, axis="columns")
+    words = f"have names of more than {LIMITS.header_letters} letters: called {listed(list(called.values()))}."
+    reader.notes.append(f"{len(called)} column(s) {words}")
+    return frame.set_axis([called.get(i, name) for i, name in enumerate(names)], axis="columns")
 
 
 def _numeric(header: str, column: Any) -> tuple[Columns, int]:
@@ -248,15 +236,11 @@ def _dates(column: Any, account: Account) -> Any:
 
     first = column.dropna().head(1)
     guessed = first.empty or guess_datetime_format(str(first.iloc[0])) is not None
-    parts = (
-        [column]
-        if guessed
-        else [column.iloc[k : k + LIMITS.table_dates] for k in range(0, len(column), LIMITS.table_dates)]
-    )
+    size = max(len(column), 1) if guessed else LIMITS.table_dates
     found = []
-    for part in parts:
+    for start in range(0, max(len(column), 1), size):
         account.check_time()
-        found.append(pd.to_datetime(part, errors="coerce", utc=True))
+        found.append(pd.to_datetime(column.iloc[start : start + size], errors="coerce", utc=True))
     return pd.concat(found)
 
 
