@@ -177,7 +177,10 @@ class Meaning:
 
     def axis_scales(self, vector: str) -> Array:
         """Factors (3,) of the axes of one of the vectors, besides `scale`."""
-        return np.prod([np.ones(3), *(word.axis_scales for word in self.known if vector in word.vectors)], axis=0)
+        scales = np.ones(3)
+        for word in self.known:
+            scales *= word.axis_scales if vector in word.vectors else 1.0
+        return scales
 
     def scale(self, vector: str) -> float:
         """Factor of one of the vectors."""

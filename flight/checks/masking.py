@@ -117,7 +117,9 @@ def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, spli
     keep = ~bad
     if keep.sum() < 2:
         return flight
-    arrays = {name: value[keep] for name, value in vars(series).items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {
+        name: value[keep] for name, value in vars(series).items() if isinstance(value, np.ndarray)
+    }
     dropped = {**series.dropped, why: series.dropped.get(why, 0) + int(bad.sum())}
     gaps = gaps_of(arrays["time"]) if split else series.gaps
     replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps, dropped=dropped)}
@@ -132,7 +134,7 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """
     series = {role: s for role, s in flight.series().items() if role in WATCHED}
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
-    sensors = {role for role in ("imu", "odometry") if role in series}
+    sensors = series.keys() & {"imu", "odometry"}
 
     def at_limit(role: str, start: float, stop: float) -> bool:
         a, b = np.searchsorted(series[role].time, (start, stop))
