@@ -34,8 +34,7 @@ from wrenchgap.flight.flight import (
 from wrenchgap.flight.formats import Log, give_away, read_log
 from wrenchgap.flight.formats.headers import listed
 from wrenchgap.flight.memory import give_back, on_disk
-from wrenchgap.flight.model_topics import assignment
-from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
+from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, assignment, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
 from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasured_axes, without_axes

@@ -32,7 +32,7 @@ from typing import Any
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.mapping_units import Meaning, meaning, parse_source, topic_of
+from wrenchgap.flight.mapping_units import Meaning, Said, meaning, parse_source, topic_of
 from wrenchgap.flight.topic_names import TYPES, apart, by_fields, fleet, namespace, no_command, score, twins, within
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
@@ -47,15 +47,8 @@ ROLE_PARTS: dict[str, tuple[str, ...]] = {
 """The parts of every role, in the order in which they are chosen."""
 
 PART_QUANTITY: dict[str, str] = {
-    "commanded": "wrench",
-    "desired": "wrench",
-    "tilt": "tilt",
-    "rotor_speed": "rotor_speed",
-    "imu": "imu",
-    "gyroscope": "gyroscope",
-    "accelerometer": "accelerometer",
-    "pose": "pose",
-    "twist": "twist",
+    **dict.fromkeys(("commanded", "desired"), "wrench"),
+    **{part: part for part in ("tilt", "rotor_speed", "imu", "gyroscope", "accelerometer", "pose", "twist")},
     "reference_pose": "pose",
     "reference_twist": "twist",
     "reference_acceleration": "acceleration",
@@ -329,3 +322,28 @@ def _named_source(
     if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
         raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
     return Source(topic, place, columns, asked)
+
+
+def assignment(
+    tables: Mapping[str, Table], topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None, where: str
+) -> Assignment:
+    """Who plays what under `topics` and, where the log can follow them, `preferred`, those of a model file.
+
+    What a model file says of a topic's numbers where this log has the role but not that topic is noted. Errors as of
+    `propose`.
+    """
+    topics, preferred = topics or {}, preferred or {}
+    said = {role: None if is_none(value) else parse_source(value) for role, value in preferred.items()}
+    followed = {role: preferred[role] for role, own in said.items() if own is None or own.topic in tables}
+    found = propose(tables, {**followed, **topics}, where)
+    lost = []
+    for role, own in said.items():
+        if own is None or own.topic in tables or role in topics or own == Said(own.topic, own.field, None, 1.0, ""):
+            continue
+        played = [found.sources[p].topic for p in ROLE_PARTS.get(role, (role,)) if p in found.sources]
+        if played:
+            lost.append(
+                f"The model file maps {role} to {preferred[role]}; this log has no {own.topic}, {played[0]} is used as "
+                "it is."
+            )
+    return replace(found, notes=(*found.notes, *lost))

@@ -89,8 +89,8 @@ def read_log(path: Path, selection: Selection, budget: Budget | str | None = Non
     """
     reader = reader_of(path)
     files = reader.data_files()
-    before = _sizes(files)
-    reader.account = Budget.of(budget).account(path, before)
+    size = sum(file.stat().st_size for file in files)
+    reader.account = Budget.of(budget).account(path, size)
     tables, notes = _tables(reader, selection)
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
@@ -101,9 +101,8 @@ def read_log(path: Path, selection: Selection, budget: Budget | str | None = Non
         tables, notes = tables | made, notes + said
     tables = dict(sorted(tables.items()))
     give_back(max(map(len, tables.values())))
-    if (after := _sizes(files)) != before:
-        notes.append(f"{path.name} grew from {before} to {after} bytes while it was read: its end is missing here.")
-    size = before
+    if (after := sum(file.stat().st_size for file in files)) != size:
+        notes.append(f"{path.name} grew from {size} to {after} bytes while it was read: its end is missing here.")
     return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes), autopilot)
 
 
@@ -122,11 +121,6 @@ def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], lis
         reader.notes.clear()
         return _tables(reader, selection)
     return collector.tables(), collector.notes
-
-
-def _sizes(files: list[Path]) -> int:
-    """Of all files [bytes]."""
-    return sum(file.stat().st_size for file in files)
 
 
 def _hash(files: list[Path]) -> str:
@@ -184,20 +178,20 @@ class Collector:
                 f"its messages are encoded as {channel.encoding!r}, expected cdr, ros1, json or protobuf"
             )
             return None
+        decoder: Decoder | Encoded
         try:
             if channel.encoding in OTHERS:
                 decoder = encoded(channel, self.account)
-                known = decoder.fields or channel.encoding == "json"  # JSON may come without a schema
-                return decoder if known and self._chosen(channel, decoder.fields) else None
-            definitions = definitions_of(channel)
-            fields = flat_fields(channel.type, definitions)
+                fields, unknown = decoder.fields, channel.encoding != "json"  # JSON may come without a schema
+            else:
+                definitions = definitions_of(channel)
+                fields, unknown = flat_fields(channel.type, definitions), False
+                decoder = Decoder(channel, definitions, self.account)
         except (UndecodableError, KeyError) as error:
             self.problems[channel.topic] = str(error)
             return None
-        return Decoder(channel, definitions, self.account) if self._chosen(channel, fields) else None
-
-    def _chosen(self, channel: Channel, fields: list[str]) -> bool:
-        return not fields or self.selection(channel.topic, channel.type, fields)
+        chosen = self.selection(channel.topic, channel.type, fields) if fields else not unknown
+        return decoder if chosen else None
 
     def _shared(self, first: Channel, channel: Channel) -> Decoder | Encoded | None:
         """The decoder of another writer of the topic, which may know the type by another definition."""

@@ -9,7 +9,7 @@ itself. Messages that a reader hands on where they lie are copied by the layout 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import islice
@@ -89,37 +89,42 @@ def _parsed(text: str, kind: str, definition_format: str) -> Definitions:
     found: dict[str, tuple[Any, Any]] = {}
     for part in text.split("=" * 80 + "\n"):
         body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+        plain = NO_SYNTAX.sub("", body)
+        # parentheses in parentheses are parsed again on every level, constants of constants are evaluated at each use,
+        # and a shift makes a number of any length: ROS writes none of these
+        if NESTED.search(plain) or "<<" in plain or not all(map(LITERAL.fullmatch, CONSTANT.findall(plain))):
+            raise UndecodableError("its definition in IDL computes with constants, which those of ROS do not")
         if body.strip():
-            _check_idl(body)
             found |= get_types_from_idl(body)
     return found
 
 
-def _check_idl(text: str) -> None:
-    """Raise UndecodableError for what ROS never writes and what may take for ever to parse or to evaluate.
-
-    Parentheses in parentheses are parsed again on every level, constants of constants are evaluated at each use, and a
-    shift makes a number of any length.
-    """
-    plain = NO_SYNTAX.sub("", text)
-    if NESTED.search(plain) or "<<" in plain or not all(map(LITERAL.fullmatch, CONSTANT.findall(plain))):
-        raise UndecodableError("its definition in IDL computes with constants, which those of ROS do not")
-
-
 def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str]:
     """Dotted names of a type's fields, e.g. twist.linear.x; sequences of messages are not entered."""
-    return [name for name in islice(_flat(kind, definitions, depth), LIMITS.fields) if name]
+
+    def inner(kind: str) -> Iterator[tuple[str, str | None]]:
+        for name, (node, payload) in definitions[kind][1]:
+            yield name, payload if node == Nodetype.NAME and payload in definitions else None
+
+    return dotted_names(kind, inner, depth, LIMITS.fields)
 
 
-def _flat(kind: str, definitions: Definitions, depth: int) -> Iterator[str]:
-    """Names of fields, and nothing for a message that is entered, so that it is counted."""
-    for name, (node, payload) in definitions[kind][1]:
-        if node == Nodetype.NAME and depth and payload in definitions:
-            yield ""
-            for inner in _flat(payload, definitions, depth - 1):
-                yield inner and f"{name}.{inner}"
-        else:
-            yield name
+def dotted_names(kind: Any, inner: Callable[[Any], Iterable[tuple[str, Any]]], depth: int, most: int) -> list[str]:
+    """Dotted names of a type's fields; `inner` gives the names within a type, each with its type where it has names.
+
+    Of `most` names at most, a type that is entered counting as one: it may have none, and contain itself.
+    """
+
+    def walk(kind: Any, depth: int) -> Iterator[str]:
+        for name, below in inner(kind):
+            if below is None or not depth:
+                yield name
+            else:
+                yield ""
+                for rest in walk(below, depth - 1):
+                    yield rest and f"{name}.{rest}"
+
+    return [name for name in islice(walk(kind, depth), most) if name]
 
 
 @dataclass

@@ -10,9 +10,8 @@ from __future__ import annotations
 import base64
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.flight.formats.decode import UndecodableError
+from wrenchgap.flight.formats.decode import UndecodableError, dotted_names
 from wrenchgap.flight.formats.reader import Channel, one_line
 from wrenchgap.flight.formats.table import Columns, joined
 
@@ -123,16 +122,6 @@ def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
         found[path] = [float(item) if isinstance(item, float) or abs(item) < 1e300 else float("nan") for item in value]
 
 
-def _schema_fields(schema: Any, path: str = "", depth: int = LIMITS.object_depth) -> Iterator[str]:
-    """Dotted names of a JSON schema's properties."""
-    properties = schema.get("properties") if isinstance(schema, dict) else None
-    if isinstance(properties, dict) and depth:
-        for name, inner in properties.items():
-            yield from _schema_fields(inner, f"{path}.{name}" if path else str(name), depth - 1)
-    elif path:
-        yield path
-
-
 @dataclass
 class ProtobufMessages(Encoded):
     """Protobuf messages of the class that the file describes."""
@@ -168,17 +157,6 @@ def _repeated(described: Any) -> bool:
     return bool(described.is_repeated) if hasattr(described, "is_repeated") else described.label == 3
 
 
-def _described(kind: Any, path: str = "", depth: int = LIMITS.object_depth) -> Iterator[str]:
-    """Dotted names of a protobuf type's fields, and nothing for a message that is entered, so that it is counted."""
-    for described in kind.fields:
-        name = f"{path}.{described.name}" if path else described.name
-        if described.message_type is not None and depth and not _repeated(described):
-            yield ""
-            yield from _described(described.message_type, name, depth - 1)
-        else:
-            yield name
-
-
 def encoded(channel: Channel, account: Account) -> Encoded:
     """What decodes a channel of JSON or protobuf. Raises UndecodableError where its schema cannot be used."""
     if channel.encoding == "json":
@@ -186,11 +164,7 @@ def encoded(channel: Channel, account: Account) -> Encoded:
             schema = json.loads(channel.definition or "{}")
         except (ValueError, RecursionError):
             schema = {}
-        return JsonMessages(channel, list(islice(_schema_fields(schema), LIMITS.schema_fields)), account)
-    return _protobuf(channel, account)
-
-
-def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
+        return JsonMessages(channel, _names(_properties(schema), _properties_within), account)
     with needed_for("protobuf messages", UndecodableError):
         from google.protobuf import descriptor_pb2 as pb2
         from google.protobuf import descriptor_pool as pools
@@ -201,7 +175,24 @@ def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
         for file in files.file:
             pool.Add(file)
         kind = pool.FindMessageTypeByName(channel.type)
-        fields = [name for name in islice(_described(kind), LIMITS.schema_fields) if name]
-        return ProtobufMessages(channel, fields, account, kind=factory.GetMessageClass(kind))
+        return ProtobufMessages(channel, _names(kind, _fields_within), account, kind=factory.GetMessageClass(kind))
     except Exception as error:  # of a damaged description protobuf raises many kinds
         raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error
+
+
+def _names(kind: Any, inner: Callable[[Any], Iterable[tuple[str, Any]]]) -> list[str]:
+    return dotted_names(kind, inner, LIMITS.object_depth, LIMITS.schema_fields)
+
+
+def _properties(schema: Any) -> dict[Any, Any] | None:
+    """Those of a JSON schema; None where it has none."""
+    found = schema.get("properties") if isinstance(schema, dict) else None
+    return found if isinstance(found, dict) else None
+
+
+def _properties_within(properties: dict[Any, Any] | None) -> Iterator[tuple[str, Any]]:
+    return ((str(name), _properties(inner)) for name, inner in (properties or {}).items())
+
+
+def _fields_within(kind: Any) -> Iterator[tuple[str, Any]]:
+    return ((one.name, None if _repeated(one) else one.message_type) for one in kind.fields)

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import BinaryIO, ClassVar
+from typing import Any, BinaryIO, ClassVar
 
 import lz4.frame
 import numpy as np
@@ -285,20 +285,16 @@ def _unzstd(data: Buffer, most: int) -> bytes:
             while len(found) <= most and (piece := stream.read(LIMITS.mcap_piece)):
                 found += piece
     except zstandard.ZstdError:
-        return _in_steps(zstandard.ZstdDecompressor().decompressobj(), data, most, 1024)
+        return _in_steps(zstandard.ZstdDecompressor().decompressobj, data, most, 1024)
     return bytes(found)
 
 
-def _unlz4(data: Buffer, most: int) -> bytes:
-    found = _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, LIMITS.mcap_piece)
-    return found or _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, 1024)
-
-
-def _in_steps(decompressor: object, data: Buffer, most: int, step: int) -> bytes:
-    found = bytearray()
+def _in_steps(make: Callable[[], Any], data: Buffer, most: int, step: int) -> bytes:
+    """Decompress step by step, as far as it goes, and no further than just beyond `most` bytes."""
+    found, decompressor = bytearray(), make()
     try:
         for start in range(0, len(data), step):
-            found += decompressor.decompress(data[start : start + step])  # type: ignore[attr-defined]
+            found += decompressor.decompress(data[start : start + step])
             if len(found) > most:
                 break
     except (RuntimeError, EOFError, zstandard.ZstdError):
@@ -306,8 +302,9 @@ def _in_steps(decompressor: object, data: Buffer, most: int, step: int) -> bytes
     return bytes(found)
 
 
-def _plain(data: Buffer, most: int) -> bytes:
-    return bytes(data[: most + 1])
+def _unlz4(data: Buffer, most: int) -> bytes:
+    make = lz4.frame.LZ4FrameDecompressor
+    return _in_steps(make, data, most, LIMITS.mcap_piece) or _in_steps(make, data, most, 1024)
 
 
 _READ = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.DATA_END})
@@ -317,5 +314,9 @@ _PASSED[[Opcode.SCHEMA, Opcode.CHANNEL]] = False
 """Records within a chunk that are passed over."""
 _NONE_PASSED = np.zeros(256, dtype=np.bool_)
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
-_DECOMPRESS: dict[str, Callable[[Buffer, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
+_DECOMPRESS: dict[str, Callable[[Buffer, int], bytes]] = {
+    "": lambda data, most: bytes(data[: most + 1]),
+    "zstd": _unzstd,
+    "lz4": _unlz4,
+}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

@@ -115,32 +115,30 @@ class Rows:
 
         The first of all has the number `first`.
         """
-        fits = self._copied(places if asked is None else places.taken(asked))
+        known, some = self.template, places if asked is None else places.taken(asked)
+        fits = np.empty(len(some), dtype=np.bool_)
+        source, done, width = np.frombuffer(places.data, dtype=np.uint8), 0, known.row.itemsize
+        while done < len(some):
+            if not self.blocks or self.used == len(self.blocks[-1]):
+                room = min(max(64, 2 * self.count), max(64, LIMITS.packed_block // width))
+                self.account.take(room * width, "messages")
+                large = room * width >= LIMITS.packed_block // 2  # in pages of its own, which go back when it is let go
+                block = (
+                    np.frombuffer(mmap.mmap(-1, room * width), np.uint8) if large else np.empty(room * width, np.uint8)
+                )
+                self.blocks.append(block.reshape(room, width))
+                self.used = 0
+            rows = self.blocks[-1]
+            part = slice(done, done + len(rows) - self.used)
+            where = some.starts[part], some.lengths[part], known.fixed, known.expected, known.ranges
+            added = copied(source, *where, fits[part], rows, self.used)
+            self.used, self.count, done = self.used + added, self.count + added, part.stop
         if asked is None and fits.all():
             self.index.append(range(first, first + len(places)))
             return NONE
         asked = np.arange(len(places)) if asked is None else asked
         self.index.append(asked[fits] + first)
         return asked[~fits]
-
-    def _copied(self, places: Places) -> NDArray[np.bool_]:
-        """Copy what fits; says which (K,)."""
-        known, starts, lengths = self.template, places.starts, places.lengths
-        fits = np.empty(len(starts), dtype=np.bool_)
-        source, done = np.frombuffer(places.data, dtype=np.uint8), 0
-        while done < len(starts):
-            if not self.blocks or self.used == len(self.blocks[-1]):
-                width = known.row.itemsize
-                room = min(max(64, 2 * self.count), max(64, LIMITS.packed_block // width))
-                self.account.take(room * width, "messages")
-                self.blocks.append(_block(room, width))
-                self.used = 0
-            rows = self.blocks[-1]
-            part = slice(done, done + len(rows) - self.used)
-            where = starts[part], lengths[part], known.fixed, known.expected, known.ranges
-            added = copied(source, *where, fits[part], rows, self.used)
-            self.used, self.count, done = self.used + added, self.count + added, part.stop
-        return fits
 
     def columns(self) -> Columns:
         """Columns (count, ...) of the rows; a block is given away as soon as it is in them.
@@ -175,14 +173,6 @@ def _filled(column: NDArray[Any], start: int, values: NDArray[Any]) -> NDArray[A
         column = column.copy()
     column[start : start + len(values)] = values
     return column
-
-
-def _block(room: int, width: int) -> NDArray[np.uint8]:
-    """Uninitialised rows (room, width); large ones in pages of their own, which go back as soon as they are let go."""
-    size = room * width
-    if size < LIMITS.packed_block // 2:
-        return np.empty((room, width), dtype=np.uint8)
-    return np.frombuffer(mmap.mmap(-1, size), dtype=np.uint8).reshape(room, width)
 
 
 @dataclass

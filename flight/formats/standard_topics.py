@@ -37,24 +37,44 @@ def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
 def values_at(wanted: Stamps, stamps: Stamps, values: Array, faster: float = 1.5) -> Array:
     """`values` (K, C) at `stamps` (K,) [ns], at the `wanted` (N,) ones: (N, C), NaN where the source has none.
 
-    A source that comes `faster` than what asks by this factor is averaged.
+    A source that comes `faster` than what asks by this factor is averaged over the period of what asks: differences of
+    the integral of what is linear between the samples.
     """
     stamps, values = increasing_rows(stamps, values)
     if len(stamps) < 2:
         return np.full((len(wanted), values.shape[1]), np.nan)
-    origin = int(stamps[0])
-    time, asked = _seconds(stamps, origin), _seconds(wanted, origin)
-    usual = _usual(time)
-    period = _usual(np.sort(asked)) if len(asked) > 1 else 0.0
-    if period > faster * usual:
-        out = _averaged(asked, time, values, period)
+    time, asked = _seconds(stamps, int(stamps[0])), _seconds(wanted, int(stamps[0]))
+    period = _period(np.sort(asked)) if len(asked) > 1 else 0.0
+    if period > faster * _period(time):
+        low, high = (np.clip(asked + side * period / 2, time[0], time[-1]) for side in (-1, 1))
+        width = np.maximum(high - low, 1e-9)
+        columns = ((_integral(high, time, v) - _integral(low, time, v)) / width for v in values.T)
     else:
-        out = np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
-    out[outside(asked, time, usual)] = np.nan
+        columns = (np.interp(asked, time, v) for v in values.T)
+    out = np.stack(list(columns), axis=1)
+    out[outside(asked, time)] = np.nan
     return out
 
 
-def outside(asked: Array, time: Array, usual: float, gap: float = 4.0) -> NDArray[np.bool_]:
+def _seconds(stamps: Stamps, origin: int) -> Array:
+    return np.asarray((stamps - origin) * 1e-9, dtype=float)
+
+
+def _period(time: Array) -> float:
+    return max(float(np.median(np.diff(time))), 1e-9)
+
+
+def _integral(asked: Array, time: Array, values: Array) -> Array:
+    """Integral from the first sample to `asked`."""
+    steps = np.diff(time)
+    whole = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)))
+    left = np.clip(np.searchsorted(time, asked, side="right") - 1, 0, len(steps) - 1)
+    into = asked - time[left]
+    slope = (values[left + 1] - values[left]) / steps[left]
+    return np.asarray(whole[left] + into * (values[left] + 0.5 * slope * into))
+
+
+def outside(asked: Array, time: Array, gap: float = 4.0) -> NDArray[np.bool_]:
     """Where `asked` lies beyond the ends of `time`, or inside a gap of it.
 
     A gap is longer than `gap` usual periods, more than for a series of its own: autopilots thin topics unevenly.
@@ -63,7 +83,7 @@ def outside(asked: Array, time: Array, usual: float, gap: float = 4.0) -> NDArra
     step = time[right] - time[right - 1]
     inside = (asked > time[right - 1]) & (asked < time[right])
     beyond = (asked < time[0] - 1e-6) | (asked > time[-1] + 1e-6)
-    return np.asarray(beyond | (inside & (step > gap * usual)))
+    return np.asarray(beyond | (inside & (step > gap * _period(time))))
 
 
 def cubic_at(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Array:
@@ -86,33 +106,8 @@ def cubic_at(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Arr
     fair = np.abs(chord - 0.5 * (tangents[0] + tangents[1])) <= 0.05 + 0.5 * np.abs(chord)
     bend = (1 - s) * s * ((1 - s) * (tangents[0] - chord) - s * (tangents[1] - chord))
     out = np.asarray(x[left] + s * chord + np.where(fair, bend, 0.0))
-    out[outside(asked, time, _usual(time))] = np.nan
+    out[outside(asked, time)] = np.nan
     return out
-
-
-def _seconds(stamps: Stamps, origin: int) -> Array:
-    return np.asarray((stamps - origin) * 1e-9, dtype=float)
-
-
-def _usual(time: Array) -> float:
-    return max(float(np.median(np.diff(time))), 1e-9)
-
-
-def _averaged(asked: Array, time: Array, values: Array, period: float) -> Array:
-    """Means over `period` around each stamp, of what is linear between the samples: differences of its integral."""
-    low, high = (np.clip(asked + side * period / 2, time[0], time[-1]) for side in (-1, 1))
-    width = np.maximum(high - low, 1e-9)
-    return np.stack([(_integral(high, time, v) - _integral(low, time, v)) / width for v in values.T], axis=1)
-
-
-def _integral(asked: Array, time: Array, values: Array) -> Array:
-    """Integral from the first sample to `asked`."""
-    steps = np.diff(time)
-    whole = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)))
-    left = np.clip(np.searchsorted(time, asked, side="right") - 1, 0, len(steps) - 1)
-    into = asked - time[left]
-    slope = (values[left + 1] - values[left]) / steps[left]
-    return np.asarray(whole[left] + into * (values[left] + 0.5 * slope * into))
 
 
 def are_pulses(values: NDArray[Any], lowest: float = 700.0, highest: float = 2300.0) -> NDArray[np.bool_]:
