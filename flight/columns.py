@@ -22,11 +22,11 @@ from wrenchgap.flight.stamps import away_from_gaps, spread
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
     "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
-    "gyroscope": ("x", "y", "z"),
-    "accelerometer": ("x", "y", "z"),
+    **dict.fromkeys(("gyroscope", "accelerometer"), ("x", "y", "z")),
     "pose": (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw")),
-    "twist": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
-    "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
+    **dict.fromkeys(
+        ("twist", "acceleration"), tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz")
+    ),
 }
 """Fields of a quantity, in the order of its columns."""
 

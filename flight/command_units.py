@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import ActuatorSeries, Flight, SpeedUnit, WrenchSeries
+from wrenchgap.flight.flight import Flight, SpeedUnit, WrenchSeries
 from wrenchgap.flight.roles import Source
 from wrenchgap.flight.topic_names import name_words
 
@@ -57,19 +57,13 @@ def in_si(flight: Flight) -> Flight:
 
     Raises LogError, with the remedy, where no command remains: nothing there could be compared with a measured wrench.
     """
-    out = {role: series for role, series in flight.series().items() if _unit(series) in ROTOR_WORDS}
+    units = {role: getattr(series, "unit", "") for role, series in flight.series().items()}
+    out = {role: unit for role, unit in units.items() if unit in ROTOR_WORDS}
     if not out:
         return flight
-    said = ", ".join(f"{series.topic} ({role}, {_described(series)})" for role, series in out.items())
+    words = {role: ROTOR_WORDS[unit] if role == "actuators" else WRENCH_WORDS for role, unit in out.items()}
+    said = ", ".join(f"{flight.series()[role].topic} ({role}, {words[role]})" for role in out)
     left = replace(flight, **dict.fromkeys(out))  # type: ignore[arg-type]
     if left.commanded is None and left.actuators is None and left.desired is None:
         raise LogError(f"{flight.path.name}: its commands are not in SI: {said}; {REMEDY}")
     return replace(left, notes=(*left.notes, f"{flight.name}: not in SI and left out: {said}; {REMEDY}."))
-
-
-def _described(series: object) -> str:
-    return WRENCH_WORDS if isinstance(series, WrenchSeries) else ROTOR_WORDS[_unit(series)]
-
-
-def _unit(series: object) -> str:
-    return series.unit if isinstance(series, ActuatorSeries | WrenchSeries) else ""

@@ -128,9 +128,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: M
     stamps = _told(table.log_time_ns if table.header_ns is None else table.header_ns)
     time = (stamps - stamps[0]) * 1e-9
     steps = Steps(time if np.all(time[1:] >= time[:-1]) else np.sort(time))
-    gaps = steps.gaps
     period = steps.nominal_period if len(time) > 2 else 0.0
-    several = period > 0.0  # damaged logs repeat one stamp
     clock = known.get(table.topic)
     if clock is None and table.header_ns is not None:
         clock = relation(table.log_time_ns, without_jumps(table.log_time_ns, table.header_ns)[0])
@@ -139,10 +137,10 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: M
         topic=table.topic,
         type=table.type,
         count=len(table),
-        rate=1.0 / period if several else None,
-        jitter=steps.jitter if several else None,
-        gaps=len(gaps),
-        longest_gap=max((gap.stop - gap.start for gap in gaps), default=0.0),
+        rate=1.0 / period if period > 0.0 else None,  # damaged logs repeat one stamp
+        jitter=steps.jitter if period > 0.0 else None,
+        gaps=len(steps.gaps),
+        longest_gap=max((gap.stop - gap.start for gap in steps.gaps), default=0.0),
         header_offset=None if clock is None else clock.offset,
         header_rate=None if clock is None else clock.rate,
         header_jitter=None if clock is None else clock.residual,

@@ -19,15 +19,12 @@ MANY = 4096
 """Rows below which a handful of numpy calls is soon done."""
 
 
-def _many(*rows: Array) -> bool:
-    """Whether one compiled pass over these rows (N, K) pays."""
-    return all(type(r) is np.ndarray and r.ndim == 2 and r.dtype == float for r in rows) and (
-        min(map(len, rows)) >= MANY and len({len(r) for r in rows}) == 1
-    )
-
-
-def _whole(rows: Array) -> Array:
-    return np.ascontiguousarray(rows)
+def _many(*arrays: Array) -> tuple[Array, ...] | None:
+    """Rows (N, K) side by side in memory, where one compiled pass over them pays; else None."""
+    plain = all(type(a) is np.ndarray and a.ndim == 2 and a.dtype == float for a in arrays)
+    if not plain or min(map(len, arrays)) < MANY or len({len(a) for a in arrays}) > 1:
+        return None
+    return tuple(np.ascontiguousarray(a) for a in arrays)
 
 
 def normalise(quat_wxyz: Array) -> Array:
@@ -39,8 +36,8 @@ def normalise(quat_wxyz: Array) -> Array:
 
 def continuous(quat_wxyz: Array) -> Array:
     """The same rotations, shape (N, 4), with signs chosen so that neighbours never jump to the antipode."""
-    if _many(quat_wxyz):
-        return np.asarray(_continuous_rows(_whole(quat_wxyz)))
+    if rows := _many(quat_wxyz):
+        return np.asarray(_continuous_rows(*rows))
     flips = np.sum(quat_wxyz[1:] * quat_wxyz[:-1], axis=-1) < 0
     sign = np.concatenate(([1.0], np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)))
     return np.asarray(quat_wxyz * sign[:, None])
@@ -76,8 +73,8 @@ def exp(rotation_vector: Array) -> Array:
 
 def log(quat_wxyz: Array) -> Array:
     """Rotation vector [rad] of unit quaternion(s), shape (..., 4) to (..., 3); norm at most pi."""
-    if _many(quat_wxyz):
-        return np.asarray(_log_rows(_whole(quat_wxyz)))
+    if rows := _many(quat_wxyz):
+        return np.asarray(_log_rows(*rows))
     q = np.where(quat_wxyz[..., :1] < 0, -quat_wxyz, quat_wxyz)
     norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(norm, q[..., :1])
@@ -87,8 +84,8 @@ def log(quat_wxyz: Array) -> Array:
 
 def rotation_between(before_wxyz: Array, after_wxyz: Array) -> Array:
     """Rotation vector(s) [rad] from one attitude to another, log(p^-1 q), shapes (..., 4) to (..., 3)."""
-    if _many(before_wxyz, after_wxyz):
-        return np.asarray(_turned_rows(_whole(before_wxyz), _whole(after_wxyz)))
+    if rows := _many(before_wxyz, after_wxyz):
+        return np.asarray(_turned_rows(*rows))
     return log(multiply(conjugate(before_wxyz), after_wxyz))
 
 
@@ -113,31 +110,21 @@ def from_matrix(R: Array) -> Array:
 
     Shepperd's method: divides by the largest of the four candidates, so no loss near 180 deg.
     """
-    trace = np.trace(R, axis1=-2, axis2=-1)
-    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
-    candidates = np.concatenate((trace[..., None], diagonal), axis=-1)
-    choice = np.argmax(candidates, axis=-1)
-    q = np.empty((*R.shape[:-2], 4))
+    trace, diagonal = np.trace(R, axis1=-2, axis2=-1), np.diagonal(R, axis1=-2, axis2=-1)
+    choice = np.argmax(np.concatenate((trace[..., None], diagonal), axis=-1), axis=-1)
     yz, xz, xy = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
     sxy, sxz, syz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
-    forms = np.stack(
-        (
-            np.stack((1 + trace, yz, xz, xy), axis=-1),
-            np.stack((yz, 1 + 2 * diagonal[..., 0] - trace, sxy, sxz), axis=-1),
-            np.stack((xz, sxy, 1 + 2 * diagonal[..., 1] - trace, syz), axis=-1),
-            np.stack((xy, sxz, syz, 1 + 2 * diagonal[..., 2] - trace), axis=-1),
-        ),
-        axis=-2,
-    )
-    q = np.take_along_axis(forms, choice[..., None, None], axis=-2)[..., 0, :]
-    q = normalise(q)
+    x, y, z = (1 + 2 * diagonal[..., k] - trace for k in range(3))
+    rows = (1 + trace, yz, xz, xy), (yz, x, sxy, sxz), (xz, sxy, y, syz), (xy, sxz, syz, z)
+    forms = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    q = normalise(np.take_along_axis(forms, choice[..., None, None], axis=-2)[..., 0, :])
     return np.asarray(np.where(q[..., :1] < 0, -q, q))
 
 
 def rotate(quat_wxyz: Array, vector: Array) -> Array:
     """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
-    if _many(quat_wxyz, vector):
-        return np.asarray(_rotate_rows(_whole(quat_wxyz), _whole(vector), 1.0))
+    if rows := _many(quat_wxyz, vector):
+        return np.asarray(_rotate_rows(*rows, 1.0))
     w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
     t = 2.0 * np.cross(u, vector)
     return np.asanyarray(vector + w * t + np.cross(u, t))
@@ -145,15 +132,15 @@ def rotate(quat_wxyz: Array, vector: Array) -> Array:
 
 def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:
     """v_B = R_EB^T v_E for quat_EB, shapes (..., 4) and (..., 3)."""
-    if _many(quat_wxyz, vector):
-        return np.asarray(_rotate_rows(_whole(quat_wxyz), _whole(vector), -1.0))
+    if rows := _many(quat_wxyz, vector):
+        return np.asarray(_rotate_rows(*rows, -1.0))
     return rotate(conjugate(quat_wxyz), vector)
 
 
 def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
     """Constant-rate (slerp) interpolation of attitudes at `knots` (K,), quat (K, 4), to `time` (N,)."""
-    if len(time) >= MANY and len(knots) > 1 and _many(quat_wxyz):
-        return np.asarray(_interpolate_rows(*map(_whole, (time, knots, quat_wxyz))))
+    if len(time) >= MANY and len(knots) > 1 and (rows := _many(quat_wxyz)):
+        return np.asarray(_interpolate_rows(np.ascontiguousarray(time), np.ascontiguousarray(knots), *rows))
     index = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     fraction = np.clip((time - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
     start = quat_wxyz[index]
@@ -169,9 +156,8 @@ def hat(vector: Array) -> Array:
 
 def vee(S: Array) -> Array:
     """Inverse of `hat`; takes the skew part, shape (..., 3, 3) to (..., 3)."""
-    return np.asarray(
-        0.5 * np.stack((S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]), axis=-1)
-    )
+    skew = S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]
+    return np.asarray(0.5 * np.stack(skew, axis=-1))
 
 
 def tilt_angle(quat_wxyz: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.mapping_units import UNITS, Meaning
@@ -48,38 +47,31 @@ def _source(flight: Flight, part: str) -> str:
     return "/topic" if series is None else series.topic.split(" + ")[-1 if part in ("twist", "rotor_speed") else 0]
 
 
-def _with(source: str, words: str) -> str:
-    known = source.partition(":")[2].split(",")
-    if words.startswith("accel*") and any(_scales(word) for word in known):
-        return _rescaled(source.partition(":")[0], known, float(words.removeprefix("accel*")))
-    if words.startswith("*"):
-        return source.replace(":", f"{words}:", 1) if ":" in source else f"{source}{words}"
-    fresh = [word for word in words.split(",") if word not in known or "=" in word or "*" in word]
-    # what is said already and says the same again was wrong: the sensor is not turned after all
-    if not fresh and words in known:
-        left = [word for word in known if word != words]
-        return source.partition(":")[0] + (f":{','.join(left)}" if left else "")
-    return f"{source}{',' if ':' in source else ':'}{','.join(fresh)}"
-
-
-def _scales(word: str) -> bool:
-    return word in ACCELEROMETER_UNITS or word.startswith("accel*")
-
-
-def _rescaled(topic: str, known: Sequence[str], by: float, one: float = 0.05) -> str:
-    """The source with one factor in the place of the words that scale the accelerometer; none where that is about one.
-
-    The specific force of a flight is its weight's within some per cent, so that a factor within `one` of 1 is none.
-    Behind a unit's word it means that the word was wrong.
-    """
-    scale = by
-    for word in filter(_scales, known):
-        scale *= ACCELEROMETER_UNITS.get(word) or float(word.removeprefix("accel*"))
-    words = [word for word in known if not _scales(word)]
-    words += [] if abs(scale - 1.0) < one else [f"accel*{factor(scale)}"]
-    return topic + (f":{','.join(words)}" if words else "")
-
-
 def factor(value: float) -> str:
     """A factor in three digits."""
     return f"{value:.3g}"
+
+
+def _with(source: str, words: str, one: float = 0.05) -> str:
+    """A source with words more.
+
+    A factor of the accelerometer stands in the place of all words that scale it, behind a unit's word because that was
+    wrong. The specific force of a flight is its weight's within some per cent, so that a factor within `one` of 1 is
+    none. What is said already and says the same again was wrong: the sensor is not turned after all.
+    """
+    topic, known = source.partition(":")[0], source.partition(":")[2].split(",")
+    scaling = [word for word in known if word in ACCELEROMETER_UNITS or word.startswith("accel*")]
+    fresh = [word for word in words.split(",") if word not in known or "=" in word or "*" in word]
+    if words.startswith("accel*") and scaling:
+        scale = float(words.removeprefix("accel*"))
+        for word in scaling:
+            scale *= ACCELEROMETER_UNITS.get(word) or float(word.removeprefix("accel*"))
+        kept = [word for word in known if word not in scaling]
+        kept += [] if abs(scale - 1.0) < one else [f"accel*{factor(scale)}"]
+    elif words.startswith("*"):
+        return source.replace(":", f"{words}:", 1) if ":" in source else f"{source}{words}"
+    elif not fresh and words in known:
+        kept = [word for word in known if word != words]
+    else:
+        return f"{source}{',' if ':' in source else ':'}{','.join(fresh)}"
+    return topic + (f":{','.join(kept)}" if kept else "")

@@ -21,20 +21,16 @@ def behind_body_frame(found: Iterable[Check], known: Iterable[Check]) -> list[Ch
     With both mends followed they would differ again: the wrench is asked anew once the IMU is mended.
     """
     imu = next((check for check in known if check.name == "body-frame" and check.level == "bad"), None)
-    if imu is None:
-        return list(found)
-
-    def behind(check: Check) -> Check:
-        same = _axes(check.mend) == _axes(imu.mend) == "frd"  # its own inverse: the IMU's mend is all that is needed
-        why = "it follows from the IMU's axes (body-frame)" if same else "mend the IMU's axes (body-frame) first"
-        return replace(check, words=f"{check.words}; {why}", mend=None)
-
-    return [behind(check) if check.name == "wrench-frame" and check.mend else check for check in found]
-
-
-def _axes(mend: str | None) -> str:
-    """The last word of an option."""
-    return (mend or "").rpartition(":")[2].strip("'").rpartition(",")[2]
+    out = []
+    for check in found:
+        if imu is not None and check.name == "wrench-frame" and check.mend:
+            axes = {(mend or "").rpartition(":")[2].strip("'").rpartition(",")[2] for mend in (check.mend, imu.mend)}
+            same = axes == {"frd"}  # its own inverse: the IMU's mend is all that is needed
+            why = "it follows from the IMU's axes (body-frame)" if same else "mend the IMU's axes (body-frame) first"
+            out.append(replace(check, words=f"{check.words}; {why}", mend=None))
+        else:
+            out.append(check)
+    return out
 
 
 def wrench_frame(
@@ -61,10 +57,8 @@ def wrench_frame(
     if not flying.any():
         return
     alike = np.sum(force * felt, axis=1) / np.maximum(size * lengths(felt), 1e-12)
-    median = float(np.median(alike[flying]))
+    median, down = float(np.median(alike[flying])), float(np.median(force[flying, 2]))
     if median < opposite:
-        down = float(np.median(force[flying, 2]))
-        words = (
-            f"The commanded force (median force_z {down:.3g}) is opposite to the specific force (cosine {median:.2f})"
-        )
+        words = f"The commanded force (median force_z {down:.3g}) is opposite to the specific force"
+        words += f" (cosine {median:.2f})"
         yield Check("wrench-frame", "bad", f"{words}: axes forward-right-down", option(flight, "frd", "commanded"))

@@ -16,17 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as BagReader
-from rosbags.rosbag1.reader import (
-    Chunk,
-    Compression,
-    Header,
-    IndexData,
-    ReaderError,
-    RecordType,
-    decompressors,
-    read_bytes,
-    read_uint32,
-)
+from rosbags.rosbag1 import reader as rosbag1
 
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError
 from wrenchgap.flight.errors import LogError
@@ -48,8 +38,8 @@ SHORTEST = 46
 PIECE = 2**24
 """Bytes that are decompressed at once."""
 PACKERS: dict[Callable[[bytes], bytes], Callable[[], Any]] = {
-    decompressors[Compression.BZ2.value]: bz2.BZ2Decompressor,
-    decompressors[Compression.LZ4.value]: lz4.frame.LZ4FrameDecompressor,
+    rosbag1.decompressors[rosbag1.Compression.BZ2.value]: bz2.BZ2Decompressor,
+    rosbag1.decompressors[rosbag1.Compression.LZ4.value]: lz4.frame.LZ4FrameDecompressor,
 }
 ENTRY = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 """Of an index."""
@@ -119,14 +109,14 @@ class CountedBag(BagReader):
         self.account.check_time()
         return found
 
-    def read_chunk(self) -> Chunk:
+    def read_chunk(self) -> rosbag1.Chunk:
         """One of them, whose decompression is counted."""
         found = super().read_chunk()
         self.account.take(LIMITS.bag_connection, "the index of chunks")
         packer = PACKERS.get(found.decompressor)
         return found if packer is None else found._replace(decompressor=lambda data: self._unfolded(packer, data))
 
-    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+    def read_index_data(self, pos: int, indexes: dict[int, list[rosbag1.IndexData]]) -> None:
         """The entries of one connection in the chunk at `pos`."""
         assert self.bio
         before = self.bio.tell()
@@ -142,7 +132,7 @@ class CountedBag(BagReader):
             while not stream.eof:
                 piece = stream.decompress(data, max_length=PIECE)
                 if not piece and stream.needs_input:
-                    raise ReaderError("a chunk that is cut short")
+                    raise rosbag1.ReaderError("a chunk that is cut short")
                 found += piece
                 data = b""
                 self.account.ask(LIMITS.bag_unfolded * len(found), "a chunk")
@@ -158,12 +148,12 @@ class IndexedBag(CountedBag):
         super().__init__(path, account)
         self.entries: dict[int, list[Entries]] = {}
 
-    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+    def read_index_data(self, pos: int, indexes: dict[int, list[rosbag1.IndexData]]) -> None:
         """The entries of one connection in the chunk at `pos`."""
         assert self.bio
-        header = Header.read(self.bio, RecordType.IDXDATA)
+        header = rosbag1.Header.read(self.bio, rosbag1.RecordType.IDXDATA)
         count = header.get_uint32("count")
-        data = read_bytes(self.bio, read_uint32(self.bio))
+        data = rosbag1.read_bytes(self.bio, rosbag1.read_uint32(self.bio))
         if header.get_uint32("ver") != 1 or len(data) != count * ENTRY.itemsize:
             raise DoubtfulError("an index of another kind")
         self.account.take(LIMITS.bag_entries + 16 * count, "the index of messages")
@@ -186,9 +176,9 @@ class IndexedBag(CountedBag):
     def _chunk(self, pos: int, channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         assert self.bio
         self.account.check_time()
-        chunk: Chunk = self.chunks[pos]
+        chunk: rosbag1.Chunk = self.chunks[pos]
         self.bio.seek(chunk.datapos)
-        data = bytes(chunk.decompressor(read_bytes(self.bio, chunk.datasize)))
+        data = bytes(chunk.decompressor(rosbag1.read_bytes(self.bio, chunk.datasize)))
         places = np.empty((6, len(data) // SHORTEST + 1), dtype=np.int64)
         count = walked_bag(np.frombuffer(data, dtype=np.uint8), places)
         if count < 0:
