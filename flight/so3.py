@@ -124,7 +124,7 @@ def from_matrix(R: Array) -> Array:
 def rotate(quat_wxyz: Array, vector: Array) -> Array:
     """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
     if rows := _many(quat_wxyz, vector):
-        return np.asarray(_rotate_rows(*rows, 1.0))
+        return np.asarray(_rotate_rows(rows[0], rows[1], 1.0))
     w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
     t = 2.0 * np.cross(u, vector)
     return np.asanyarray(vector + w * t + np.cross(u, t))
@@ -133,7 +133,7 @@ def rotate(quat_wxyz: Array, vector: Array) -> Array:
 def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:
     """v_B = R_EB^T v_E for quat_EB, shapes (..., 4) and (..., 3)."""
     if rows := _many(quat_wxyz, vector):
-        return np.asarray(_rotate_rows(*rows, -1.0))
+        return np.asarray(_rotate_rows(rows[0], rows[1], -1.0))
     return rotate(conjugate(quat_wxyz), vector)
 
 
