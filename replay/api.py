@@ -17,40 +17,31 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.unmeasured import axis_names
+from wrenchgap.learn import Comparison, Design, Explanation, FitSettings, GaussianProcess, Learnt, Limits, LogReport
 from wrenchgap.learn.data import comparison
-from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.opening import open_flights as open_every
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
-from wrenchgap.learn.design.design_result import Design
-from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.diagnose import model_checks
-from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import learning
 from wrenchgap.learn.identify.add import Addition, labels, model_of
-from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.posterior import explain as explaining
-from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.process import store
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
-from wrenchgap.plant import model_file
-from wrenchgap.plant.model import Model
+from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.simulation.flight_plan import Plan, fly
-from wrenchgap.replay import report as reporting
 from wrenchgap.replay.compensation import compensators
-from wrenchgap.replay.compensation import replay as replaying
-from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.compensation.source import source_by_name
+from wrenchgap.replay.compensation.compensators import gp_of
+from wrenchgap.replay.compensation.replay import replay_compensation as replay_compensation
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
-from wrenchgap.replay.report import Report
+from wrenchgap.replay.report import report as report
 
 Progress = Callable[[float, str], None]
 
@@ -155,22 +146,6 @@ def explain(
 
 
 @check_arguments
-def report(
-    flights: Flights,
-    model: Model | Addition,
-    *,
-    names: Sequence[str] = (),
-    validate: Flights = (),
-    gp: GaussianProcess | None = None,
-    progress: Progress | None = None,
-) -> Report:
-    """All of it: what is missing, the error step by step, where the model fails, what to fly next; `gp` on `model`."""
-    return reporting.report(
-        listed(flights), model_of(model), names=names, validation=listed(validate), gp=gp, progress=progress
-    )
-
-
-@check_arguments
 def add(
     model: Model | Addition,
     effects: str | Sequence[str] | Explanation,
@@ -269,26 +244,6 @@ def compensator(
 
 
 @check_arguments
-def replay_compensation(
-    flight: OpenFlight,
-    model: Model | Addition,
-    gp: GaussianProcess | Learnt,
-    settings: Settings | None = None,
-    *,
-    source: str | None = None,
-    lead: float | None = None,
-    progress: Progress | None = None,
-) -> Replay:
-    """What the compensation would have commanded on a recorded flight, at the log's own stamps.
-
-    `source` is the logged wrench that goes in, "desired" (where it is logged) or "commanded".
-    """
-    return replaying.replay(
-        flight, model_of(model), gp_of(gp), settings, source=source_by_name(source), lead=lead, progress=progress
-    )
-
-
-@check_arguments
 def counterfactual(
     flight: OpenFlight,
     model: Model | Addition,
@@ -354,8 +309,3 @@ def simulate(
 def save_log(flight: Flight, path: str | Path, *, force: bool = False) -> Path:
     """Write a flight as MCAP with ROS 2 messages. Raises UsageError where the file exists without `force`."""
     return write(flight, Path(path), force=force)
-
-
-def gp_of(gp: GaussianProcess | Learnt) -> GaussianProcess:
-    """The process itself."""
-    return gp.gp if isinstance(gp, Learnt) else gp

@@ -15,10 +15,9 @@ from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
-from wrenchgap.plant import model_file
+from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.drafts.draft import Sheet, assumptions, completed, text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, with_spins
-from wrenchgap.plant.model import Model
 
 
 @check_arguments

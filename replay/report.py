@@ -15,18 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.candidates import Lack, inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify.absorption import Absorption
-from wrenchgap.learn.identify.add import Addition, add
+from wrenchgap.learn.identify.add import Addition, add, model_of
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
 from wrenchgap.learn.posterior.explain import Explanation, explain
@@ -120,21 +122,25 @@ class Report(Result):
         return tuple(dict.fromkeys([*every, *self.before.notes, *self.after.notes]))
 
 
+@check_arguments
 def report(
-    flights: Sequence[OpenFlight],
-    model: Model,
+    flights: Flights,
+    model: Model | Addition,
     *,
     names: Sequence[str] = (),
-    validation: Sequence[OpenFlight] = (),
+    validate: Flights = (),
     gp: GaussianProcess | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """All about `flights`, which were opened for `model`, tested on `validation`; takes minutes.
+    """All about `flights`, which were opened for `model`, tested on `validate`; takes minutes.
+
+    What is missing, the error step by step, where the model fails, what to fly next.
 
     `names` limits the effects that are tried. A `gp` was learnt on the model; without one, a process shows what remains
     to be learnt of the last residual. Raises as `explain` does, and FitError for a process of another vehicle
     or on top of other effects.
     """
+    flights, model, validation = listed(flights), model_of(model), listed(validate)
     tell = progress or (lambda fraction, words: None)
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     if gp is not None:

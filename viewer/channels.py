@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
@@ -25,15 +24,14 @@ class ChannelPicker:
         self.names: tuple[str, ...] = ()
         self._read: dict[str, Mapping[str, tuple[Array, Array]]] = {}
         self._reading: set[str] = set()
-        gui, guarded = host.gui, host.guarded
+        gui, connect = host.gui, host.connect
         with board.tab(CHANNELS):
-            self.list = gui.add_button("List the channels of the log")
-            self.list.on_click(guarded(lambda _: self.read()))
-            self.filter: Any = gui.add_text("filter", "", visible=False, hint="part of a name")
-            self.filter.on_update(guarded(lambda _: self._offer()))
+            self.list = connect(gui.add_button("List the channels of the log"), lambda _: self.read())
+            self.filter = gui.add_text("filter", "", visible=False, hint="part of a name")
+            connect(self.filter, lambda _: self._offer())
             self.choice = gui.add_dropdown("channel", (NONE,), visible=False)
             self.action = gui.add_button_group("plot", ("add", "remove", "remove all"), visible=False)
-            self.action.on_click(guarded(lambda _: self._act(self.action.value)))
+            connect(self.action, lambda _: self._act(self.action.value))
 
     def opened(self) -> None:
         """Another flight is shown: read its channels if some are plotted."""

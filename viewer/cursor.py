@@ -87,11 +87,6 @@ class Cursor:
         if self._player is not None:
             self._player.join(timeout=2.0)
 
-    @property
-    def alive(self) -> bool:
-        """Whether the thread that plays still runs."""
-        return self._player is not None and self._player.is_alive()
-
     def advance(self, seconds: float) -> None:
         """Advance as playing for `seconds` does; from the end of loop or flight it continues at the start."""
         with self._lock:

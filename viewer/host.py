@@ -1,24 +1,42 @@
-"""The interface of the page for its panels and other parts."""
+"""The interface of the page for its panels and other parts; its background jobs, one thread each."""
 
 from __future__ import annotations
 
+import logging
+import re
+import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from threading import BoundedSemaphore
 from typing import Any, ClassVar, Literal, Protocol, TypeVar
 
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.flight.flight import Array
-from wrenchgap.viewer.background import Job, Report, error_text, start
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.scene import Motion, Scene
-from wrenchgap.viewer.session import Session
+from wrenchgap.viewer.session import Motion, Report, Scene, Session
 from wrenchgap.viewer.view_state import ViewState
 
 T = TypeVar("T")
 Kind = Literal["info", "warning", "error"]
 Callback = Callable[[Any], None]
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
+FOLDERS = re.compile(r"(?<![\w./])(?:[A-Za-z]:)?(?:[/\\][^/\\\s:'\"]+)+[/\\](?=[^/\\\s:'\"]+\.\w)")
+"""The folders of an absolute path of a file; names of topics have no suffix."""
+
+
+class Job(threading.Thread):
+    """A running job. `cancel` makes its next report raise `Cancelled`, which ends it; its result is discarded."""
+
+    def __init__(self, name: str, run: Callable[[Job], None]) -> None:
+        super().__init__(target=run, args=(self,), name=name, daemon=True)
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        """Request the end at the next report."""
+        self.cancelled = True
+
+
+class Cancelled(Exception):
+    """Raised inside a cancelled job."""
 
 
 class Host(Protocol):
@@ -42,7 +60,7 @@ class Host(Protocol):
     max_jobs: ClassVar[int] = 8
     """Background jobs that may run, or still be ending, at once."""
     _jobs: list[Job]
-    _waiting: BoundedSemaphore
+    _waiting: threading.BoundedSemaphore
 
     def show(self, view: ViewState) -> None:
         """Show this view, as far as the flight has it; all parts follow."""
@@ -73,6 +91,11 @@ class Host(Protocol):
         """A command of the palette (ctrl-K), with a key where one is given."""
         handle = self.gui.add_command(label, hotkey=hotkey, modifier=modifier)
         handle.on_trigger(self.guarded(lambda _: act()))
+
+    def connect(self, control: Any, act: Callback) -> Any:
+        """The control, which calls `act(event)`, guarded, when it is pressed or gets another value."""
+        (control.on_click if hasattr(control, "on_click") else control.on_update)(self.guarded(act))
+        return control
 
     def guarded(self, callback: Callback) -> Callback:
         """`callback` under the page's lock; an error is reported to the client that caused it.
@@ -105,7 +128,29 @@ class Host(Protocol):
         `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
         user is told). `cancel()` of the job ends it at its next report.
         """
-        job = start(function, on_progress, on_done, on_error or self.fail, self.lock)
+
+        def run(job: Job) -> None:
+            def report(share: float, words: str = "") -> None:
+                with self.lock:
+                    if job.cancelled:
+                        raise Cancelled
+                    on_progress(share, words)
+
+            try:
+                result = function(report)
+            except Cancelled:
+                return
+            except Exception as error:  # whatever it is, the page must live on and say so
+                with self.lock:
+                    if not job.cancelled:
+                        (on_error or self.fail)(error)
+                return
+            with self.lock:
+                if not job.cancelled:
+                    on_done(result)
+
+        job = Job(getattr(function, "__name__", "work"), run)
+        job.start()
         self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
         return job
 
@@ -113,11 +158,6 @@ class Host(Protocol):
     def crowded(self) -> bool:
         """Whether `max_jobs` background jobs run or are still ending."""
         return sum(job.is_alive() for job in self._jobs) >= self.max_jobs
-
-    def make_room(self) -> None:
-        """Raise UsageError while it is crowded; the user can try again."""
-        if self.crowded:
-            raise UsageError("earlier work is still ending; try again in a moment")
 
     def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0, client: Any = None) -> None:
         """Show a message in a corner of the page, to one client or to all."""
@@ -132,3 +172,16 @@ class Host(Protocol):
 def download(client: Any, name: str, content: bytes) -> None:
     """Let the browser of this client save a file."""
     client.send_file_download(name, content, save_immediately=True)
+
+
+def error_text(error: Exception, longest: int = 1000) -> str:
+    """An error in one line for whoever sees the page: files by their name, and only the kind of an internal one.
+
+    No more of it than `longest` characters, as `FOLDERS` takes time with their square.
+    What an internal error says stands in the terminal: it may hold paths and values that are not a visitor's.
+    """
+    if isinstance(error, WrenchgapError):
+        return FOLDERS.sub("", str(error)[:longest])
+    said = WrenchgapError(f"the page goes on after an internal error, please report it: {error!r}")
+    logging.getLogger(__name__).error("%s", said)
+    return f"internal error ({type(error).__name__}); the page goes on, the terminal says more; please report it"

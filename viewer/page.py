@@ -17,20 +17,19 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
+from wrenchgap.viewer.colours import css
 from wrenchgap.viewer.cursor import Cursor
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel, Part
-from wrenchgap.viewer.panels.export import Caption, ExportPanel
+from wrenchgap.viewer.panels.export import ExportPanel
 from wrenchgap.viewer.panels.notes import NotesPanel
 from wrenchgap.viewer.panels.scene import ScenePanel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import GROUPS, plots_of
-from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import Drawing
 from wrenchgap.viewer.serving import serve
-from wrenchgap.viewer.session import Session
+from wrenchgap.viewer.session import Motion, Scene, Session
 from wrenchgap.viewer.transport import ZOOMS, Transport
 from wrenchgap.viewer.view_state import ViewState
 
@@ -50,7 +49,6 @@ class Page(Host):
         self._waiting = threading.BoundedSemaphore(self.max_waiting)
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
-            self.cameras = Cameras(self.server, self.drawing.size)
             self.drawing.open(self.scene)
             self._build()
             self.cursor.listeners.append(lambda _: self._show())
@@ -104,7 +102,7 @@ class Page(Host):
             self.show(replace(view, flight=self.scene.name, time=None, camera=None))
             if view.camera is not None:
                 position, look_at = (np.array(point) for point in view.camera)
-                self.cameras.place(position, look_at, None if client is None else [client])
+                self.scene_panel.cameras.place(position, look_at, None if client is None else [client])
 
     def view_of(self, client: Any = None) -> ViewState:
         """The present view with the time, and the camera of a client where one is given, to be saved."""
@@ -147,17 +145,17 @@ class Page(Host):
         gui.set_panel_label("wrenchgap")
         gui.add_html(markup.style())
         self._banner = gui.add_html("")
-        self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
-        self.choice.on_update(self.guarded(self._chosen))
+        choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
+        self.choice = self.connect(choice, self._chosen)
         self.board = Board(gui)
         self.transport = Transport(self, self.board)
         for group in GROUPS:
             self.board.tab(group)
         self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
         self.tabs = gui.add_tab_group()
-        self.scene_panel = ScenePanel(self, self.drawing, self.cameras)
+        self.scene_panel = ScenePanel(self, self.drawing)
         of_session = [make(self) for make in self.session.capabilities.panels]
-        last = (ExportPanel(self, self.board, self._caption), NotesPanel(self))
+        last = (ExportPanel(self, self.board, self.scene_panel.legend_parts), NotesPanel(self))
         self.panels: list[Panel] = [self.scene_panel, *of_session, *last]
         self._parts: tuple[Part, ...] = (self.transport, *self.panels)
         self.legend = gui.add_panel()
@@ -195,9 +193,6 @@ class Page(Host):
         self.channels.viewed(self.view)
         self._draw()
 
-    def _caption(self) -> Caption:
-        return self.scene_panel.legend_rows(), self.drawing.scale.words().split(", ")
-
     def _show(self) -> None:
         with self.lock, self.server.atomic():
             self._draw()
@@ -205,7 +200,10 @@ class Page(Host):
 
     def _draw(self) -> None:
         self.drawing.show(self.cursor.index, self.view.shown)
-        legend = self.scene_panel.legend()
+        rows, lengths = self.scene_panel.legend_parts()
+        kinds = self.view.shown.force and self.view.shown.torque
+        colours = [(name, css(colour)) for name, colour in rows]
+        legend = markup.render("legend", rows=colours, kinds=kinds, lengths=lengths)
         if self._legend.content != legend:
             self._legend.content = legend
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.background import Job, Report
-from wrenchgap.viewer.host import Host
-from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.host import Host, Job
+from wrenchgap.viewer.session import Report, Scene
 from wrenchgap.viewer.view_state import ViewState
 
 T = TypeVar("T")
@@ -92,8 +92,7 @@ class Links:
         if k == len(self._buttons):
             with self.tab:
                 button = self.host.gui.add_button(f"link {k}", order=self.last + 1 + k)
-            button.on_click(self.host.guarded(lambda _: self.follow(k)))
-            self._buttons.append(button)
+            self._buttons.append(self.host.connect(button, lambda _: self.follow(k)))
         return str(self._buttons[k]._impl.uuid)  # viser has no public way to the id of an element
 
     def follow(self, k: int) -> None:
@@ -111,12 +110,10 @@ class JobControls:
     def __init__(self, host: Host, label: str, ask: Callable[[], None], hint: str | None = None):
         gui = host.gui
         self.host, self.label = host, label
-        self.button = gui.add_button(label, hint=hint)
-        self.button.on_click(host.guarded(lambda event: self._asked(ask, event.client)))
+        self.button = host.connect(gui.add_button(label, hint=hint), lambda event: self._asked(ask, event.client))
         self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
         self.words = gui.add_html("", visible=False)
-        self.stop = gui.add_button("Cancel", visible=False, color="gray")
-        self.stop.on_click(host.guarded(lambda _: self.cancel()))
+        self.stop = host.connect(gui.add_button("Cancel", visible=False, color="gray"), lambda _: self.cancel())
         self.client: Any = None
         self._job: Job | None = None
 
@@ -131,7 +128,8 @@ class JobControls:
 
     def start(self, function: Callable[[Report], T], on_done: Callable[[T], None]) -> None:
         """Start the job in the background; one that runs is cancelled."""
-        self.host.make_room()
+        if self.host.crowded:
+            raise UsageError("earlier work is still ending; try again in a moment")
         self.cancel()
         self._showing(True)
         self._progress(0.0, "starting")

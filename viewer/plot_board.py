@@ -18,10 +18,9 @@ import viser
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.stamps import envelope
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.axis import limits, ticks
 from wrenchgap.viewer.colours import GAP, PALETTE, css
-from wrenchgap.viewer.plots import Plot
-from wrenchgap.viewer.scene import Stretch
+from wrenchgap.viewer.plots import Plot, limits, ticks
+from wrenchgap.viewer.session import Stretch
 
 TICKS = {"size": 4, "width": 1}
 
@@ -114,7 +113,8 @@ class Board:
                 self._send(self.charts[name])
             else:
                 with self.tab(plot.group):
-                    self.charts[name] = self._made(plot)
+                    head, marks, cursor = map(self._gui.add_html, (_head(plot, np.nan, ()), "", ""))
+                    self.charts[name] = Chart(plot, head, marks, cursor, self._chart(plot))
         self._mark()
 
     def look(self, view: View) -> None:
@@ -154,14 +154,11 @@ class Board:
         for chart in self.charts.values():
             chart.put("marks", content)
 
-    def _made(self, plot: Plot) -> Chart:
-        head, marks, cursor = map(self._gui.add_html, (_head(plot, np.nan, ()), "", ""))
-        return Chart(plot, head, marks, cursor, self._chart(plot, *self._data(plot)))
-
     def _send(self, chart: Chart) -> None:
         chart.chart.data, chart.chart.scales, chart.chart.axes = self._data(chart.plot)
 
-    def _chart(self, plot: Plot, data: tuple[Array, ...], scales: dict[str, Any], axes: Any) -> Any:
+    def _chart(self, plot: Plot) -> Any:
+        data, scales, axes = self._data(plot)
         series: list[Any] = [viser.uplot.Series(label="t [s]")]
         bands = []
         for line in plot.lines:
@@ -211,7 +208,7 @@ def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
     change = np.full(len(values), np.nan)
     if len(marks) == 2:
         change = plot.factor * (plot.at(marks[1][1]) - plot.at(marks[0][1]))
-    sigmas = plot.factor * plot.sigma_at(time)
+    sigmas = plot.factor * plot.at(time, "sigma")
     lines = [
         {
             "name": line.name if line.name != plot.title else "value",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.viewer.axis import prefixed
 from wrenchgap.viewer.colours import Colour, colour_of, line_colours
-from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.session import Scene
 
 WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
 GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
@@ -59,37 +58,24 @@ class Plot:
     @property
     def key(self) -> tuple[Any, ...]:
         """The properties that must agree for a chart to take the data of another plot."""
-        return (
-            self.group,
-            self.title,
-            self.shown_unit,
-            *((ln.name, ln.colour, ln.sigma is not None) for ln in self.lines),
-        )
+        lines = ((line.name, line.colour, line.sigma is not None) for line in self.lines)
+        return (self.group, self.title, self.shown_unit, *lines)
 
-    def at(self, time: float) -> Array:
-        """Values of all lines at the last sample that is not after `time`; nan where there is none."""
-        return self._at(time, [line.values for line in self.lines])
-
-    def sigma_at(self, time: float) -> Array:
-        """Standard deviations of all lines at that sample, nan where there is none."""
-        return self._at(time, [line.sigma for line in self.lines])
-
-    def _at(self, time: float, columns: Sequence[Array | None]) -> Array:
+    def at(self, time: float, of: str = "values") -> Array:
+        """`values` or `sigma` of all lines at the last sample that is not after `time`; nan where there is none."""
         k = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
+        columns = [getattr(line, of) for line in self.lines]
         return np.array([np.nan if c is None or not 0 <= k < len(c) else c[k] for c in columns])
 
 
 def plots_of(scene: Scene) -> list[Plot]:
-    """The plots of a flight, tab by tab: torques first, because most effects show there first."""
-    series = [Plot(s.group, s.title, s.unit, s.time, _lines(s.values), s.floor) for s in scene.series]
-    return _in_units([*_wrenches(scene), *_residuals(scene), *series])
+    """The plots of a flight, tab by tab: torques first, because most effects show there first.
 
-
-def _in_units(plots: Sequence[Plot]) -> list[Plot]:
-    """The same, shown in units with prefixes: one for all plots of a tab in the same unit, so that they compare.
-
-    A plot of less than 1 % of the largest of them has one of its own: its ticks would have too many digits.
+    All plots of a tab in the same unit have one prefix, so that they compare. A plot of less than 1 % of the largest
+    of them has one of its own: its ticks would have too many digits.
     """
+    series = [Plot(s.group, s.title, s.unit, s.time, _lines(s.values), s.floor) for s in scene.series]
+    plots = [*_wrenches(scene), *_residuals(scene), *series]
     largest: dict[tuple[str, str], float] = {}
     for plot in plots:
         tab = (plot.group, plot.unit)
@@ -109,19 +95,16 @@ def _wrenches(scene: Scene) -> list[Plot]:
     plots = []
     for kind, unit, first in (("torque", "Nm", 3), ("force", "N", 0)):
         for column, axis in enumerate(AXES, first):
-            lines = tuple(
-                Line(name, colour_of(name), wrench[:, column], _column(scene.sigma, name, column))
-                for name, wrench in scene.wrenches.items()
-                if np.isfinite(wrench[:, column]).any()
-            )
+            lines = []
+            for name, wrench in scene.wrenches.items():
+                sigma = scene.sigma[name][:, column] if name in scene.sigma else None
+                if np.isfinite(wrench[:, column]).any():
+                    known = sigma is not None and np.isfinite(sigma).any()
+                    lines.append(Line(name, colour_of(name), wrench[:, column], sigma if known else None))
             if lines:
-                plots.append(Plot(WRENCHES, f"{kind} {axis}", unit, scene.time, lines, scene.floors.get(unit, 0.0)))
+                floor = scene.floors.get(unit, 0.0)
+                plots.append(Plot(WRENCHES, f"{kind} {axis}", unit, scene.time, tuple(lines), floor))
     return plots
-
-
-def _column(sigma: Mapping[str, Array], name: str, column: int) -> Array | None:
-    values = sigma.get(name)
-    return None if values is None or not np.isfinite(values[:, column]).any() else values[:, column]
 
 
 def _residuals(scene: Scene) -> list[Plot]:
@@ -145,3 +128,51 @@ def _residuals(scene: Scene) -> list[Plot]:
 def _lines(values: Mapping[str, Array]) -> tuple[Line, ...]:
     colours = line_colours(tuple(values))
     return tuple(Line(n, c, np.asarray(v, dtype=float)) for (n, v), c in zip(values.items(), colours, strict=True))
+
+
+PREFIXES = ((0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "\u00b5"))
+"""From which size on [unit], the factor of the shown numbers, and the letter of the SI."""
+PREFIXED = ("N", "Nm", "rad", "rad/s", "m", "m/s")
+"""Units that take a prefix; others have one already, or are not of the SI."""
+
+
+def prefixed(unit: str, largest: float) -> tuple[float, str]:
+    """Factor and unit in which sizes up to `largest` [unit] are shown, e.g. 1e3 and "mNm"."""
+    if unit not in PREFIXED or not np.isfinite(largest):
+        return 1.0, unit
+    factor, letter = next((factor, letter) for least, factor, letter in PREFIXES if largest >= least)
+    return factor, letter + unit
+
+
+def limits(values: Array, floor: float = 0.0) -> tuple[float, float]:
+    """Range of an axis: all finite values with a margin, about their middle.
+
+    At least `floor`, 1e-6 [unit] and 1e-9 of the values high: below that a curve is rounding noise.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return -1.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    least = max(floor, 1e-6, 1e-9 * max(abs(low), abs(high)))
+    half = max(0.56 * (high - low), 0.5 * least)
+    middle = 0.5 * (low + high)
+    return middle - half, middle + half
+
+
+def ticks(low: float, high: float, most: int = 5, letters: int = 7) -> tuple[tuple[float, ...], tuple[str, ...]]:
+    """Round numbers within a range, at most `most`, and each as text with the digits that tell it from the next.
+
+    Where that takes more `letters` than fit beside a chart, as for a latitude, the first is written shortly and the
+    others as what is added to it.
+    """
+    rough = (high - low) / most
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = float(next(s for s in (1.0, 2.0, 2.5, 5.0, 10.0) if s * power >= rough * (1.0 - 1e-9)) * power)
+    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    places = tuple(k * step for k in range(first, last + 1))
+    decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    decimals += round(step * 10.0**decimals, 6) % 1.0 > 0.0  # of a step of 2.5
+    words = tuple(f"{place:.{decimals}f}" if k else "0" for k, place in enumerate(places, first))
+    if max(map(len, words), default=0) > letters:
+        words = (f"{places[0]:.5g}", *(f"+{k * step:.3g}" for k in range(1, len(places))))
+    return places, words

@@ -1,7 +1,7 @@
 """Drawing of the scene. Lengths in metres, z up.
 
 /world                      where the flight is; with the following camera it moves and the body stays
-/world/body                 pose of B, see `viewer.vehicle_shape`; its arrows, see `viewer.arrows`
+/world/body                 pose of B, vehicle and arrows: see `viewer.vehicle_nodes`
 /world/reference            pose of D
 /world/path, /world/trail   where the flight leads, where it just was
 /world/along                frames or arrows at many instants, batched
@@ -19,10 +19,9 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, set_visible, thickness
 from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
-from wrenchgap.viewer.scene import Motion, Scene
-from wrenchgap.viewer.vehicle_shape import VehicleShape
+from wrenchgap.viewer.session import Motion, Scene
+from wrenchgap.viewer.vehicle_nodes import KINDS, Arrows, Scale, VehicleShape, scale_for, set_visible, thickness
 
 NOTHING = "nothing"
 
@@ -86,16 +85,22 @@ class Drawing:
         self._curves: dict[str, Any] = {}
         self._shadows: bool | None = None
 
-    @property
-    def body(self) -> Any:
-        """The frame of the body."""
-        return self.craft.frame
-
     def open(self, flight: Scene) -> None:
         """Prepare for a flight: its ground, its path, its arrows."""
         self.flight, self._along_key = flight, None
         self._suited = scale_for(flight, self.vehicle, self.size)
-        self._ground(flight)
+        lowest, cell = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size, tidy(self.size)
+        self._scene.add_grid(
+            "/world/ground",
+            infinite_grid=True,
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=(214, 217, 222),
+            section_color=(178, 183, 192),
+            fade_distance=60.0 * self.size,
+            fade_strength=1.5,
+            position=(0.0, 0.0, min(0.0, lowest)),
+        )
         self.arrows.open(flight)
         for handle in self._paths:
             handle.remove()
@@ -130,21 +135,6 @@ class Drawing:
         if points is not None and len(points) > 1:
             kept = points[:: max(1, -(-len(points) // self.max_points))]
             self._curves[name] = self._line(f"/world/curve/{name}", _segments(kept), colour, 3.0)
-
-    def _ground(self, flight: Scene) -> None:
-        lowest = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size
-        cell = tidy(self.size)
-        self._scene.add_grid(
-            "/world/ground",
-            infinite_grid=True,
-            cell_size=cell,
-            section_size=5.0 * cell,
-            cell_color=(214, 217, 222),
-            section_color=(178, 183, 192),
-            fade_distance=60.0 * self.size,
-            fade_strength=1.5,
-            position=(0.0, 0.0, min(0.0, lowest)),
-        )
 
     def _reference(self, flight: Scene, index: int, wanted: bool) -> None:
         known = False

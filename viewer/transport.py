@@ -15,7 +15,7 @@ import numpy as np
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Part
 from wrenchgap.viewer.plot_board import Board, View
-from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.session import Scene, Stretch
 from wrenchgap.viewer.view_state import ViewState
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
@@ -36,22 +36,21 @@ class Transport(Part):
     def __init__(self, host: Host, board: Board) -> None:
         super().__init__(host)
         self._board, self._cursor = board, host.cursor
-        gui, guarded = host.gui, host.guarded
+        gui, connect = host.gui, host.connect
         self._slot = gui.add_folder(None)
         with self._slot:
             self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, self.resolution, 0.0)
-        self.play = gui.add_button(PLAY, hint="space")
-        self.play.on_click(guarded(lambda _: self.toggle()))
+        self.play = connect(gui.add_button(PLAY, hint="space"), lambda _: self.toggle())
         self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
-        self.step.on_click(guarded(lambda _: self._step(STEPS[self.step.value])))
+        connect(self.step, lambda _: self._step(STEPS[self.step.value]))
         self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
-        self.speed.on_update(guarded(lambda _: host.show(replace(host.view, speed=self.speed.value))))
+        connect(self.speed, lambda _: host.show(replace(host.view, speed=self.speed.value)))
         self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint="worst stretches, gaps; N and P")
-        self.jump.on_update(guarded(lambda _: self._jump()))
+        connect(self.jump, lambda _: self._jump())
         self.mark = gui.add_button_group("mark", ("A", "B", "loop", "clear"), hint="keys I, O, R, X")
-        self.mark.on_click(guarded(lambda _: self._mark(self.mark.value)))
+        connect(self.mark, lambda _: self._mark(self.mark.value))
         self.zoom = gui.add_dropdown("plots show", ZOOMS, initial_value=ZOOMS[0])
-        self.zoom.on_update(guarded(lambda _: host.show(replace(host.view, zoom=self.zoom.value))))
+        connect(self.zoom, lambda _: host.show(replace(host.view, zoom=self.zoom.value)))
         self._stretches: dict[str, Stretch] = {}
         self._range = (0.0, 1.0)
         self._asked: object = None
@@ -66,7 +65,7 @@ class Transport(Part):
             at, end = float(np.clip(_rounded(self._cursor.time), start, stop)), max(stop, start + self.resolution)
             marks = tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop)
             self.slider = self.host.gui.add_slider("time [s]", start, end, self.resolution, at, marks=marks)
-        self.slider.on_update(self.host.guarded(self._dragged))
+        self.host.connect(self.slider, self._dragged)
         places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
         self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}
         self.jump.options = (NOWHERE, *self._stretches)
@@ -176,14 +175,14 @@ class Transport(Part):
             self.set_marks(self.host.view.marks, not self.host.view.loop)
 
     def _keys(self) -> None:
-        command = self.host.command
+        command, cursor = self.host.command, self._cursor
         command("Play or pause", self.toggle, "space")
         command("Step back", lambda: self._step(-1), "J")
         command("Step forward", lambda: self._step(1), "L")
         command("Back by a second", lambda: self._step(-1.0), "J", "shift")
         command("Forward by a second", lambda: self._step(1.0), "L", "shift")
-        command("Go to the start", lambda: self._cursor.go(self._cursor.start), "home")
-        command("Go to the end", lambda: self._cursor.go(self._cursor.stop), "end")
+        command("Go to the start", lambda: cursor.go(cursor.start), "home")
+        command("Go to the end", lambda: cursor.go(cursor.stop), "end")
         command("Next worst stretch or gap", lambda: self.next_stretch(1), "N")
         command("Previous worst stretch or gap", lambda: self.next_stretch(-1), "P")
         command("Mark A here", lambda: self._mark("A"), "I")

@@ -17,7 +17,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import sources
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.present.documents import claim
-from wrenchgap.viewer.background import error_text
+from wrenchgap.viewer.host import error_text
 from wrenchgap.viewer.view_state import parse
 
 AREA = "Names, links and lists"

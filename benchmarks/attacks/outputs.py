@@ -243,7 +243,7 @@ def page(folder: Path) -> Outcome:
     from wrenchgap.plant import model_file
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page
-    from wrenchgap.viewer.scene import Scene
+    from wrenchgap.viewer.session import Scene
 
     class Noted(LogSession):
         """Says all names as notes and as warnings too."""

@@ -37,7 +37,7 @@ from benchmarks.attacks._page import (
     web_page,
 )
 from wrenchgap.replay.session.panels.effects import EffectsPanel
-from wrenchgap.viewer.background import error_text
+from wrenchgap.viewer.host import error_text
 from wrenchgap.viewer.page import Page
 
 AREA = "The viewer's page"

@@ -16,10 +16,9 @@ from benchmarks.scale.fleet import VEHICLES, make
 from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.replay.batch import driver
 from wrenchgap.replay.batch.fleet import FleetRanking, rankings
-from wrenchgap.replay.batch.plan import Plan, model_text
 from wrenchgap.replay.batch.sources import Source, identity, logs_named
 from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.batch.tasks import Task, work
+from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
 
 WORKERS = 2
 KILL_AT = 1 / 3

@@ -12,21 +12,19 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any
 
-from wrenchgap.flight import work_files
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight import UsageError, work_files
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.replay.batch.fleet import FleetRanking, moved, points_of, rankings
-from wrenchgap.replay.batch.plan import Plan
+from wrenchgap.replay.batch.fleet import FleetRanking, moved, rankings
 from wrenchgap.replay.batch.sources import Source, identities
 from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.batch.tasks import Task, failed, reason, work
+from wrenchgap.replay.batch.tasks import Plan, Task, failed, reason, work
 
 Tell = Callable[[int, int, int, str], None]
 """Called with logs done, all logs, logs failed, and the file that is done."""
@@ -212,7 +210,10 @@ def passes(
         settled = not moved(ranked)
         if settled or plan.number >= most:
             break
-        plan = plan.next_pass(points_of(ranked))
+        found_at = {
+            f.vehicle: {k: list(v) for k, v in f.ranking.points.items()} for f in ranked if f.ranking is not None
+        }
+        plan = replace(plan, points=found_at, number=plan.number + 1)  # where candidates are linearised next
     keys = set(outcome.keys)
     rows = [row for row in store.rows(plan.number) if row["key"] in keys]
     return Batch(plan, store.url, outcome, rows, ranked, settled)

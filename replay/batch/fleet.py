@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
+from wrenchgap.learn.identify.trend import Trend, trend_of
 from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
@@ -38,25 +37,17 @@ def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRankin
         own = [r["key"] for r in rows if r["vehicle"] == vehicle]
 
         def read(own: Sequence[str] = own) -> Iterator[Evidence]:
-            return (_unpacked(content, where) for where, content in store.evidence(own, number))
+            for where, content in store.evidence(own, number):
+                try:
+                    yield unpacked(content, where)
+                except FitError as error:
+                    raise UsageError(str(error)) from None
 
         try:
             out.append(FleetRanking(vehicle, ranking(read)))
         except FitError as error:
             out.append(FleetRanking(vehicle, None, str(error)))
     return out
-
-
-def _unpacked(content: bytes | None, where: str) -> Evidence:
-    try:
-        return unpacked(content, where)
-    except FitError as error:
-        raise UsageError(str(error)) from None
-
-
-def points_of(found: Sequence[FleetRanking]) -> dict[str, dict[str, list[float]]]:
-    """Values at which the next pass linearises candidates, by vehicle."""
-    return {f.vehicle: {k: list(v) for k, v in f.ranking.points.items()} for f in found if f.ranking is not None}
 
 
 def moved(found: Sequence[FleetRanking], most: float = 0.1) -> bool:
@@ -92,7 +83,10 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
             f"{where}: got {len(own)} flights of {vehicle or 'one vehicle'}, expected two or more; "
             f"vehicles there: {listed}"
         )
-    read = [(r["log"], _fit_of(r, where)) for r in own]
+    try:
+        read = [(r["log"], from_fit_json(r["fit"], f"{where}: `fit` of the row of {r['log']}")) for r in own]
+    except UsageError as error:
+        raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None
     pairs = [pair for _, pair in sorted(read, key=lambda one: (one[1][0].flight.start_ns, one[0]))]
     common = tuple(n for n in pairs[0][1].effects if all(n in values.effects for _, values in pairs))
     if any(values.effects != common for _, values in pairs) or (names and names != common):
@@ -109,10 +103,3 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
                 f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
             )
     return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.without_tolerances)
-
-
-def _fit_of(row: Mapping[str, Any], where: str) -> tuple[FollowedFlight, FlightValues]:
-    try:
-        return from_fit_json(row["fit"], f"{where}: `fit` of the row of {row['log']}")
-    except UsageError as error:
-        raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None

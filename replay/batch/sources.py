@@ -10,8 +10,7 @@ from glob import has_magic
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from wrenchgap.flight import work_files
-from wrenchgap.flight.errors import LogError, UsageError, WrenchgapError
+from wrenchgap.flight import LogError, UsageError, WrenchgapError, work_files
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.formats.folders import SINGLE, storage
@@ -37,11 +36,6 @@ class Source:
     vehicle: str
     size: int
     etag: str | None = None
-
-    @property
-    def remote(self) -> bool:
-        """Whether it is no path of a file system that everybody sees."""
-        return "://" in self.url
 
     @property
     def name(self) -> str:
@@ -86,9 +80,10 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
         yield from (_local(one, vehicle) for one in _in_folder(path, seen))
     elif has_magic(name):
         for one in _matching(path):
-            yield from (
-                _expanded(str(one), vehicle, seen) if one.is_dir() else [_local(one, vehicle)] if is_log(one) else []
-            )
+            if one.is_dir():
+                yield from _expanded(str(one), vehicle, seen)
+            elif is_log(one):
+                yield _local(one, vehicle)
     elif path.is_file():
         yield _local(path, vehicle)
     else:
@@ -187,7 +182,7 @@ def reached(url: str) -> Iterator[None]:
 @contextmanager
 def at_hand(source: Source) -> Iterator[Path]:
     """The log as a file of this machine; one of an object store is copied, and gone afterwards."""
-    if not source.remote:
+    if "://" not in source.url:
         yield Path(source.url)
         return
     system, path = opened(source.url)

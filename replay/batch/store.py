@@ -85,9 +85,11 @@ class Store:
         system, root = self._at
         with reached(self.url):
             if system.exists(f"{root}/run.json"):
-                other = self._differs(identity)
-                if other is not None:
-                    raise UsageError(f"--output {self.url}: holds another run ({other}); choose another folder")
+                here = self.identity()
+                for name, value in json.loads(json.dumps(dict(identity))).items():
+                    if here.get(name) != value:
+                        other = f"its {name}: {_cut(json.dumps(here.get(name)))}, now {_cut(json.dumps(value))}"
+                        raise UsageError(f"--output {self.url}: holds another run ({other}); choose another folder")
                 return True
             if system.exists(root) and system.ls(root, detail=False):
                 raise UsageError(f"--output {self.url}: is not empty and holds no run; choose another folder")
@@ -122,13 +124,6 @@ class Store:
         system, _ = self._at
         return "file" in (system.protocol if isinstance(system.protocol, tuple) else (system.protocol,))
 
-    def _differs(self, identity: Mapping[str, Any]) -> str | None:
-        here = self.identity()
-        for name, value in json.loads(json.dumps(dict(identity))).items():
-            if here.get(name) != value:
-                return f"its {name}: {_short(here.get(name))}, now {_short(value)}"
-        return None
-
     def identity(self) -> dict[str, Any]:
         """What the rows were made by; raises UsageError where no run is here."""
         system, root = self._at
@@ -152,11 +147,11 @@ class Store:
             paths = system.find(f"{root}/rows/pass={number}")
         except FileNotFoundError:
             return {}
-        names = [(p, PurePosixPath(p).name) for p in paths if p.endswith(".parquet")]
         out = {}
-        for path, name in names:
+        for path in paths:
+            name = PurePosixPath(path).name
             key = name.partition(".")[0]
-            if key:  # the hidden file of a write that was killed has none
+            if key and name.endswith(".parquet"):  # the hidden file of a write that was killed has none
                 out[key] = Done(key, FAILED in name, path)
         return out
 
@@ -264,10 +259,6 @@ def _only_row(stream: Any, columns: list[str]) -> dict[str, Any]:
     if len(found) != 1 or any(found[0][name] is None for name in ALWAYS):
         raise ValueError(f"{len(found)} rows, or one without {', '.join(ALWAYS)}")
     return found[0]
-
-
-def _short(value: Any) -> str:
-    return _cut(json.dumps(value))
 
 
 def _cut(text: str) -> str:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.posterior.fleet_ranking import RankedSet, Ranking
+from wrenchgap.learn.posterior.fleet_ranking import RankedSet
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Batch
 from wrenchgap.replay.batch.fleet import FleetRanking
-from wrenchgap.replay.batch.plan import Plan, model_of
+from wrenchgap.replay.batch.tasks import Plan, model_of
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, plain, table
 
@@ -21,6 +21,8 @@ HELD_OUT = (
     "(sum of log likelihoods)   better: share of the flights   left: rms on them over that with no effect, force and "
     "torque"
 )
+HALVES = (slice(0, 3), slice(3, 6))
+"""Force and torque of a wrench."""
 IN_SAMPLE = (
     "weight: share of the sets ranked   gain and left are in-sample: fewer than three flights cannot be held out   "
     "left: rms over that with no effect, force and torque"
@@ -86,7 +88,7 @@ def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> tuple[float, flo
     values = np.array([r[name] for r in rows if r[name] is not None], dtype=float).reshape(-1, len(AXES))
     if not len(values):
         return float("nan"), float("nan")
-    size = [np.sqrt(np.nansum(values[:, part] ** 2, axis=1)) for part in (slice(0, 3), slice(3, 6))]
+    size = [np.sqrt(np.nansum(values[:, part] ** 2, axis=1)) for part in HALVES]
     return float(np.median(size[0])), float(np.median(size[1]))
 
 
@@ -99,34 +101,22 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
     out = table(title, *heads, left=2)
     for s in [s for s in r.sets if s.weight >= least or s is r.sets[0]][:most]:
-        left = _left(s, r.rms)
+        left = (np.sqrt(np.nansum(s.rms[p] ** 2) / max(np.nansum(r.rms[p] ** 2), 1e-300)) for p in HALVES)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
         named = ", ".join(s.names) or "nothing"
         out.add_row(named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left))
-    values = "; ".join(value_words(r.sets[0], key) for key in r.sets[0].keys)
-    legend = Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim")
-    return [out, *_group(r, most), legend, *([Line(values)] if values else []), Line()]
-
-
-def _group(r: Ranking, most: int) -> list[Part]:
-    """What says the same as the first set."""
-    names = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
-    if len(names) < 2:
-        return []
-    weight = sum(s.weight for s in r.groups[0])
-    words = f"indistinguishable, as far as laws are known, and together {100 * weight:.0f} %: "
-    return [Line(words + " or ".join(names[:most]))]
-
-
-def _left(one: RankedSet, none: Any) -> list[float]:
-    parts = (slice(0, 3), slice(3, 6))
-    return [float(np.sqrt(np.nansum(one.rms[p] ** 2) / max(np.nansum(none[p] ** 2), 1e-300))) for p in parts]
-
-
-def value_words(one: RankedSet, key: str) -> str:
-    """The values of one candidate of a set."""
-    pairs = zip(one.theta[key], one.std[key], strict=True)
-    return f"{key}: {', '.join(f'{number(float(v))} +- {number(float(s), 2)}' for v, s in pairs)}"
+    found: list[Part] = [out]
+    alike = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
+    if len(alike) > 1:
+        weight = sum(s.weight for s in r.groups[0])
+        words = f"indistinguishable, as far as laws are known, and together {100 * weight:.0f} %: "
+        found.append(Line(words + " or ".join(alike[:most])))
+    found.append(Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim"))
+    values = []
+    for key in r.sets[0].keys:
+        pairs = zip(r.sets[0].theta[key], r.sets[0].std[key], strict=True)
+        values.append(f"{key}: {', '.join(f'{number(float(v))} +- {number(float(s), 2)}' for v, s in pairs)}")
+    return [*found, *([Line("; ".join(values))] if values else []), Line()]
 
 
 def to_json(found: Batch) -> dict[str, Any]:

@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
+from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.guard import loop_of
+from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
@@ -23,6 +26,11 @@ from wrenchgap.plant.wrench_model import ModelEffect
 TORQUE = AXES[3:]
 OBSERVER_HZ = 1.0
 """Bandwidth of the disturbance observer among the baselines [Hz]: fast enough for a reference, slow beside servos."""
+
+
+def gp_of(gp: GaussianProcess | Learnt) -> GaussianProcess:
+    """The process itself."""
+    return gp.gp if isinstance(gp, Learnt) else gp
 
 
 def compensator(
@@ -42,22 +50,38 @@ def compensator(
     expected = len(AXES) + len(columns(process.settings.inputs))
     if len(process.input_mean) != expected:
         raise FitError(f"GP: has {len(process.input_mean)} inputs, expected {expected}: the commanded wrench first")
-    return Compensator(process, settings, physics=physics(process, model, lead, without), vehicle=model.vehicle)
+    physics = None
+    if process.settings.mean == "physics":
+        check_effects(process, replace(model, effects=(*model.effects, *without)))
+        physics = PhysicsMismatch(model.wrench_model, process.outputs, lead)
+    elif lead is not None:
+        raise FitError(
+            "--lead: this GP was learnt without physics as its mean, so it has no lag to compensate; add the lag "
+            "with `wrenchgap add`, and learn on that model"
+        )
+    return Compensator(process, settings, physics=physics, vehicle=model.vehicle)
 
 
+@check_arguments
 def combined(
-    process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
+    gp: GaussianProcess | Learnt,
+    model: Model | Addition,
+    settings: Settings | None = None,
+    *,
+    lead: float | None = None,
 ) -> Combined | Compensator:
-    """`compensator`, and an observer of what it leaves, of the bandwidth that training log and attitude loop support.
+    """Feed-forward and observer in one object for your own loop: `compensator`, and an observer of what it leaves.
 
-    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observer`).
-    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Where the process
-    has no bandwidth for an observer, the compensation without one, whose `without_observer` says why. Raises FitError
-    where neither process nor observer is to be compensated with.
+    The observer's bandwidth is the one that training log and attitude loop support (docs/do-no-harm.md). `settings` are
+    by default those of the model's control rate. The observer is told the lag that the training log showed, and a delay
+    that has a name (`learn.identify.observer`). Where nothing of the process is to be compensated, this is effects and
+    observer, or the observer alone. Where the training log gives no bandwidth, because nothing is left for an observer
+    to remove, or because none keeps the loop's margin, this is `compensator` without one, and `without_observer` says
+    why. Raises FitError for another vehicle's GP, and where neither process nor observer is to be compensated with.
     """
-    hz, asked = process.provenance.observer_hz, settings or Settings()
-    nothing = set(process.refused) == set(process.outputs) and not asked.despite_verdict
-    alone = nothing and process.settings.mean != "physics"
+    process, model = gp_of(gp), model_of(model)
+    hz, asked = process.provenance.observer_hz, settings or Settings(dt=1.0 / model.controller.rate_hz)
+    alone = all_refused(process, asked)
     if hz is None:
         why = no_bandwidth(process)
         if alone:
@@ -69,6 +93,12 @@ def combined(
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
     lag = process.provenance.observer_lag
     return Combined(model.vehicle, asked.dt, hz, ahead, lag=lag, delay=named_delay(model))
+
+
+def all_refused(process: GaussianProcess, settings: Settings) -> bool:
+    """Whether neither the process nor physics below it is to be compensated, as its verdicts are against it."""
+    refused = set(process.refused) == set(process.outputs) and not settings.despite_verdict
+    return refused and process.settings.mean != "physics"
 
 
 @dataclass(frozen=True)
@@ -120,21 +150,6 @@ def no_bandwidth(process: GaussianProcess) -> str:
 def named_delay(model: Model) -> float:
     """Delay [s] between command and torque that has a name in the model."""
     return sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
-
-
-def physics(
-    process: GaussianProcess, model: Model, lead: float | None = None, without: tuple[ModelEffect, ...] = ()
-) -> PhysicsMismatch | None:
-    """The mean of the process, where it is physics."""
-    if process.settings.mean != "physics":
-        if lead is not None:
-            raise FitError(
-                "--lead: this GP was learnt without physics as its mean, so it has no lag to compensate; add the lag "
-                "with `wrenchgap add`, and learn on that model"
-            )
-        return None
-    check_effects(process, replace(model, effects=(*model.effects, *without)))
-    return PhysicsMismatch(model.wrench_model, process.outputs, lead)
 
 
 def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensating], ...]:

@@ -22,13 +22,15 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.compensate.run import BLOCK, run
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
-from wrenchgap.learn import GaussianProcess, OpenFlight
+from wrenchgap.learn import GaussianProcess, Learnt, OpenFlight
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.prediction import require_pose
 from wrenchgap.learn.data.zero_order_hold import commanded_otherwise
+from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Saturation, allocation_of
@@ -37,17 +39,10 @@ from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import State, concatenated
 from wrenchgap.plant.wrench_model import about_origin
-from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
+from wrenchgap.replay.compensation import source as sources
+from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats, gp_of
 from wrenchgap.replay.compensation.compensators import compensator as made_for
-from wrenchgap.replay.compensation.source import (
-    Source,
-    at_stamps,
-    input_wrench,
-    logged_command,
-    pieces,
-    starts,
-    without,
-)
+from wrenchgap.replay.compensation.source import Source, at_stamps, starts
 
 Progress = Callable[[float, str], None]
 
@@ -137,44 +132,46 @@ class Replay(Result):
         return len(self.time)
 
 
+@check_arguments
 @one_thread
-def replay(
-    opened: OpenFlight,
-    model: Model,
-    gp: GaussianProcess,
+def replay_compensation(
+    flight: OpenFlight,
+    model: Model | Addition,
+    gp: GaussianProcess | Learnt,
     settings: Settings | None = None,
     *,
-    source: Source | None = None,
+    source: str | None = None,
     lead: float | None = None,
     progress: Progress | None = None,
 ) -> Replay:
-    """Re-run the compensation on a flight; deterministic but for `Steps.solve_time`.
+    """What the compensation would have commanded on a recorded flight, at the log's own stamps.
 
-    `source` is by default the desired wrench where the log has it, else the commanded one, which is computed from the
-    actuators where only they are logged. `settings.dt` is replaced by the log's period. `lead` [s] leads the lags of
-    the physics, where that is the process's mean (`compensate.physics`).
+    `source` is the logged wrench that goes in, "desired" or "commanded": by default the desired one where the log has
+    it, else the commanded one, which is computed from the actuators where only they are logged. `settings.dt` is
+    replaced by the log's period. `lead` [s] leads the lags of the physics, where that is the process's mean.
 
     Raises FitError for a GP of another vehicle or physics, LogError where the log lacks the wrench, or the motion that
     the process wants to know.
     """
+    model, gp, log = model_of(model), gp_of(gp), flight.flight
     gp.check_vehicle(model.vehicle.name)
-    flight = opened.flight
-    logged = logged_command(flight, model)
-    series, name = input_wrench(flight, logged, source)
-    series, dt = without(series, opened.left_out), series.period
+    logged = sources.logged_command(log, model)
+    series, name = sources.input_wrench(log, logged, sources.source_by_name(source))
+    series, dt = sources.without(series, flight.left_out), series.period
     settings = replace(settings or Settings(), dt=dt)
     compensator = made_for(gp, model, settings, lead=lead)
-    motion = _motion(opened, model, compensator, gp, series) if compensator.needs_state else None
+    motion = _motion(flight, model, compensator, gp, series) if compensator.needs_state else None
     with threadpool_limits(1):
-        if progress is not None:
-            progress(0.0, "compiling, the first time on this machine")
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
-        stride = max(1, len(series.time) // CONDITIONED)
-        condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
-        filtered = [(r.time, r.commanded) for r in opened.records]
-        wrenches, notes = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
+        seen = series.wrench_B  # what the process looks at (K, D)
+        if motion is not None:
+            before = np.concatenate((seen[:1], seen[:-1]))
+            seen = np.hstack((seen, extra_inputs(gp.settings.inputs, before, motion, dt)[0]))
+        condition = conditioning(gp, seen[:: max(1, len(seen) // CONDITIONED)])
+        filtered = [(r.time, r.commanded) for r in flight.records if logged is not None]
+        wrenches, notes = _wrenches(flight, model, gp, replace(series, wrench_B=steps.commanded))
     return Replay(
-        flight=flight,
+        flight=log,
         model=model,
         gp=gp,
         settings=settings,
@@ -182,8 +179,8 @@ def replay(
         input_topic=series.topic,
         time=series.time,
         wrench=series.wrench_B,
-        logged=at_stamps(series.time, [] if logged is None else pieces(logged)),
-        logged_filtered=at_stamps(series.time, [] if logged is None else filtered),
+        logged=at_stamps(series.time, [] if logged is None else sources.pieces(logged)),
+        logged_filtered=at_stamps(series.time, filtered),
         **wrenches,
         steps=steps,
         conditioning=condition,
@@ -192,9 +189,9 @@ def replay(
         sigma_threshold=float(compensator.uncertainty.threshold),
         dt=dt,
         restarts=len(starts(series)) - 1,
-        computed_from=logged.topic if logged is not None and flight.commanded is None else None,
+        computed_from=logged.topic if logged is not None and log.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *notes, *([compensator.not_compiled] if compensator.not_compiled else [])),
+        notes=(*flight.notes, *notes, *([compensator.not_compiled] if compensator.not_compiled else [])),
     )
 
 
@@ -206,6 +203,8 @@ def step_through(
     progress: Progress | None = None,
 ) -> Steps:
     """Compensate wrenches (K, 6) one after the other; forget the past at every index in `starts`."""
+    if progress is not None:
+        progress(0.0, "compiling, the first time on this machine")
     rows, parts = output_indices(compensator.model.outputs), []
     every = max(BLOCK, len(wrench) // 100)
     for start, stop in zip(starts, (*starts[1:], len(wrench)), strict=True):
@@ -241,14 +240,6 @@ def _motion(
         check_effects(compensator.physics.model.effects, model, records)
     every = concatenated([r.state for r in records])
     return every.take(np.maximum(np.searchsorted(every.time, series.time, side="right") - 1, 0))
-
-
-def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float) -> Array:
-    """What the process looks at along the series (K, D)."""
-    if motion is None:
-        return wrench
-    extra, _ = extra_inputs(gp.settings.inputs, np.concatenate((wrench[:1], wrench[:-1])), motion, dt)
-    return np.hstack((wrench, extra))
 
 
 def _wrenches(

@@ -1,7 +1,7 @@
 """The counterfactual: a recorded flight, re-simulated with something changed.
 
 What the model M does not explain is inferred from the log (`learn.identify.disturbance`) and carried into the
-re-simulation (`replay.counterfactual.reflight`) as functions of time: a disturbance d(t), the pilot's residual e(t),
+re-simulation (`refly`) as functions of time: a disturbance d(t), the pilot's residual e(t),
 the allocation's residual a(t).
 
     W_des = law(state, reference) + e(t)  ->  compensator  ->  W_cmd  ->  allocation + a(t)  ->  plant + d(t)
@@ -22,21 +22,23 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.compensate import Combined, Compensator
 from wrenchgap.compensate.lbfgs import NotCompiled
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.prediction import process_inputs
 from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
-from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.plant import Model
-from wrenchgap.plant.simulation.closed_loop import Lost
-from wrenchgap.plant.simulation.flight_computer import Compensating
-from wrenchgap.plant.simulation.tracking import Deviation, Tracking
+from wrenchgap.plant import Model, Vehicle
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.simulation import closed_loop
+from wrenchgap.plant.simulation.closed_loop import LoopFlight, Lost
+from wrenchgap.plant.simulation.flight_computer import Compensating, Correction, FlightComputer
+from wrenchgap.plant.simulation.simulate import as_flight
+from wrenchgap.plant.simulation.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
 from wrenchgap.plant.stability import Margin, margin_of_model
 from wrenchgap.replay.counterfactual.change import Change
-from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
@@ -220,11 +222,107 @@ def counterfactual(
     if change.compensator is None:
         return Counterfactual(inference, null, plain, change, beside=beside)
     changed = run(change.compensator, 0.6, 0.6 + share)
-    return Counterfactual(inference, null, changed, change, plain, beside, _margin(recording, model, change.process))
+    margin, process = None, change.process
+    if process is not None:
+        inputs = process_inputs(process.settings.inputs, recording.record)
+        margin = margin_of_model(process, inputs, loop_of(model, max(process.provenance.lags, default=0.0)))
+    return Counterfactual(inference, null, changed, change, plain, beside, margin)
 
 
-def _margin(recording: Recording, model: Model, process: GaussianProcess | None) -> Margin | None:
-    if process is None:
-        return None
-    lag = max(process.provenance.lags, default=0.0)
-    return margin_of_model(process, process_inputs(process.settings.inputs, recording.record), loop_of(model, lag))
+@dataclass(frozen=True)
+class Reflight:
+    """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew."""
+
+    recording: Recording
+    flown: LoopFlight
+    desired: Array
+    steps: tuple[Correction, ...]
+    model: Model
+
+    @property
+    def commanded(self) -> Array:
+        """W_cmd (K, 6)."""
+        return self.flown.commands.wrench_B
+
+    @property
+    def tracking_errors(self) -> TrackingErrors:
+        """Errors against the recorded reference."""
+        state, r = self.flown.state, self.recording
+        rows = slice(r.first, r.first + len(state.time))
+        return tracking_errors(state.time, state.position_E, state.quat_EB, r.reference.take(rows))
+
+    @property
+    def tracking(self) -> Tracking:
+        """How well it follows the recorded reference."""
+        return Tracking.of(self.tracking_errors)
+
+    @property
+    def deviation(self) -> Deviation:
+        """How far it is from the recorded odometry."""
+        return deviation(self.flown.state, self.recording.odometry, self.recording.dt)
+
+    @property
+    def log(self) -> Flight:
+        """The re-flight as a log: ideal sensors, the recorded reference, times and start of the recorded flight."""
+        r, lost = self.recording, self.flown.lost
+        return as_flight(
+            f"{r.flight.name} again",
+            self.flown,
+            self.model,
+            self.desired,
+            r.reference.take(r.window),
+            start_ns=r.flight.start_ns,
+            path=r.flight.path,
+            notes=() if lost is None else (f"{lost}; the flight ends there",),
+        )
+
+
+def refly(
+    inference: Inference,
+    plant: Model | None = None,
+    *,
+    gains: ControllerGains | None = None,
+    believed: Vehicle | None = None,
+    compensator: Compensating | None = None,
+    progress: Callable[[float], None] | None = None,
+    compiled: bool = True,
+) -> Reflight:
+    """Re-simulate the recorded flight; with nothing but the inference this is the null run.
+
+    plant        what flies, with the inferred disturbance; the model of the inference by default
+    gains        of the control law; the model's by default
+    believed     vehicle that controller and allocation assume; the model's by default
+    compensator  in the loop instead of the recorded correction
+    compiled     False calls everything in numpy, as is done anyhow with effects of the plant that cannot be compiled
+
+    Raises FitError where an effect of the plant needs what the log lacks.
+    """
+    r, known = inference.recording, inference.model
+    model = known if plant is None else plant
+    check_effects(model.effects, model, [r.record])
+    reference = r.reference.take(r.window)
+    computer = FlightComputer(
+        known.controller if gains is None else gains,
+        known.vehicle if believed is None else believed,
+        reference,
+        r.clock,
+        compensator=compensator,
+        recorded=inference.pilot,
+    )
+    forgiven = closed_loop.loss_of_control(r.motion.state.take(r.window), reference)[0] > 0.0
+    flown, loop = closed_loop.fly(
+        model.wrench_model,
+        r.start,
+        r.clock,
+        [
+            closed_loop.loss_of_control_stage(reference, r.clock, forgiven),
+            *computer.stages,
+            closed_loop.disturbance_stage(inference.disturbance),
+        ],
+        computer.signals,
+        memory=inference.memory,
+        compiled=compiled,
+        progress=progress,
+    )
+    desired = loop.logged("law", "desired", len(flown.commands.wrench_B))
+    return Reflight(r, flown, desired, tuple(computer.steps), model)

@@ -19,15 +19,13 @@ from wrenchgap.compensate.c_printer import bounds, fields_of, name_of_constant
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.run import run
 from wrenchgap.compensate.tables import STATE, rows_of
-from wrenchgap.flight import so3
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight import UsageError, so3
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.compensators import Judged
-from wrenchgap.replay.export.c_lines import Code, Own, Printer, literal
-from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
+from wrenchgap.replay.export.c_lines import KINDS, Code, Cost, Own, Pieces, Printer, evaluations, literal
 from wrenchgap.replay.export.observer import observer_context
 from wrenchgap.replay.export.records import LONGEST, record_type
 
@@ -97,7 +95,7 @@ def context(
     """What the templates ask for, of a plan with `effects`."""
     # Long because it names every number of the templates, one a line.
     gate, expansion, physics = plan.gate, plan.expansion, plan.physics
-    seen = _seen(plan) | ({"omega_B"} if observer is not None else set())
+    seen = _seen(plan, observer)
     alone, whole = evaluations(plan)
     points = 0 if expansion is None else expansion.points.shape[1]
     contents = [f"A Gaussian process of {points} points."] if expansion is not None else []
@@ -159,11 +157,12 @@ def correction_max(plan: Plan, observer: Combined | None) -> Array:
     return most
 
 
-def _seen(plan: Plan) -> set[str]:
+def _seen(plan: Plan, observer: Combined | None) -> set[str]:
     """Fields of the input that something looks at."""
     groups = () if plan.expansion is None else plan.expansion.input_groups
     by_group = {"velocity": ("velocity_E", "quat_EB"), "rates": ("omega_B",), "position": ("position_E",), "past": ()}
     seen = {field for group in groups for field in by_group[group]}
+    seen |= set() if observer is None else {"omega_B"}
     if plan.physics is not None:
         for program in (plan.physics.mismatch, plan.physics.sent):
             arguments = {int(a) for line in program.code.tolist() for a in line[1:]} | set(program.results.tolist())
@@ -182,7 +181,7 @@ def _said(code: Code | None) -> dict[str, str] | None:
 def numbers_of(plan: Plan, observer: Combined | None) -> tuple[list[Table], list[tuple[str, str]]]:
     """Tables of a plan and an observer, and their single numbers as macros."""
     given = compensation_of(plan)
-    seen = _seen(plan) | ({"omega_B"} if observer is not None else set())
+    seen = _seen(plan, observer)
     looked = [int(any(f in seen and a <= k < a + n for f, a, n in STATE_FIELDS)) for k in range(len(STATE))]
     gate = given.gate._replace(looked=np.array(looked, dtype=np.int64), lenient=1)
     tables: list[Table] = []

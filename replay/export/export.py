@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -16,20 +17,24 @@ from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
 from wrenchgap.compensate.physics import untraceable
 from wrenchgap.compensate.reach import reach_of
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
+from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.compensation.compensators import TORQUE, Judged, ProcessCaveat, caveats, compensator, judged
-from wrenchgap.replay.export.c_lines import Own, Printer
+from wrenchgap.replay.compensation import compensators
+from wrenchgap.replay.compensation.compensators import TORQUE, Judged, ProcessCaveat
+from wrenchgap.replay.export.c_lines import Cost, Own, Pieces, Printer, cost
 from wrenchgap.replay.export.context import Table, Vectors, context, correction_max, numbers_of, recorded, words_of
-from wrenchgap.replay.export.counting import Cost, Pieces, cost
-from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
+from wrenchgap.replay.export.folder import checked, write_folder
+from wrenchgap.replay.export.observer import NO_OBSERVER, Asked, ObserverSettings, observed, with_observer
 from wrenchgap.replay.export.records import HASHED, export_id
 
 Precision = Literal["double", "float"]
@@ -86,6 +91,51 @@ class Export(Result):
     judged: Judged | None = None
 
 
+@check_arguments
+def export_compensator(
+    gp: GaussianProcess | Learnt | None,
+    model: Model | Addition,
+    folder: str | Path,
+    settings: Settings | None = None,
+    *,
+    lead: float | None = None,
+    precision: Precision = "double",
+    without: Sequence[str] = (),
+    names: tuple[str, str] = ("-", "-"),
+    command: str = "wrenchgap.export_compensator",
+    force: bool = False,
+    observer: Asked = None,
+    observer_max: float | None = None,
+) -> Export:
+    """Write the compensation as a folder of C99 (docs/export.md), all of it or nothing.
+
+    Without a process, that of the model's effects alone. `settings` are by default those of the model's control rate,
+    with 12 evaluations of the model in one search. Effects in `without` are left out. With an `observer` of so many Hz,
+    or "log" for the bandwidth in the GP's file, what the rest leaves is corrected too, by at most `observer_max` [Nm].
+
+    Raises UsageError where the folder exists and `force` is not given, and for what cannot be exported, by name.
+    """
+    path, known = Path(folder), model_of(model)
+    checked(path, tuple(FILES), force=force)
+    if known.path is not None and known.path.resolve().is_relative_to(path.resolve()):
+        raise UsageError(f"--output {path}: the model {known.path} is in it; choose another name")
+    asked = settings or Settings(dt=1.0 / known.controller.rate_hz, max_evaluations=EVALUATIONS)
+    made = export(
+        None if gp is None else compensators.gp_of(gp),
+        known,
+        asked,
+        lead=lead,
+        precision=precision,
+        leave_out=without,
+        names=names,
+        command=command,
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+        observer=ObserverSettings(observer, observer_max),
+    )
+    write_folder(path, made.files, force=force)
+    return made
+
+
 def export(
     process: GaussianProcess | None,
     model: Model,
@@ -115,7 +165,7 @@ def export(
     without = tuple(e for e in model.effects if e.name in left_out)
     loop, plan = _parts(process, kept, asked, lead, without, alone=observer.bandwidth is not None)
     watched = observed(observer, loop, process, kept, asked.dt)
-    in_loop = None if watched is None else judged(process, kept, watched.bandwidth_hz)
+    in_loop = None if watched is None else compensators.judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
     plan = plan._replace(reach=reach_of(kept.vehicle))
@@ -124,17 +174,18 @@ def export(
     _check_range(tables, precision)
     price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(t.numbers)) for t in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
-    effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
+    effects: tuple[str, ...] = ()  # those on sensors are not among them
+    if loop is not None and plan.physics is not None:
+        physics = loop.model if isinstance(loop.model, PhysicsMismatch) else loop.physics
+        effects = () if physics is None else tuple(e.name for e in physics.model.effects)
     said = {"precision": precision, "dt": asked.dt, "date": date, "command": Own(printable(command))}
-    said |= (
-        _names(process, kept, names)
-        | context(plan, pieces, effects, tables, macros, watched, in_loop)
-        | _recorded(vectors)
-    )
+    said |= _names(process, kept, names) | _recorded(vectors)
+    said |= context(plan, pieces, effects, tables, macros, watched, in_loop)
     outputs = tuple(AXES[k] for k in plan.gate.rows)
     refused = () if process is None or asked.despite_verdict else process.refused
     corrected = _corrected(outputs, refused, effects, observed=watched is not None)
-    said |= {"com": _com(kept), "cost": Own(words_of(price)), "corrected": corrected}
+    com = ", ".join(f"{float(v):g}" for v in kept.vehicle.body.com_B)
+    said |= {"com": f"({com})", "cost": Own(words_of(price)), "corrected": corrected}
     return Export(
         model=kept,
         outputs=outputs,
@@ -143,10 +194,12 @@ def export(
         left_out=left_out,
         precision=cast(Precision, precision),
         dt=asked.dt,
-        **_of_process(plan),
+        points=0 if plan.expansion is None else plan.expansion.points.shape[1],
+        inputs=() if plan.expansion is None else plan.expansion.input_groups,
+        has_process=plan.expansion is not None,
         cost=price,
         solved=vectors.solved,
-        caveats=() if process is None else caveats(process, model),
+        caveats=() if process is None else compensators.caveats(process, model),
         corrected=corrected,
         observer_hz=None if watched is None else watched.bandwidth_hz,
         observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
@@ -172,14 +225,6 @@ def _files(said: dict[str, Any]) -> dict[str, str]:
 
     found = export_id({name: text(name, "").encode() for name in HASHED})
     return {name: text(name, found) for name in FILES}
-
-
-def _of_process(plan: Plan) -> dict[str, Any]:
-    """What an `Export` says of its process."""
-    one = plan.expansion
-    if one is None:
-        return {"points": 0, "inputs": (), "has_process": False}
-    return {"points": one.points.shape[1], "inputs": one.input_groups, "has_process": True}
 
 
 def _corrected(outputs: Sequence[str], refused: Sequence[str], effects: Sequence[str], *, observed: bool) -> str:
@@ -222,22 +267,32 @@ def _parts(
     alone: bool,
 ) -> tuple[Compensator | None, Plan]:
     """The feed-forward and what of it becomes code; none where all is refused, if an observer may be `alone`."""
-    refused = process is not None and set(process.refused) == set(process.outputs) and not settings.despite_verdict
-    if alone and process is not None and refused and process.settings.mean != "physics":
+    if alone and process is not None and compensators.all_refused(process, settings):
         count = len(process.outputs)
         idle = LinearMismatch(process.outputs, np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
         made = Compensator(idle, settings, vehicle=model.vehicle).plan
         assert made is not None
         return None, made._replace(expansion=None, gate=made.gate._replace(has_process=0))
-    loop = _loop(process, model, settings, lead, without)
+    if process is None and not model.effects:
+        raise UsageError(f"export: {model.name} has no effects, and no GP is given: there is nothing to export")
+    loop = None
+    if model.effects and (process is None or process.settings.mean == "physics"):
+        physics = PhysicsMismatch(model.wrench_model, TORQUE if process is None else process.outputs, lead)
+        refused = untraceable(physics, settings.dt)
+        if refused:
+            said = "; ".join(refused.values())
+            raise UsageError(
+                f"export: {', '.join(refused)} cannot be exported ({said}); leave it out with "
+                f"{' '.join(f'--without {name}' for name in refused)}, or learn on a model without it"
+            )
+        loop = Compensator(physics, settings) if process is None else None
+    elif process is not None and process.settings.mean == "physics":
+        loop = Compensator(process, settings, vehicle=model.vehicle)  # everything was left out, as asked
+    if loop is None:
+        assert process is not None
+        loop = compensators.compensator(process, model, settings, lead=lead, without=without)
     assert loop.plan is not None
     return loop, loop.plan
-
-
-def loop_effects(loop: Compensator) -> tuple[Any, ...]:
-    """The effects that a compensator knows; those on sensors are not among them."""
-    physics = loop.model if isinstance(loop.model, PhysicsMismatch) else loop.physics
-    return () if physics is None else physics.model.effects
 
 
 def _without(process: GaussianProcess | None, model: Model, names: Sequence[str]) -> tuple[Model, dict[str, str]]:
@@ -252,35 +307,6 @@ def _without(process: GaussianProcess | None, model: Model, names: Sequence[str]
             )
     kept = replace(model, effects=tuple(e for e in model.effects if e.name not in names))
     return kept, dict.fromkeys(names, "left out as asked")
-
-
-def _loop(
-    process: GaussianProcess | None,
-    model: Model,
-    settings: Settings,
-    lead: float | None,
-    without: tuple[ModelEffect, ...],
-) -> Compensator:
-    """The compensator that is exported."""
-    if process is None and not model.effects:
-        raise UsageError(f"export: {model.name} has no effects, and no GP is given: there is nothing to export")
-    outputs = TORQUE if process is None else process.outputs
-    needed = process is None or process.settings.mean == "physics"
-    if needed and model.effects:
-        physics = PhysicsMismatch(model.wrench_model, outputs, lead)
-        refused = untraceable(physics, settings.dt)
-        if refused:
-            said = "; ".join(refused.values())
-            raise UsageError(
-                f"export: {', '.join(refused)} cannot be exported ({said}); leave it out with "
-                f"{' '.join(f'--without {name}' for name in refused)}, or learn on a model without it"
-            )
-        if process is None:
-            return Compensator(physics, settings)
-    assert process is not None
-    if needed and not model.effects:
-        return Compensator(process, settings, vehicle=model.vehicle)  # everything was left out, as asked
-    return compensator(process, model, settings, lead=lead, without=without)
 
 
 def _pieces(plan: Plan) -> Pieces:
@@ -309,10 +335,6 @@ def _rows(values: Array) -> Own:
     return Own(",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values))
 
 
-def _com(model: Model) -> str:
-    return "(" + ", ".join(f"{float(v):g}" for v in model.vehicle.body.com_B) + ")"
-
-
 def _environment(name: str) -> Environment:
     """Templates of a file of this name: every text but `Own` is escaped as that kind of file needs it."""
     escape = ESCAPES.get(Path(name).suffix, build_text)
@@ -324,13 +346,3 @@ def _environment(name: str) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-
-
-def write(made: Export, folder: Path, *, force: bool = False) -> Path:
-    """Write the files into a new folder, all of them or none; returns it. See `replay.export.folder`."""
-    from wrenchgap.replay.export.folder import write_folder
-
-    return write_folder(folder, made.files, force=force)
-
-
-__all__ = ["Export", "export", "write"]

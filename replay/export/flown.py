@@ -20,16 +20,8 @@ from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
-from wrenchgap.replay.export.records import (
-    HEAD,
-    OUTPUT,
-    PRECISION,
-    checked_export,
-    read_records,
-    record_type,
-    sizes_of,
-    stepped,
-)
+from wrenchgap.replay.export import records as recording
+from wrenchgap.replay.export.records import HEAD, OUTPUT, PRECISION, record_type
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
@@ -211,8 +203,8 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     is no export, was changed since, or cannot be compiled, and LogError for a log without records of it.
     """
     path, place = Path(log), Path(folder)
-    export, contents = checked_export(place)
-    records, damaged = read_records(path, budget)
+    export, contents = recording.checked_export(place)
+    records, damaged = recording.read_records(path, budget)
     heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
     ids = [bytes(one).hex() for one in heads["export"]]
     own, repeated = _without_repeats([r for r, one in zip(records, ids, strict=True) if one == export])
@@ -225,9 +217,9 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     kinds = {r[: HEAD.itemsize - 4] for r in own}
     if len(kinds) > 1:
         raise LogError(f"{path}: its records are of {len(kinds)} builds of one export; expected one; cut the log apart")
-    kind = record_type(*sizes_of(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0]))
+    kind = record_type(*recording.sizes_of(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0]))
     flown = np.frombuffer(b"".join(own), kind)
-    tolerances, made = stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
+    tolerances, made = recording.stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
     return FlownExport(
         path=path,
         folder=place,
@@ -264,7 +256,8 @@ def _without_repeats(records: list[bytes]) -> tuple[list[bytes], int]:
         if one in seen:
             again.append(one)
             continue
-        if again and _ahead(_number(one), _number(out[-1])) <= 0:
+        numbers = [int(np.frombuffer(r[: HEAD.itemsize], HEAD)["number"][0]) for r in (one, *out[-1:])]
+        if again and _ahead(*numbers) <= 0:
             out += again
         else:
             repeated += len(again)
@@ -272,10 +265,6 @@ def _without_repeats(records: list[bytes]) -> tuple[list[bytes], int]:
         out.append(one)
         seen.add(one)
     return out, repeated + len(again)
-
-
-def _number(record: bytes) -> int:
-    return int(np.frombuffer(record[: HEAD.itemsize], HEAD)["number"][0])
 
 
 def _ahead(number: int, other: int) -> int:

@@ -11,13 +11,12 @@ import numpy as np
 
 from wrenchgap.compensate import Combined, Compensator
 from wrenchgap.compensate.compensator import largest_correction
-from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight import AXES, UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import TORQUE, Judged, no_bandwidth, told_observer
-from wrenchgap.replay.export.counting import Cost
+from wrenchgap.replay.export.c_lines import Cost
 
 Asked = float | Literal["log"] | None
 """Bandwidth [Hz], or that of the training log; None: no observer."""

@@ -14,16 +14,15 @@ import shutil
 import subprocess
 import tempfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import work_files
+from wrenchgap.flight import LogError, UsageError, work_files
 from wrenchgap.flight.budget import Account, Budget
-from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.formats import READERS
 from wrenchgap.flight.formats.reader import DoubtfulError, Reader, TableReader
 
@@ -45,10 +44,8 @@ HEAD = np.dtype(
 )
 LONGEST = 1 << 16
 """Bytes of a record: a state of some hundred numbers is the longest that an export has."""
-INPUT = {"wrench_desired": 6, "feedback": 6, "position_E": 3, "quat_EB": 4, "velocity_E": 3, "omega_B": 3} | {
-    "time": 1,
-    "voltage": 1,
-}
+INPUT = {"wrench_desired": 6, "feedback": 6, "position_E": 3, "quat_EB": 4, "velocity_E": 3, "omega_B": 3}
+INPUT |= {"time": 1, "voltage": 1}
 OUTPUT = {
     "wrench_cmd": 6,
     "correction": 6,
@@ -59,6 +56,7 @@ OUTPUT = {
     "beta": 1,
     "cost": 1,
 }
+"""Numbers of the fields of a `wg_input` and a `wg_output`."""
 PRECISION = {8: "double", 4: "float"}
 
 
@@ -139,7 +137,8 @@ def _scan(data: bytes | mmap.mmap, records: list[bytes], account: Account) -> in
         account.check_time()
         length = _said_length(data[place : place + HEAD.itemsize])
         record = data[place : place + length]
-        if length and _is_whole(record, length):
+        whole = 0 < length == len(record)
+        if whole and zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little"):
             account.take(length, "records")
             records.append(record)
             place = data.find(MAGIC, place + length)
@@ -157,11 +156,6 @@ def _said_length(head: bytes) -> int:
     length = int(said["length"])
     fits = length <= LONGEST and int(said["real"]) in PRECISION and record_type(*sizes_of(said)).itemsize == length
     return length if fits else 0
-
-
-def _is_whole(record: bytes, length: int) -> bool:
-    """Whether it is all there, and its checksum right."""
-    return len(record) == length and zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
 
 
 def checked_export(folder: Path) -> tuple[str, dict[str, bytes]]:
@@ -186,11 +180,17 @@ def checked_export(folder: Path) -> tuple[str, dict[str, bytes]]:
 
 
 def stepped(
-    folder: Path, contents: dict[str, bytes], records: list[bytes], precision: str, kind: np.dtype[Any]
+    folder: Path,
+    contents: dict[str, bytes],
+    records: list[bytes],
+    precision: str,
+    kind: np.dtype[Any],
+    at_once: int = 20_000,
 ) -> tuple[tuple[float, float], NDArray[np.void]]:
     """The tolerances, and what the code makes: the state after wg_reset, then every record.
 
-    What was checked is compiled, in a folder of its own, where no other file can stand in for a header.
+    What was checked is compiled, in a folder of its own, where no other file can stand in for a header. So many
+    records as `at_once`, some 30 MB, are stepped in one run of the program.
     """
     with tempfile.TemporaryDirectory(dir=work_files.folder()) as place:
         program, main = Path(place) / "flown", Path(__file__).with_name("flown.c")
@@ -199,17 +199,12 @@ def stepped(
         sources = [str(Path(place) / name) for name in (main.name, *contents) if name.endswith(".c")]
         _run([*_compiler(), "-std=c99", "-O2", f"-DWG_{precision.upper()}", "-o", str(program), *sources, "-lm"],
              f"--export {folder}: cannot be compiled")  # fmt: skip
-        answers = [_run([str(program)], f"--export {folder}: its code does not read the records", b"".join(part))
-                   for part in _parts(records)]  # fmt: skip
-    tolerances = np.frombuffer(answers[0][:16])
+        wrong = f"--export {folder}: its code does not read the records"
+        parts = (b"".join(records[k : k + at_once]) for k in range(0, len(records), at_once))
+        answers = [_run([str(program)], wrong, part) for part in parts]
+    first, second = np.frombuffer(answers[0][:16]).tolist()
     made = [np.frombuffer(answer[16:], kind) for answer in answers]
-    together = np.concatenate([made[0], *(one[1:] for one in made[1:])])
-    return (float(tolerances[0]), float(tolerances[1])), together
-
-
-def _parts(records: list[bytes], at_once: int = 20_000) -> Iterable[list[bytes]]:
-    """What is stepped in one run of the program: some 30 MB."""
-    return (records[k : k + at_once] for k in range(0, len(records), at_once))
+    return (first, second), np.concatenate([made[0], *(one[1:] for one in made[1:])])
 
 
 def _compiler() -> list[str]:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from wrenchgap.learn.identify.observer import OBSERVER
-from wrenchgap.replay.export.counting import KINDS
+from wrenchgap.replay.export.c_lines import KINDS
 from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.numbers import entries, share

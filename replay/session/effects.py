@@ -11,16 +11,15 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
-from wrenchgap.plant import model_file
+from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.history import Trial
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
-from wrenchgap.viewer.background import Report
+from wrenchgap.viewer.session import Report
 
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
@@ -101,7 +100,7 @@ class SessionEffects:
     def remove(self, name: str) -> None:
         """Take one out; the others keep their values."""
         with self.working.lock:
-            self.working.require_effect(name)
+            self.working.effect(name)
             order = tuple(n for n in self.working.revisions[-1].order if n != name)
             self.working.change(Revision(self.working.model.without([name]), f"remove {name}", order))
 
@@ -109,9 +108,7 @@ class SessionEffects:
         """Set a parameter by hand; several in a row of one effect are one change."""
         working = self.working
         with working.lock:
-            working.require_effect(effect)
-            old = working.model.effect(effect)
-            assert old is not None
+            old = working.effect(effect)
             parameters = {p.name: (k, p) for k, p in enumerate(old.effect.parameters(working.model.vehicle))}
             if parameter not in parameters:
                 raise ModelError(f"effect {effect}: no parameter {parameter!r}; expected {', '.join(parameters)}")
@@ -181,8 +178,9 @@ class SessionEffects:
         return versioned
 
     def _staircases(self, flight: str) -> tuple[Staircase, ...]:
-        working = self.working
-        fitted, effects = self._fitted_flights(), working.model.effects
+        working, effects = self.working, self.working.model.effects
+        used = {sha for e in effects for _, sha in e.provenance.logs}
+        fitted = {name for name, one in working.flights.items() if one.flight.content_hash in used}
         basis = Basis.FITTED if flight in fitted else Basis.UNSEEN if effects else Basis.RAW
         here = self._raw(basis, [flight])
         others = [n for n in working.flights if n != flight and n not in fitted]
@@ -192,23 +190,16 @@ class SessionEffects:
         return (here,) if held_out is None else (here, held_out)
 
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
-        working = self.working
-        residuals = (np.concatenate([working.model_residual(model, f) for f in flights]) for model in self._models())
-        return staircase(basis, working.data(*flights), residuals, working.revisions[-1].order)
-
-    def _models(self) -> list[Model]:
         """Nominal; with the first effect; the first two; ... as they were when there were no more, or are now."""
-        order, model = self.working.revisions[-1].order, self.working.model
-        out = [model.nominal]
+        working = self.working
+        order, model = working.revisions[-1].order, working.model
+        models = [model.nominal]
         for count in range(1, len(order) + 1):
-            earlier = [r.model for r in self.working.revisions if set(r.order) == set(order[:count])]
+            earlier = [r.model for r in working.revisions if set(r.order) == set(order[:count])]
             rest = model.without(order[count:])
-            out.append(model if count == len(order) else earlier[-1] if earlier else rest)
-        return out
-
-    def _fitted_flights(self) -> set[str]:
-        used = {sha for e in self.working.model.effects for _, sha in e.provenance.logs}
-        return {name for name, one in self.working.flights.items() if one.flight.content_hash in used}
+            models.append(model if count == len(order) else earlier[-1] if earlier else rest)
+        residuals = (np.concatenate([working.model_residual(one, f) for f in flights]) for one in models)
+        return staircase(basis, working.data(*flights), residuals, order)
 
     def _held_out(self, flight: str) -> Staircase | None:
         """Blocks of time of the only flight, each predicted by parameters that were fitted without it.

@@ -12,42 +12,33 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.inspection import Channel, channels_of
-from wrenchgap.learn.data.comparison import compare
-from wrenchgap.learn.data.opening import Flights, listed
-from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.learn.process.predictors import predictors
-from wrenchgap.plant.model import Model
-from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.session.compensation import SessionCompensation
-from wrenchgap.replay.session.effects import SessionEffects
-from wrenchgap.replay.session.failure import SessionFailures
-from wrenchgap.replay.session.panels.compensation import CompensationPanel
-from wrenchgap.replay.session.panels.effects import EffectsPanel
-from wrenchgap.replay.session.panels.failure import FailurePanel
-from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.replay.session.working_model import WorkingModel
-from wrenchgap.viewer.scene import Scene, Stretch
-from wrenchgap.viewer.session import Capabilities, MakePanel
-
-if TYPE_CHECKING:
-    from wrenchgap.replay.session.comparisons import SessionComparisons
-
-
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.flight import Array, ReferenceSeries
-from wrenchgap.learn.data.comparison import Evaluation
+from wrenchgap.flight.inspection import Channel, channels_of
+from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
-from wrenchgap.replay.present.notes import warnings
-from wrenchgap.viewer.scene import Series
+from wrenchgap.replay.present.notes import sentences, warnings
+from wrenchgap.replay.session.effects import SessionEffects
+from wrenchgap.replay.session.panels.compensation import CompensationPanel, SessionCompensation
+from wrenchgap.replay.session.panels.effects import EffectsPanel
+from wrenchgap.replay.session.panels.failure import FailurePanel, SessionFailures
+from wrenchgap.replay.session.saving import SaveFolder
+from wrenchgap.replay.session.working_model import WorkingModel
+from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Stretch
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.session.panels.changed import SessionComparisons
 
 PREDICTED = "predicted"
 """The wrench of the current model, in a scene."""
@@ -90,11 +81,10 @@ class LogSession:
             partial(CompensationPanel, compensations=self.compensations),
         ]
         if len(self.flights) > 1:
-            from wrenchgap.replay.session.comparisons import SessionComparisons  # here: one flight need not wait for it
-            from wrenchgap.replay.session.panels.changed import ChangedPanel
+            from wrenchgap.replay.session.panels import changed  # here: one flight need not wait for it
 
-            self.comparisons = SessionComparisons(self.working)
-            panels.insert(2, partial(ChangedPanel, comparisons=self.comparisons))
+            self.comparisons = changed.SessionComparisons(self.working)
+            panels.insert(2, partial(changed.ChangedPanel, comparisons=self.comparisons))
         self.capabilities = Capabilities(panels, self.channels, self.report)
         self._recorded: dict[str, Scene] = {}
 
@@ -135,19 +125,22 @@ class LogSession:
         one, predictor = self.working.flight(name), self.working.predictor
         if name not in self._recorded:
             self._recorded[name] = recorded(one, self.vehicle)
-        result = compare([one], self.model, [predictor, *self._against])
+        scene, result = self._recorded[name], compare([one], self.model, [predictor, *self._against])
         evaluation, *others = result.evaluations
         models = {other.name: other for other in others}
         trivial = not predictor.model.effects and predictor.gp is None  # the nominal model predicts the command
         if not trivial:
             models = {PREDICTED: evaluation, **models}
-        return predicted(
-            self._recorded[name],
-            one,
-            models,
+        wrenches = {n: _at(scene.time, one.records, found.predictions) for n, found in models.items()}
+        sigma = {n: _at(scene.time, one.records, f.sigma) for n, f in models.items() if f.sigma is not None}
+        return replace(
+            scene,
+            wrenches={**scene.wrenches, **wrenches},
+            sigma=sigma,
             residual_of="commanded" if trivial else PREDICTED,
-            worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
-            notes=sentences((*self._notes, *result.notes)),
+            series=(*scene.series, *_sigmas(scene.time, sigma)),
+            worst=tuple(Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst),
+            notes=tuple(dict.fromkeys((*sentences((*self._notes, *result.notes)), *scene.notes))),
         )
 
 
@@ -163,8 +156,14 @@ def recorded(one: OpenFlight, vehicle: Vehicle, rate_hz: float = 50.0) -> Scene:
     """
     parts = [slice(0, None, max(1, round(1.0 / (rate_hz * s.dt)))) for s in one.samples]
     time = np.concatenate([s.time[part] for s, part in zip(one.samples, parts, strict=True)])
-    reference = one.flight.reference
+    reference, records = one.flight.reference, one.records
     position, quat = (None, None) if reference is None else _reference(reference, time)
+    commands = [(r.state.time, r.commands) for r in records]
+    tilts = [(t, c.tilt) for t, c in commands if c.tilt is not None]
+    rotors = [(t, c) for t, c in commands if c.tilt is not None and c.rotor_speed is not None]
+    thrusts = [] if vehicle.rotors is None else [(t, actuation(vehicle, c).thrust) for t, c in rotors]
+    desired = [(r, r.desired) for r in records if r.desired is not None]
+    told = not all(np.allclose(values, r.commanded) for r, values in desired)  # before any compensation
     scene = Scene(
         name=one.records[0].flight,
         time=time,
@@ -172,12 +171,12 @@ def recorded(one: OpenFlight, vehicle: Vehicle, rate_hz: float = 50.0) -> Scene:
         quat_EB=_joined(one, parts, "quat_EB", (1.0, 0.0, 0.0, 0.0)),
         reference_position_E=position,
         quat_ED=quat,
-        tilt=_tilt(time, one.records, vehicle),
-        thrust=_thrust(time, one.records, vehicle),
+        tilt=at_stamps(time, tilts) if tilts and vehicle.arms is not None else None,
+        thrust=at_stamps(time, thrusts) if thrusts else None,
         wrenches={
-            "commanded": _at(time, one.records, [r.commanded for r in one.records]),
-            "measured": _at(time, one.records, [r.measured for r in one.records]),
-            **_desired(time, one.records),
+            "commanded": _at(time, records, [r.commanded for r in records]),
+            "measured": _at(time, records, [r.measured for r in records]),
+            **({"desired": at_stamps(time, [(r.time, values) for r, values in desired])} if told else {}),
         },
         floors=_floors(vehicle),
         gaps=_gaps(one),
@@ -187,7 +186,7 @@ def recorded(one: OpenFlight, vehicle: Vehicle, rate_hz: float = 50.0) -> Scene:
     pose = one.samples[0].position_E is not None
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
     omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)), floor=FLOORS["rad/s"])
-    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records, vehicle), omega))
+    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, records, vehicle), omega))
 
 
 def _floors(vehicle: Vehicle) -> dict[str, float]:
@@ -213,29 +212,6 @@ def _gaps(one: OpenFlight) -> tuple[Stretch, ...]:
     return tuple(sorted(gaps, key=lambda gap: gap.start))
 
 
-def predicted(
-    scene: Scene,
-    one: OpenFlight,
-    models: Mapping[str, Evaluation],
-    *,
-    residual_of: str,
-    worst: Sequence[Stretch] = (),
-    notes: Sequence[str] = (),
-) -> Scene:
-    """A recorded flight with what `models` say of it alone; `residual_of` names the wrench to compare with."""
-    wrenches = {name: _at(scene.time, one.records, found.predictions) for name, found in models.items()}
-    sigma = {n: _at(scene.time, one.records, found.sigma) for n, found in models.items() if found.sigma is not None}
-    return replace(
-        scene,
-        wrenches={**scene.wrenches, **wrenches},
-        sigma=sigma,
-        residual_of=residual_of,
-        series=(*scene.series, *_sigmas(scene.time, sigma)),
-        worst=tuple(worst),
-        notes=tuple(dict.fromkeys((*notes, *scene.notes))),
-    )
-
-
 def _joined(one: OpenFlight, parts: Sequence[slice], name: str, unknown: Sequence[float]) -> Array:
     """A quantity of all stretches; `unknown` where a stretch lacks it."""
     values = []
@@ -248,29 +224,6 @@ def _joined(one: OpenFlight, parts: Sequence[slice], name: str, unknown: Sequenc
 def _at(time: Array, records: Sequence[Record], values: Sequence[Array]) -> Array:
     """What is known at the compared samples of every record, linear between them, at `time`; nan outside."""
     return at_stamps(time, [(r.time, v) for r, v in zip(records, values, strict=True)])
-
-
-def _desired(time: Array, records: Sequence[Record]) -> dict[str, Array]:
-    """The wrench before any compensation, where the log tells it from the command."""
-    known = [(r.time, r.desired) for r in records if r.desired is not None]
-    if not known or all(np.allclose(r.desired, r.commanded) for r in records if r.desired is not None):
-        return {}
-    return {"desired": at_stamps(time, known)}
-
-
-def _tilt(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
-    """Angles of all arms as commanded (logged or allocated), None where the model has no arms."""
-    known = [(r.state.time, r.commands.tilt) for r in records if r.commands.tilt is not None]
-    if vehicle.arms is None or not known:
-        return None
-    return at_stamps(time, known)
-
-
-def _thrust(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
-    known = [r for r in records if r.commands.tilt is not None and r.commands.rotor_speed is not None]
-    if vehicle.rotors is None or not known:
-        return None
-    return at_stamps(time, [(r.state.time, actuation(vehicle, r.commands).thrust) for r in known])
 
 
 def _reference(reference: ReferenceSeries, time: Array) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import Provenance, WrenchModel
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance, WrenchModel
 
 T = TypeVar("T")
 
@@ -50,7 +50,8 @@ class WorkingModel:
     def __init__(self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None):
         self.flights, self.gp = {one.records[0].flight: one for one in flights}, gp
         self.lock = threading.RLock()
-        self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
+        self.revisions = [Revision(model, "", tuple(e.name for e in model.effects))]
+        """The model as it was opened, and after every change since."""
         self._undone: list[Revision] = []
         self._saved = model
         found, self.notes = predictors(model, (), gp, flights[0].records[0].cutoff_hz)
@@ -61,17 +62,12 @@ class WorkingModel:
     @property
     def model(self) -> Model:
         """The current model."""
-        return self._done[-1].model
-
-    @property
-    def revisions(self) -> tuple[Revision, ...]:
-        """The model as it was opened, and after every change since."""
-        return tuple(self._done)
+        return self.revisions[-1].model
 
     @property
     def undoable(self) -> str:
         """What would be undone, in words."""
-        return self._done[-1].words if len(self._done) > 1 else ""
+        return self.revisions[-1].words if len(self.revisions) > 1 else ""
 
     @property
     def redoable(self) -> str:
@@ -89,20 +85,20 @@ class WorkingModel:
         So many changes as `depth` can be undone.
         """
         with self.lock:
-            if instead and len(self._done) > 1:
-                self._done.pop()
-            self._done.append(revision)
-            if len(self._done) > depth:
-                del self._done[1]
+            if instead and len(self.revisions) > 1:
+                self.revisions.pop()
+            self.revisions.append(revision)
+            if len(self.revisions) > depth:
+                del self.revisions[1]
             self._undone.clear()
             self._cached.clear()
 
     def undo(self) -> None:
         """Take the last change back. Raises UsageError where there is none."""
         with self.lock:
-            if len(self._done) < 2:
+            if len(self.revisions) < 2:
                 raise UsageError("there is nothing to undo: the model is as it was opened")
-            self._undone.append(self._done.pop())
+            self._undone.append(self.revisions.pop())
             self._cached.clear()
 
     def redo(self) -> None:
@@ -110,13 +106,13 @@ class WorkingModel:
         with self.lock:
             if not self._undone:
                 raise UsageError("there is nothing to redo")
-            self._done.append(self._undone.pop())
+            self.revisions.append(self._undone.pop())
             self._cached.clear()
 
     def was_saved(self, model: Model) -> None:
         """The current model is in a file now: `model`, with its path and history."""
         with self.lock:
-            self._done[-1] = replace(self._done[-1], model=model)
+            self.revisions[-1] = replace(self.revisions[-1], model=model)
             self._saved = model
             self._cached.clear()
 
@@ -173,7 +169,7 @@ class WorkingModel:
         """The current model's name: that of the opened one, or what is in it now."""
         if [e.name for e in self.model.effects] == [e.name for e in self.opened_model.effects]:
             return self.opened_model.name if self.saved else f"{self.opened_model.name} (changed)"
-        return " + ".join([self.model.vehicle.name, *self._done[-1].order])
+        return " + ".join([self.model.vehicle.name, *self.revisions[-1].order])
 
     @property
     def predictor(self) -> Predictor:
@@ -182,11 +178,12 @@ class WorkingModel:
             return self._opened_predictor
         return Predictor(self.name, self.model.wrench_model)
 
-    def require_effect(self, name: str) -> None:
-        """Raise ModelError unless the model has this effect."""
-        if self.model.effect(name) is None:
+    def effect(self, name: str) -> ModelEffect:
+        """The effect of this name. Raises ModelError where the model has none."""
+        if (found := self.model.effect(name)) is None:
             have = ", ".join(e.name for e in self.model.effects) or "none"
             raise ModelError(f"{self.name}: has no effect {name!r}; its effects: {have}")
+        return found
 
 
 def provenance(method: str) -> Provenance:

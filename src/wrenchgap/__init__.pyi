@@ -23,12 +23,12 @@ from .replay.api import save_log as save_log
 from .replay.api import save_model as save_model
 from .replay.api import simulate as simulate
 from .replay.api import where as where
-from .replay.api_export import combined as combined
-from .replay.api_export import export_compensator as export_compensator
-from .replay.api_export import prove_flown as prove_flown
 from .replay.api_flights import changed as changed
 from .replay.api_flights import check as check
 from .replay.api_flights import trend as trend
 from .replay.api_models import calibrate as calibrate
 from .replay.api_models import draft_model as draft_model
 from .replay.api_models import save_draft as save_draft
+from .replay.compensation.compensators import combined as combined
+from .replay.export.export import export_compensator as export_compensator
+from .replay.export.flown import prove_flown as prove_flown

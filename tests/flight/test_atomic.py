@@ -224,7 +224,7 @@ NO_OUTPUT = {
     "learn/worker.py": "the pipe to whoever asks",
     "plant/trajectory/file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
-    "replay/batch/plan.py": "what a worker reads, in a folder that goes again",
+    "replay/batch/tasks.py": "what a worker reads, in a folder that goes again",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",
     "replay/present/report/elements.py": "a picture in memory",
     "replay/export/records.py": "code that is compiled in a folder of its own",

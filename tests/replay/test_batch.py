@@ -13,9 +13,8 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import driver, sources
-from wrenchgap.replay.batch.plan import Plan, model_text
 from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.batch.tasks import Task, work
+from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
 
 distributed = pytest.importorskip("distributed")
 HIDDEN = {"alpha": ("crazyflie", "com_offset=x:0.0015"), "bravo": ("tilt_hexarotor", "com_offset=x:0.004")}

@@ -27,8 +27,8 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     Counterfactual,
     WeakLaw,
     counterfactual,
+    refly,
 )
-from wrenchgap.replay.counterfactual.reflight import refly
 from wrenchgap.replay.present.counterfactual import _sentence, notes, to_json
 from wrenchgap.replay.present.documents import plain
 

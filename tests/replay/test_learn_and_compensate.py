@@ -19,7 +19,7 @@ from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
-from wrenchgap.replay.compensation.replay import replay
+from wrenchgap.replay.compensation.replay import replay_compensation as replay
 from wrenchgap.replay.export.export import export
 from wrenchgap.replay.present.learning import caution
 

@@ -19,7 +19,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.trajectory import named
-from wrenchgap.replay.compensation.replay import replay
+from wrenchgap.replay.compensation.replay import replay_compensation as replay
 from wrenchgap.replay.compensation.source import source_by_name
 from wrenchgap.replay.present.documents import write_csv
 from wrenchgap.replay.present.replay import notes, summarise, to_json, warnings, write_log

@@ -9,8 +9,8 @@ from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.plant import model_file
 from wrenchgap.replay import api_flights
 from wrenchgap.replay.present.what_to_inspect import sentences
-from wrenchgap.replay.session import comparisons
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels import changed as comparisons
 from wrenchgap.replay.session.saving import SaveFolder
 
 MODEL = model_file.load("tilt_hexarotor")

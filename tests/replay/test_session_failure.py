@@ -11,9 +11,9 @@ from wrenchgap.learn.diagnose.budget import Source, budget
 from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.plant import model_file
-from wrenchgap.replay.session import failure as session_failure
-from wrenchgap.replay.session.failure import UNITS, VIEWS
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels import failure as session_failure
+from wrenchgap.replay.session.panels.failure import UNITS, VIEWS
 
 MODEL = model_file.load("tilt_hexarotor")
 

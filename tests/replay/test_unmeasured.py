@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight, load_model, open_flights, simulate
-from wrenchgap.replay.session.failure import VIEWS
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels.failure import VIEWS
 from wrenchgap.viewer.plots import plots_of
 
 NAME = "asymmetric_quadrotor"

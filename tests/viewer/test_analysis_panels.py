@@ -15,11 +15,10 @@ from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads
 from wrenchgap.replay.present import design, explanation
-from wrenchgap.replay.session.failure import VIEWS
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels.compensation import CompensationPanel
 from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
-from wrenchgap.replay.session.panels.failure import FailurePanel
+from wrenchgap.replay.session.panels.failure import VIEWS, FailurePanel
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.page import Page
@@ -454,4 +453,4 @@ def test_the_flight_is_re_simulated_as_a_ghost(compensated, work):
     assert "tracking error" in panel.flown.content
     ghost = compensated.scene_panel.ghost_of("re-simulated")
     assert ghost.time[-1] - ghost.time[0] == pytest.approx(3.0, abs=0.1)
-    assert "re-simulated" in compensated.scene_panel.ghost_names()
+    assert "re-simulated" in compensated.scene_panel.ghost.options

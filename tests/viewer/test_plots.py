@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wrenchgap.viewer.axis import limits, ticks
 from wrenchgap.viewer.panels.export import png, table
 from wrenchgap.viewer.plot_board import View, _head
-from wrenchgap.viewer.plots import Line, Plot, plots_of
-from wrenchgap.viewer.scene import Scene, Series
+from wrenchgap.viewer.plots import Line, Plot, limits, plots_of, ticks
+from wrenchgap.viewer.session import Scene, Series
 
 TIME = np.arange(0.0, 10.0, 0.02)
 

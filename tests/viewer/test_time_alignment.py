@@ -5,7 +5,7 @@ import pytest
 
 from wrenchgap.flight import so3
 from wrenchgap.viewer.panels.scene import delay_between
-from wrenchgap.viewer.scene import Motion
+from wrenchgap.viewer.session import Motion
 
 
 def flown(start, stop, shift=0.0, noise=0.0):

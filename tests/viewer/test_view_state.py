@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer.background import error_text
+from wrenchgap.viewer.host import error_text
 from wrenchgap.viewer.scene_drawing import Shown
 from wrenchgap.viewer.view_state import ViewState, parse
 

@@ -15,10 +15,9 @@ from wrenchgap.plant.state import Actuation
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.viewer.gate import exposed
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.serving import serve
-from wrenchgap.viewer.session import Capabilities
-from wrenchgap.viewer.vehicle_shape import arm_pose
+from wrenchgap.viewer.session import Capabilities, Scene, Stretch
+from wrenchgap.viewer.vehicle_nodes import arm_pose
 
 VEHICLE = model_file.load("tilt_hexarotor").vehicle
 TIME = np.arange(0.0, 4.0, 0.02)
@@ -76,8 +75,8 @@ def test_body_and_reference_stand_where_the_log_says(page):
     for at in (0.0, 1.7, 3.98):
         page.cursor.go(at)
         k = int(np.argmin(np.abs(TIME - at)))
-        assert np.asarray(page.drawing.body.position) == pytest.approx(scene().position_E[k])
-        assert np.asarray(page.drawing.body.wxyz) == pytest.approx(scene().quat_EB[k])
+        assert np.asarray(page.drawing.craft.frame.position) == pytest.approx(scene().position_E[k])
+        assert np.asarray(page.drawing.craft.frame.wxyz) == pytest.approx(scene().quat_EB[k])
         assert np.asarray(page.drawing.reference.position) == pytest.approx(scene().reference_position_E[k])
         assert np.asarray(page.drawing.reference.wxyz) == pytest.approx(scene().quat_ED[k])
         assert page.drawing.reference.visible
@@ -125,7 +124,7 @@ def test_another_flight_replaces_the_first(page):
     page.cursor.go(2.0)
     page.open("two")
     assert page.cursor.time == 0.0
-    assert np.asarray(page.drawing.body.position) == pytest.approx([11.0, 10.0, 11.0])
+    assert np.asarray(page.drawing.craft.frame.position) == pytest.approx([11.0, 10.0, 11.0])
 
 
 def test_playing_moves_on_and_starts_again_at_the_end(page, eventually):
@@ -150,7 +149,7 @@ def test_page_is_served_on_this_machine_only_and_stops(eventually):
             return probe.connect_ex((host, port)) != 0
 
     eventually(closed, "the port is still open")
-    assert not made.cursor.alive
+    assert not made.cursor._player.is_alive()
 
 
 def test_other_addresses_count_as_exposed():
@@ -165,7 +164,7 @@ def test_vehicle_of_which_only_the_wrench_is_known_is_drawn(show):
     made.cursor.go(1.0)
     assert made.drawing.craft.arms == []
     assert 0.03 < made.drawing.size < 0.2
-    assert np.asarray(made.drawing.body.position)[2] == pytest.approx(1.1)
+    assert np.asarray(made.drawing.craft.frame.position)[2] == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize("name", ["asymmetric_quadrotor", "crazyflie", "variable_tilt_hexacopter", "voliro_x"])

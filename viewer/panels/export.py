@@ -34,42 +34,28 @@ class ExportPanel(Panel):
     def __init__(self, host: Host, board: Board, caption: Callable[[], Caption]) -> None:
         super().__init__(host)
         self._board, self._caption = board, caption
-        gui, guarded = host.gui, host.guarded
+        gui, connect = host.gui, host.connect
         self._rendering = Lock()
         with host.tab("Export"):
             with gui.add_folder("download"):
                 self.png = gui.add_button("PNG of the view")
                 self.png.on_click(self._picture)
-                self.csv = gui.add_button("CSV of what is plotted", hint="in the range shown")
-                self.csv.on_click(guarded(self._table))
+                self.csv = connect(gui.add_button("CSV of what is plotted", hint="in the range shown"), self._table)
                 if host.session.capabilities.report is not None:
                     self.report = JobControls(host, "HTML report", self._report)
             with gui.add_folder("view"):
                 gui.add_html(markup.sentences(SAVED))
-                self.save = gui.add_button("Save view")
-                self.save.on_click(guarded(self._save))
+                self.save = connect(gui.add_button("Save view"), self._save)
                 self.open = gui.add_upload_button("Open view", mime_type="application/json")
-                self.open.on_upload(guarded(self._uploaded))
+                self.open.on_upload(host.guarded(self._uploaded))
                 self.text = gui.add_text("as text", "", hint="copy it from here; paste another and press enter")
-                self.text.on_update(guarded(self._pasted))
+                connect(self.text, self._pasted)
 
     def _picture(self, event: Any) -> None:
         """Not under the page's lock: the client that renders may need the page meanwhile. One at a time."""
         if not self._rendering.acquire(blocking=False):
             return
-        try:
-            self._pictured(event)
-        finally:
-            self._rendering.release()
-
-    def _pictured(self, event: Any) -> None:
         client = event.client
-        try:
-            height, width = client.camera.image_height, client.camera.image_width
-            render = client.get_render(height, width, transport_format="png", timeout=30.0)
-        except (RuntimeError, TimeoutError) as error:
-            self.host.notify(f"The browser gave no picture: {error}", "error", client=client)
-            return
 
         def send(_: Any) -> None:
             scene, time = self.host.scene, self.host.cursor.time
@@ -77,7 +63,14 @@ class ExportPanel(Panel):
             image = png(render, rows, [f"{scene.name}, {time:.2f} s", *words])
             download(client, f"{scene.name}_{time:.2f}s.png", image)
 
-        self.host.guarded(send)(event)
+        try:
+            height, width = client.camera.image_height, client.camera.image_width
+            render = client.get_render(height, width, transport_format="png", timeout=30.0)
+            self.host.guarded(send)(event)
+        except (RuntimeError, TimeoutError) as error:
+            self.host.notify(f"The browser gave no picture: {error}", "error", client=client)
+        finally:
+            self._rendering.release()
 
     def _table(self, event: Any) -> None:
         plots = [chart.plot for chart in self._board.charts.values()]

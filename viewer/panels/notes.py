@@ -9,7 +9,7 @@ from typing import Any
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
-from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.session import Scene
 
 KEYS = (
     ("space", "play, pause"),
@@ -44,8 +44,8 @@ class NotesPanel(Panel):
             if scene.worst:
                 self._content.append(gui.add_html(_listed("Where the model is worst")))
             for stretch in scene.worst:
-                self._content.append(gui.add_button(f"{stretch.start:.1f} s: {stretch.words}"))
-                self._content[-1].on_click(self.host.guarded(partial(self._go, stretch.start)))
+                button = gui.add_button(f"{stretch.start:.1f} s: {stretch.words}")
+                self._content.append(self.host.connect(button, partial(self._go, stretch.start)))
             if scene.notes:
                 self._content.append(gui.add_html(_listed("Notes", scene.notes)))
             self._content.append(gui.add_html(_listed("Keys", rows=KEYS)))

@@ -10,31 +10,70 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
-from wrenchgap.viewer import markup
-from wrenchgap.viewer.camera import DIRECTIONS, Cameras
-from wrenchgap.viewer.colours import PALETTE, Colour, colour_of, css
+from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
-from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import NOTHING, Drawing
+from wrenchgap.viewer.session import Motion, Scene
 from wrenchgap.viewer.view_state import ViewState
 
 ALONG = (NOTHING, "frames")
 SWITCHES = ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "shadows")
 FOLLOWING, FIXED = "follow", "stay"
+DIRECTIONS: dict[str, tuple[float, float, float]] = {
+    "oblique": (-3.5, -4.0, 2.5),
+    "top": (-0.001, 0.0, 6.6),
+    "side": (0.0, -6.6, 0.4),
+    "front": (6.6, 0.0, 0.4),
+}
+"""From what is looked at to the camera, in sizes of the vehicle (of the path, for the whole of it)."""
+
+
+class Cameras:
+    """Places the cameras of all present and later clients around a vehicle of `size` [m].
+
+    `fov` is their vertical field of view [rad], narrower than viser's, so that frames are not distorted.
+    """
+
+    def __init__(self, server: Any, size: float, fov: float = 0.75) -> None:
+        self._server, self._size, self._fov = server, size, fov
+        server.initial_camera.fov = fov
+        server.initial_camera.near = 0.02 * size
+
+    def look(self, direction: str, focus: Array, extent: float | None = None, clients: Any = None) -> None:
+        """Look at `focus` (3,) from one of `DIRECTIONS`, from so far away that `extent` [m] (the vehicle) is seen."""
+        size = extent or self._size
+        self.place(focus + size * np.array(DIRECTIONS[direction]), focus, clients)
+
+    def place(self, position: Array, look_at: Array, clients: Any = None) -> None:
+        """Put the cameras at `position` (3,), looking at `look_at` (3,); of `clients`, or of everybody."""
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = position, look_at
+        for client in self._server.get_clients().values() if clients is None else clients:
+            with client.atomic():
+                client.camera.position = position
+                client.camera.look_at = look_at
+                client.camera.fov = self._fov
+
+    def shift(self, by: Array) -> None:
+        """Move all cameras by `by` (3,) [m], as they look."""
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = initial.position + by, initial.look_at + by
+        for client in self._server.get_clients().values():
+            client.camera.position = client.camera.position + by  # takes what it looks at along
 
 
 class ScenePanel(Panel):
     """Switches of the scene, and the second vehicles that other panels offer."""
 
-    def __init__(self, host: Host, drawing: Drawing, cameras: Cameras) -> None:
+    def __init__(self, host: Host, drawing: Drawing) -> None:
         super().__init__(host)
-        self._drawing, self._cameras = drawing, cameras
+        self._drawing, self.cameras = drawing, Cameras(host.server, drawing.size)
         self._ghosts: dict[str, dict[str, Motion]] = {}
         self._follows = True
-        gui = host.gui
+        gui, connect = host.gui, host.connect
         with host.tab("Scene"):
-            self._camera(gui)
+            self._camera()
             with gui.add_folder("arrows"):
                 self._wrenches_slot = gui.add_folder(None)
                 self.force = self._box("forces", "force")
@@ -50,16 +89,16 @@ class ScenePanel(Panel):
                 self.path = self._box("path", "path")
                 self.shadows = self._box("shadows", "shadows", "slow without a graphics card")
                 self.along = gui.add_dropdown("along the path", ALONG, initial_value=NOTHING)
-                self.along.on_update(host.guarded(lambda _: self._switch(along=self.along.value)))
+                connect(self.along, lambda _: self._switch(along=self.along.value))
                 self.spacing = gui.add_number("every [s]", 0.5, min=0.01, max=60.0, step=0.1)
-                self.spacing.on_update(host.guarded(lambda _: self._switch(spacing=float(self.spacing.value))))
+                connect(self.spacing, lambda _: self._switch(spacing=float(self.spacing.value)))
             with gui.add_folder("ghost"):
                 self.ghost = gui.add_dropdown("second vehicle", (NOTHING,), initial_value=NOTHING)
-                self.ghost.on_update(host.guarded(lambda _: self._see(ghost=self.ghost.value)))
+                connect(self.ghost, lambda _: self._see(ghost=self.ghost.value))
                 self.shift = gui.add_number("later by [s]", 0.0, step=0.01, hint="moves the ghost on the time axis")
-                self.shift.on_update(host.guarded(lambda _: self._see(ghost_shift=float(self.shift.value))))
+                connect(self.shift, lambda _: self._see(ghost_shift=float(self.shift.value)))
                 self.align = gui.add_button("Align in time", hint="by when the two turned and climbed alike")
-                self.align.on_click(host.guarded(lambda _: self._align()))
+                connect(self.align, lambda _: self._align())
         self.boxes: dict[str, Any] = {}
 
     def opened(self, scene: Scene) -> None:
@@ -69,10 +108,10 @@ class ScenePanel(Panel):
         self.boxes = {}
         with self._wrenches_slot:
             for name in scene.wrenches:
-                self.boxes[name] = self.host.gui.add_checkbox(name, name not in self.host.view.shown.hidden)
-                self.boxes[name].on_update(self.host.guarded(partial(self._hide, name)))
+                box = self.host.gui.add_checkbox(name, name not in self.host.view.shown.hidden)
+                self.boxes[name] = self.host.connect(box, partial(self._hide, name))
         self.along.options = (*ALONG, *(f"{kind} {name}" for name in scene.wrenches for kind in ("force", "torque")))
-        self.ghost.options = (NOTHING, *self.ghost_names())
+        self._offer_ghosts()
 
     def possible(self, view: ViewState) -> ViewState:
         """The view with only the wrenches and ghosts of this flight."""
@@ -96,7 +135,7 @@ class ScenePanel(Panel):
         if shown.follow != self._follows:
             self._follows = shown.follow
             position = self.host.scene.position_E[self.host.cursor.index]
-            self._cameras.shift(-position if shown.follow else position)  # what is seen at this moment does not jump
+            self.cameras.shift(-position if shown.follow else position)  # what is seen at this moment does not jump
             self.mode.value = FOLLOWING if shown.follow else FIXED
 
     def _see(self, **changes: Any) -> None:
@@ -109,10 +148,11 @@ class ScenePanel(Panel):
         hidden = self.host.view.shown.hidden
         self._switch(hidden=hidden - {name} if self.boxes[name].value else hidden | {name})
 
-    def ghost_names(self) -> tuple[str, ...]:
-        """Names of the second vehicles: those that panels offer, and the other flights."""
+    def _offer_ghosts(self) -> None:
+        """The second vehicles: those that panels offer, and the other flights."""
         shown = self.host.scene.name
-        return (*self._ghosts.get(shown, {}), *(name for name in self.host.session.flights if name != shown))
+        others = (name for name in self.host.session.flights if name != shown)
+        self.ghost.options = (NOTHING, *self._ghosts.get(shown, {}), *others)
 
     def ghost_of(self, name: str) -> Motion | None:
         """The motion of a ghost; another flight starts with this one."""
@@ -126,7 +166,7 @@ class ScenePanel(Panel):
     def offer_ghost(self, name: str, motion: Motion) -> None:
         """Add or replace a ghost of the present flight."""
         self._ghosts.setdefault(self.host.scene.name, {})[name] = motion
-        self.ghost.options = (NOTHING, *self.ghost_names())
+        self._offer_ghosts()
         self.viewed(self.host.view)
 
     def follow(self, on: bool) -> None:
@@ -138,15 +178,15 @@ class ScenePanel(Panel):
         scene = self.host.scene
         body = np.zeros(3) if self._follows else scene.position_E[self.host.cursor.index]
         if direction != "all":
-            self._cameras.look(direction, body, clients=clients)
+            self.cameras.look(direction, body, clients=clients)
             return
         self.follow(False)
         low, high = np.nanmin(scene.position_E, axis=0), np.nanmax(scene.position_E, axis=0)
         extent = max(0.45 * float(np.linalg.norm(high - low)), self._drawing.size)
-        self._cameras.look("oblique", 0.5 * (low + high), extent, clients)
+        self.cameras.look("oblique", 0.5 * (low + high), extent, clients)
 
-    def legend_rows(self) -> list[tuple[str, Colour]]:
-        """Names and colours of the visible parts."""
+    def legend_parts(self) -> tuple[list[tuple[str, Colour]], list[str]]:
+        """Names and colours of the visible parts, and the scales of the arrows in words."""
         view, scene = self.host.view, self.host.scene
         shown = view.shown
         rows = [("body frame", PALETTE.body)]
@@ -154,32 +194,22 @@ class ScenePanel(Panel):
         arrows = [name for name in scene.wrenches if name not in shown.hidden] if shown.force or shown.torque else []
         rows += [(name, colour_of(name)) for name in arrows]
         rows += [("rotor thrusts", PALETTE.thrust)] if shown.thrust and scene.thrust is not None else []
-        return rows + ([(f"ghost: {view.ghost}", PALETTE.ghost)] if view.ghost != NOTHING else [])
+        rows += [(f"ghost: {view.ghost}", PALETTE.ghost)] if view.ghost != NOTHING else []
+        return rows, self._drawing.scale.words().split(", ")
 
-    def legend(self) -> str:
-        """The legend as HTML, with the scale."""
-        shown = self.host.view.shown
-        return markup.render(
-            "legend",
-            rows=[(name, css(colour)) for name, colour in self.legend_rows()],
-            kinds=shown.force and shown.torque,
-            lengths=self._drawing.scale.words().split(", "),
-        )
-
-    def _camera(self, gui: Any) -> None:
-        guarded, command = self.host.guarded, self.host.command
+    def _camera(self) -> None:
+        gui, connect, command = self.host.gui, self.host.connect, self.host.command
         self.mode = gui.add_button_group("camera", (FOLLOWING, FIXED), hint="key F")
-        self.mode.on_click(guarded(lambda _: self.follow(self.mode.value == FOLLOWING)))
+        connect(self.mode, lambda _: self.follow(self.mode.value == FOLLOWING))
         self.view = gui.add_button_group("look from", (*DIRECTIONS, "all"), hint="keys 1 to 5")
-        self.view.on_click(guarded(lambda event: self.look(self.view.value, event.client and [event.client])))
+        connect(self.view, lambda event: self.look(self.view.value, event.client and [event.client]))
         command("Follow the vehicle, or stay", lambda: self.follow(not self._follows), "F")
         for key, direction in enumerate((*DIRECTIONS, "all"), start=1):
             command(f"Look from: {direction}", partial(self.look, direction), str(key))
 
     def _box(self, label: str, name: str, hint: str | None = None) -> Any:
         box = self.host.gui.add_checkbox(label, bool(getattr(self.host.view.shown, name)), hint=hint)
-        box.on_update(self.host.guarded(lambda _: self._switch(**{name: box.value})))
-        return box
+        return self.host.connect(box, lambda _: self._switch(**{name: box.value}))
 
     def _length(self, k: int, label: str) -> Any:
         slider = self.host.gui.add_slider(label, 0.1, 10.0, 0.1, 1.0, hint="times the length that suits")
@@ -189,8 +219,7 @@ class ScenePanel(Panel):
             factors[k] = float(slider.value)
             self._switch(factors=tuple(factors))
 
-        slider.on_update(self.host.guarded(changed))
-        return slider
+        return self.host.connect(slider, changed)
 
     def _align(self) -> None:
         """Shift the ghost in time to align its motion with that of the vehicle."""
@@ -216,7 +245,7 @@ def delay_between(late: Motion, fixed: Motion, least: float = 0.5, step: float =
     spectrum = np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))
     products = np.fft.irfft(spectrum.sum(axis=1), size)
     lags = np.arange(-(len(b) - 1), len(a))
-    energy_a, energy_b = _energy(a), _energy(b)
+    energy_a, energy_b = (np.concatenate(([0.0], np.cumsum((x**2).sum(axis=1)))) for x in (a, b))  # up to each sample
     first, last = np.maximum(0, lags), np.minimum(len(a), lags + len(b))
     in_a = energy_a[last] - energy_a[first]
     in_b = energy_b[last - lags] - energy_b[first - lags]
@@ -226,11 +255,6 @@ def delay_between(late: Motion, fixed: Motion, least: float = 0.5, step: float =
     if score[best] < least:
         return None
     return float(lags[best] * step + fixed.time[0] - late.time[0])
-
-
-def _energy(features: Array) -> Array:
-    """Sum of squares up to each sample (N + 1,)."""
-    return np.concatenate(([0.0], np.cumsum((features**2).sum(axis=1))))
 
 
 def _features(motion: Motion, step: float) -> Array:

@@ -201,7 +201,7 @@ def replay(
 
 def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
-    from wrenchgap.replay.api_export import prove_flown
+    from wrenchgap.replay.export.flown import prove_flown
     from wrenchgap.replay.present.documents import check_tables
 
     used = ("log", "export", "csv", "budget", "own", "json", "force", "quiet")

@@ -67,7 +67,7 @@ def export(
     """
     # Long because typer reads the options from the signature, one a line.
     from wrenchgap.compensate import Settings
-    from wrenchgap.replay.api_export import export_compensator
+    from wrenchgap.replay.export.export import export_compensator
 
     run.claim({}, model, gp)
     for path in (model, gp):

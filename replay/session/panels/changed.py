@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,15 +12,66 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present import changed as words
 from wrenchgap.replay.present.numbers import number, unit
 from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspect
-from wrenchgap.replay.session.comparisons import SessionComparisons
 from wrenchgap.replay.session.panels import html
+from wrenchgap.replay.session.worker import worker_result
+from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel
-from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.session import Report, Scene
+
+SOURCE = "what changed between flights, in the viewer"
+"""How provenance in a model file says where such a value comes from."""
+
+
+class SessionComparisons:
+    """What changed between flights of a working model."""
+
+    def __init__(self, working: WorkingModel) -> None:
+        self.working = working
+
+    def of(self, suspect: str, healthy: tuple[str, ...], report: Report) -> Changed:
+        """Compare one flight with others of the same vehicle; takes long, in a process of its own."""
+        from wrenchgap.replay.api_flights import changed  # here: the page stands before it is there
+
+        with self.working.lock:
+            model = self.working.model
+            one, others = self.working.flight(suspect), [self.working.flight(h) for h in healthy]
+        return worker_result(lambda tell: replace(changed(one, others, model, progress=tell), flights=()), report)
+
+    def add(self, found: Changed, name: str) -> None:
+        """Put what changed into the model. Raises UsageError unless the model is the one called `name` still."""
+        working = self.working
+        with working.lock:
+            if working.name != name:
+                raise UsageError(f"this was found on top of {name}; search again on the model as it stands")
+            order = tuple(dict.fromkeys((*working.revisions[-1].order, *found.names)))
+            words = f"add what changed: {', '.join(found.names)}"
+            working.change(Revision(with_changes(working.model, found), words, order))
+
+
+def with_changes(model: Model, found: Changed) -> Model:
+    """The model with the effects of the likeliest set, changed by what the suspect flights show."""
+    if found.verdict is Verdict.NOTHING:
+        return model
+    effects = {e.name: e for e in model.effects}
+    for name in found.names:
+        effect = find(name)
+        parameters = effect.parameters(model.vehicle)
+        own = effects.get(name) or ModelEffect(effect, np.zeros(len(parameters)), None)
+        changes = {size.name: size.change for size in found.parameters if size.effect == name}
+        theta = own.theta.copy()
+        for k, p in enumerate(parameters):
+            if p.name in changes:
+                theta[k] = np.clip(theta[k] + changes[p.name], p.low, p.high)
+        effects[name] = replace(own, theta=theta, std=None, provenance=provenance(SOURCE))
+    return model.with_effects(tuple(effects.values()))
 
 
 def labels(names: Sequence[str], widest: int = 18) -> list[str]:
@@ -92,7 +144,13 @@ class ChangedPanel(Panel):
             found=found,
             model=model,
             healthy=[row.flight for row in found.rows if row.role != "suspect"],
-            sentences=_sentences(found),
+            sentences=[
+                words.summary(found),
+                *words.outliers(found, "ticked"),
+                words.baseline(found),
+                *words.feedback(found),
+                *words.not_compared(found),
+            ],
             changes=[(p, _change_in_words(p)) for p in found.parameters if something],
             inspect=what_to_inspect(found),
             axes=[AXES[k].replace("force_", "F").replace("torque_", "M") for k in shown],
@@ -104,11 +162,6 @@ class ChangedPanel(Panel):
         self.comparisons.add(found, model)
         self.host.refresh()
         self.host.notify(f"in the model: what changed, {', '.join(found.names)}; take it out under Effects")
-
-
-def _sentences(found: Changed) -> list[str]:
-    odd, lacking = words.outliers(found, "ticked"), words.not_compared(found)
-    return [words.summary(found), *odd, words.baseline(found), *words.feedback(found), *lacking]
 
 
 def _change_in_words(size: Size) -> str:

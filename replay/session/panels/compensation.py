@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight import AXES, UsageError
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.model import Model
+from wrenchgap.replay.present.notes import sentence
 from wrenchgap.replay.present.numbers import row, share, unit_of
-from wrenchgap.replay.session.compensation import Compensation, SessionCompensation
+from wrenchgap.replay.session.worker import worker_result
+from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import JobControls, Panel
-from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import tidy
+from wrenchgap.viewer.session import Motion, Report, Scene, Series
 
 if TYPE_CHECKING:
     from wrenchgap.compensate import Settings
@@ -27,6 +32,116 @@ NO_PROCESS = (
 )
 GHOST = "re-simulated"
 """Name of the ghost in the scene."""
+
+
+GROUP = "Compensation"
+"""Where the page shows what a replay did."""
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """The compensation as it is set, for a GP called `name`: on or off, and its gate, whose sigma is in `unit`."""
+
+    name: str
+    gate: Settings
+    unit: str
+    notes: tuple[str, ...]
+    on: bool = True
+
+
+class SessionCompensation:
+    """The compensation of a working model; without a GP there is none."""
+
+    def __init__(self, working: WorkingModel, name: str) -> None:
+        self.working = working
+        self.setting = None if working.gp is None else _setting(working.gp, working.opened_model, name)
+        """The compensation as it is set, None without a GP."""
+        self._replayed: dict[str, Replay] = {}
+
+    def set(self, gate: Settings, on: bool = True) -> None:
+        """Change it; what was replayed with other settings is forgotten."""
+        with self.working.lock:
+            setting = replace(self._known()[1], gate=gate, on=on)
+            if setting != self.setting:
+                self.setting = setting
+                self._replayed.clear()
+
+    def series(self, flight: str) -> tuple[Series, ...]:
+        """What the last replay on a flight did, as plots; nothing where there was none, or it is switched off."""
+        done = self._replayed.get(flight)
+        if done is None or self.setting is None or not self.setting.on:
+            return ()
+
+        sigma = {"sigma": done.steps.sigma}
+        if self.setting.gate.filter_uncertain:
+            sigma["threshold"] = np.full(len(done.time), self.setting.gate.sigma_threshold)
+        wrench = done.steps.correction.T
+        force, torque = (dict(zip("xyz", part, strict=True)) for part in (wrench[:3], wrench[3:]))
+        plots = (
+            ("correction, force", "N", force),
+            ("correction, torque", "Nm", torque),
+            ("sigma of the correction", self.setting.unit, sigma),
+            ("beta (1: correction withheld)", "", {"beta": done.steps.beta}),
+        )
+        shown = [one for one in plots if not one[0].startswith("correction") or np.any(list(one[2].values()))]
+        return tuple(Series(title, unit, done.time, values, GROUP) for title, unit, values in shown)
+
+    def replay(self, flight: str, report: Report) -> Replay:
+        """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
+        from wrenchgap.replay import api  # here: others need not wait for them
+
+        with self.working.lock:
+            gp, setting = self._known()
+            log, model = self.working.flight(flight), self.working.opened_model
+        found = worker_result(lambda tell: api.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
+        found = replace(found, flight=log.flight, model=model, gp=gp)  # in place of the copies of the other process
+        with self.working.lock:
+            if setting is self.setting:  # not changed meanwhile
+                self._replayed[flight] = found
+        return found
+
+    def refly(self, flight: str, start: float, duration: float, report: Report) -> Counterfactual:
+        """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off."""
+        from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
+        from wrenchgap.replay.compensation.compensators import compensator
+        from wrenchgap.replay.counterfactual.change import Change
+        from wrenchgap.replay.counterfactual.counterfactual import counterfactual
+
+        with self.working.lock:
+            gp, setting = self._known()
+            log, model, given = self.working.flight(flight), self.working.model, self.working.opened_model
+
+        def work(tell: Report) -> Counterfactual:
+            recording = read_recording(log, model.vehicle, start=start, duration=duration)
+            change = Change()
+            if setting.on:
+                gate = replace(setting.gate, dt=recording.dt)
+                change = Change(compensator=compensator(gp, given, gate), process=gp)
+            return counterfactual(recording, model, change, progress=tell)
+
+        return worker_result(work, report)
+
+    def _known(self) -> tuple[GaussianProcess, Compensation]:
+        if self.working.gp is None or self.setting is None:
+            raise UsageError("there is no GP to compensate with; open the page with --gp GP (see `wrenchgap learn`)")
+        return self.working.gp, self.setting
+
+
+def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
+    """The defaults that the GP suggests."""
+    from wrenchgap.compensate import Settings  # here: others need not wait for them
+    from wrenchgap.replay.compensation.compensators import caveats, compensator
+    from wrenchgap.replay.present.learning import of_process
+
+    made = compensator(gp, model)
+    usual = made.uncertainty
+    gated = bool(np.isfinite(usual.threshold))
+    threshold = float(usual.threshold) if gated else float(np.max(gp.sigma_prior))
+    kinds = {axis.split("_")[0] for axis in gp.outputs}
+    unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
+    gate = Settings(filter_uncertain=gated, sigma_threshold=threshold, kappa=float(usual.kappa))
+    slow = () if made.not_compiled is None else (sentence(made.not_compiled),)
+    return Compensation(name, gate, unit, (*of_process(caveats(gp, model)), *slow))
 
 
 class CompensationPanel(Panel):
@@ -45,8 +160,19 @@ class CompensationPanel(Panel):
                 host.gui.add_html(markup.sentences(*NO_PROCESS))
                 return
             self._settings(setting)
-            self._replay()
-            self._refly()
+            gui = host.gui
+            with gui.add_folder("Replay on this flight"):
+                hint = (
+                    "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
+                )
+                self.work = JobControls(host, "Replay", self.replay, hint)
+                self.done = gui.add_html("")
+            with gui.add_folder("Re-simulate"):
+                self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
+                self.seconds = gui.add_number("for [s]", self.flown_seconds, min=1.0, step=1.0)
+                hint = "Re-simulates the flight from its recorded state, with the compensation in the loop; "
+                self.again = JobControls(host, "Re-simulate", self.refly, hint + "shown as ghost.")
+                self.flown = gui.add_html("")
 
     def _settings(self, setting: Compensation) -> None:
         gui, gate = self.host.gui, setting.gate
@@ -67,30 +193,13 @@ class CompensationPanel(Panel):
         self.decay = gui.add_slider("tau_d [s]", 0.01, 1.0, 0.01, gate.decay_time, hint=hint)
         self._controls = (self.on, self.gated, self.threshold, self.kappa, self.decay)
         for handle in self._controls:
-            handle.on_update(self.host.guarded(self._moved))
-        reset = gui.add_button("Defaults of the process", color="gray")
-        reset.on_click(self.host.guarded(lambda _: self._reset()))
+            self.host.connect(handle, self._moved)
+        self.host.connect(gui.add_button("Defaults of the process", color="gray"), lambda _: self._reset())
 
     def _slider(self, label: str, usual: float, largest: float, hint: str) -> Any:
         """A slider of about 300 round steps."""
         step = tidy(largest / 300.0)
         return self.host.gui.add_slider(label, step, step * round(largest / step), step, usual, hint=hint)
-
-    def _replay(self) -> None:
-        gui = self.host.gui
-        with gui.add_folder("Replay on this flight"):
-            hint = "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
-            self.work = JobControls(self.host, "Replay", self.replay, hint)
-            self.done = gui.add_html("")
-
-    def _refly(self) -> None:
-        gui = self.host.gui
-        with gui.add_folder("Re-simulate"):
-            self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
-            self.seconds = gui.add_number("for [s]", self.flown_seconds, min=1.0, step=1.0)
-            hint = "Re-simulates the flight from its recorded state, with the compensation in the loop; shown as ghost."
-            self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
-            self.flown = gui.add_html("")
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
@@ -143,40 +252,42 @@ class CompensationPanel(Panel):
         flight, start, seconds = self.host.scene.name, float(self.start.value), float(self.seconds.value)
 
         def done(found: Counterfactual) -> None:
+            from wrenchgap.replay.present import counterfactual  # here: the page stands before it is there
+
             ghost = ghost_of(found, self.name)
-            self.flown.content = _tracking_html(found, ghost.words)
+            self.flown.content = markup.render(
+                "table",
+                heading=f"tracking error: {ghost.words}",
+                head=("", "recorded", "null run", GHOST),
+                rows=counterfactual.tracking_rows(found),
+                sentences=(counterfactual.null_run_in_words(found), *counterfactual.notes(found)),
+                look="wg-muted",
+            )
             self.host.show_ghost(GHOST, ghost)
 
         self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report), done)
 
 
 def _replay_html(found: Replay) -> str:
-    """The mismatch of each output before and after the correction, and how much of it was withheld."""
+    """The mismatch of each output before and after the correction, how much was withheld, and what went wrong."""
     from wrenchgap.replay.present import replay  # here: the page stands before it is there
 
     steps = found.steps
     before, after = (row(np.mean(np.abs(m), axis=0)) for m in (steps.mismatch_before, steps.mismatch_after))
     axes = [f"{axis} [{unit_of(AXES.index(axis))}]" for axis in found.outputs]
+    withheld, fading = share(float(np.mean(steps.beta > 0.5))), np.exp(-found.dt / found.settings.decay_time)
+    sentences = [
+        f"{len(found)} steps of {1e3 * found.dt:.3g} ms; more than half of the correction is withheld in {withheld} "
+        f"of them. a = exp(-dt / tau_d) = {fading:.3f}.",
+        *(f"{count} steps: {words}" for words, count in steps.trouble.items()),
+        *replay.notes(found),
+    ]
     return markup.render(
         "table",
         heading="mean absolute error of the wrench, as the process predicts it",
         head=("", "before", "after"),
         rows=list(zip(axes, before, after, strict=True)),
-        sentences=(*withheld_in_words(found), *replay.notes(found)),
-        look="wg-muted",
-    )
-
-
-def _tracking_html(found: Counterfactual, words: str) -> str:
-    """Tracking errors of the re-simulated flight beside those of the recorded one."""
-    from wrenchgap.replay.present import counterfactual  # here: the page stands before it is there
-
-    return markup.render(
-        "table",
-        heading=f"tracking error: {words}",
-        head=("", "recorded", "null run", GHOST),
-        rows=counterfactual.tracking_rows(found),
-        sentences=(counterfactual.null_run_in_words(found), *counterfactual.notes(found)),
+        sentences=sentences,
         look="wg-muted",
     )
 
@@ -192,14 +303,3 @@ def ghost_of(found: Counterfactual, name: str, rate_hz: float = 50.0) -> Motion:
         None if commands.tilt is None else commands.tilt[::every],
         f"compensated by {name}" if found.change.process is not None else "re-simulated, nothing changed",
     )
-
-
-def withheld_in_words(replay: Replay) -> list[str]:
-    """How much of the correction was withheld, how it fades, and steps in which something went wrong."""
-    withheld = share(float(np.mean(replay.steps.beta > 0.5)))
-    fading = np.exp(-replay.dt / replay.settings.decay_time)
-    return [
-        f"{len(replay)} steps of {1e3 * replay.dt:.3g} ms; more than half of the correction is withheld in {withheld} "
-        f"of them. a = exp(-dt / tau_d) = {fading:.3f}.",
-        *(f"{count} steps: {words}" for words, count in replay.steps.trouble.items()),
-    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +10,17 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.staircase import Staircase
+from wrenchgap.plant.effects.effect import Parameter
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.session.effects import ModelState, SessionEffects
 from wrenchgap.replay.session.panels import html
-from wrenchgap.replay.session.panels.sliders import EffectSliders
+from wrenchgap.replay.session.panels.html import finer
 from wrenchgap.viewer.host import Host, download
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
-from wrenchgap.viewer.scene import Motion, Scene
+from wrenchgap.viewer.scene_drawing import tidy
+from wrenchgap.viewer.session import Motion, Scene
 
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
@@ -47,43 +51,40 @@ class EffectsPanel(Panel):
         self.searches: dict[str, tuple[Explanation, str]] = {}
         """What was found to be missing, by flight, and on top of which model."""
         self.designed: Design | None = None
-        gui = host.gui
+        gui, connect = host.gui, host.connect
         with host.tab("Effects"):
             self.stairs = gui.add_html("")
             self.back = gui.add_button("Undo", color="gray", visible=False)
-            self.back.on_click(host.guarded(lambda _: self._change(self.effects.undo)))
+            connect(self.back, lambda _: self._change(effects.undo))
             self.again = gui.add_button("Redo", color="gray", visible=False)
-            self.again.on_click(host.guarded(lambda _: self._change(self.effects.redo)))
-            self._search()
-            self._installed()
+            connect(self.again, lambda _: self._change(effects.redo))
+            with gui.add_folder("What is missing?"):
+                hint = "Tries every effect of the catalogue on held-out time of this flight; the page stays usable."
+                self.work = JobControls(host, "Search", self._explain, hint)
+                self.found = gui.add_html("")
+                self.choice = gui.add_dropdown("by name", ("-",))
+                self.put = connect(gui.add_button("Add effect"), lambda _: self.add(self.choice.value))
+                self.lacking = gui.add_html("")
+            with gui.add_folder("In the model"):
+                self.inside = gui.add_html("")
+                self.sliders = EffectSliders(
+                    host,
+                    lambda *given: self._change(partial(effects.set_value, *given)),
+                    lambda name: self._change(partial(effects.remove, name)),
+                )
+                self.refit = gui.add_button("Fit all again on this flight", color="gray")
+                connect(self.refit, lambda _: self._change(partial(effects.refit, host.scene.name)))
             self._next()
-            self._save()
+            with gui.add_folder("Save the model"):
+                self.path = gui.add_text("file", "fitted.toml", hint=SAVES if effects.saves else DOWNLOADS)
+                self.save = connect(gui.add_button("Save model" if effects.saves else "Download model"), self._saved)
             self.links = Links(host)
-        host.command("Undo the last change of the model", lambda: self._change(self.effects.undo))
-        host.command("Redo what was undone of the model", lambda: self._change(self.effects.redo))
+        host.command("Undo the last change of the model", lambda: self._change(effects.undo))
+        host.command("Redo what was undone of the model", lambda: self._change(effects.redo))
         host.command("Search for what is missing", self._explain)
 
-    def _search(self) -> None:
-        host, gui = self.host, self.host.gui
-        with gui.add_folder("What is missing?"):
-            hint = "Tries every effect of the catalogue on held-out time of this flight; the page stays usable."
-            self.work = JobControls(host, "Search", self._explain, hint)
-            self.found = gui.add_html("")
-            self.choice = gui.add_dropdown("by name", ("-",))
-            self.put = gui.add_button("Add effect")
-            self.put.on_click(host.guarded(lambda _: self.add(self.choice.value)))
-            self.lacking = gui.add_html("")
-
-    def _installed(self) -> None:
-        host, gui = self.host, self.host.gui
-        with gui.add_folder("In the model"):
-            self.inside = gui.add_html("")
-            self.sliders = EffectSliders(host, self._set, lambda name: self._change(partial(self.effects.remove, name)))
-            self.refit = gui.add_button("Fit all again on this flight", color="gray")
-            self.refit.on_click(host.guarded(lambda _: self._change(partial(self.effects.refit, self.host.scene.name))))
-
     def _next(self) -> None:
-        host, gui = self.host, self.host.gui
+        host, gui, connect = self.host, self.host.gui, self.host.connect
         with gui.add_folder("What to fly next") as self.next_folder:
             self.pair = gui.add_text("effects", "", hint="Two or more effects to separate, with commas between.")
             hint = "Searches for the reference, flies it in simulation and draws it in the scene; takes half a minute."
@@ -91,17 +92,9 @@ class EffectsPanel(Panel):
             self.plan = gui.add_html("")
             self.plan_path = gui.add_text("file", "separate.toml", visible=False)
             words = f"{'Save' if self.effects.saves else 'Download'} the trajectory"
-            self.plan_save = gui.add_button(words, visible=False, color="gray")
-            self.plan_save.on_click(host.guarded(self._save_plan))
+            self.plan_save = connect(gui.add_button(words, visible=False, color="gray"), self._save_plan)
             self.plan_clear = gui.add_button("Take it out of the scene", visible=False, color="gray")
-            self.plan_clear.on_click(host.guarded(lambda _: self._draw_plan(None)))
-
-    def _save(self) -> None:
-        host, gui = self.host, self.host.gui
-        with gui.add_folder("Save the model"):
-            self.path = gui.add_text("file", "fitted.toml", hint=SAVES if self.effects.saves else DOWNLOADS)
-            self.save = gui.add_button("Save model" if self.effects.saves else "Download model")
-            self.save.on_click(host.guarded(self._saved))
+            connect(self.plan_clear, lambda _: self._draw_plan(None))
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. The errors on a long flight are worked out beside the page at first."""
@@ -175,9 +168,6 @@ class EffectsPanel(Panel):
         do()
         self.host.refresh()
 
-    def _set(self, effect: str, parameter: str, value: float) -> None:
-        self._change(partial(self.effects.set_value, effect, parameter, value))
-
     def _explain(self) -> None:
         flight, model = self.host.scene.name, self.effects.working.name
 
@@ -224,3 +214,80 @@ class EffectsPanel(Panel):
         words = self.effects.save(name)
         self.host.refresh()
         self.host.notify(words)
+
+
+class EffectSliders:
+    """One folder an effect: a slider a parameter and a button that takes the effect out.
+
+    `on_set(effect, parameter, value)` and `on_remove(effect)` are called under the page's lock. While a slider is
+    dragged its values come faster than they can be evaluated: only the newest counts.
+    """
+
+    def __init__(self, host: Host, on_set: Callable[[str, str, float], None], on_remove: Callable[[str], None]) -> None:
+        self.host, self.on_set, self.on_remove = host, on_set, on_remove
+        self.place = host.gui.add_folder(None)
+        self._folders: dict[str, Any] = {}
+        self.handles: dict[tuple[str, str], tuple[Any, float]] = {}
+        """Sliders by effect and parameter, and the factor from SI to what they show."""
+        self._wanted: dict[tuple[str, str], float] = {}
+
+    def show(self, installed: Sequence[ModelEffect]) -> None:
+        """Show these effects; what is there already only moves."""
+        names = {i.name for i in installed}
+        for name in [n for n in self._folders if n not in names]:
+            self._folders.pop(name).remove()
+            self.handles = {key: h for key, h in self.handles.items() if key[0] != name}
+        for item in installed:
+            if item.name not in self._folders:
+                self._make(item)
+            for parameter, value in self._values(item):
+                handle, factor = self.handles[item.name, parameter.name]
+                shown = _on(handle.step, factor * value, handle.min, handle.max)
+                if abs(handle.value - shown) > 0.5 * handle.step:
+                    handle.value = shown
+
+    def _values(self, item: ModelEffect) -> list[tuple[Parameter, float]]:
+        parameters = item.effect.parameters(self.host.session.vehicle)
+        return [(p, float(value)) for p, value in zip(parameters, item.theta, strict=True)]
+
+    def _make(self, item: ModelEffect) -> None:
+        gui, values = self.host.gui, self._values(item)
+        with self.place:
+            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(values) <= 6)
+        with folder:
+            for parameter, value in values:
+                self._slider(item.name, parameter, value)
+            remove = gui.add_button(f"Remove {item.name}", color="gray")
+            self.host.connect(remove, lambda _: self.on_remove(item.name))
+
+    def _slider(self, effect: str, parameter: Parameter, value: float, reach: float = 4.0) -> None:
+        """About 400 steps, over `reach` typical sizes on either side of zero and of the value, where plausible."""
+        unit, factor = finer(parameter)
+        low = factor * max(parameter.low, min(0.0, value) - reach * parameter.scale)
+        high = factor * min(parameter.high, max(0.0, value) + reach * parameter.scale)
+        step = tidy((high - low) / 400)
+        low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
+        label = parameter.name if unit == "1" else f"{parameter.name} [{unit}]"
+        shown = _on(step, factor * value, float(low), float(high))
+        handle = self.host.gui.add_slider(label, float(low), float(high), step, shown)
+        handle.on_update(partial(self._moved, effect, parameter.name))
+        self.handles[effect, parameter.name] = handle, factor
+
+    def _moved(self, effect: str, parameter: str, event: Any) -> None:
+        """A client moved a slider; when the page did, the model is there already."""
+        if event.client_id is None or (effect, parameter) not in self.handles:  # removed meanwhile
+            return
+        handle, factor = self.handles[effect, parameter]
+        self._wanted[effect, parameter] = float(handle.value) / factor
+
+        def apply(_: Any) -> None:
+            value = self._wanted.pop((effect, parameter), None)
+            if value is not None:  # else a later call has seen to it
+                self.on_set(effect, parameter, value)
+
+        self.host.guarded(apply)(event)
+
+
+def _on(step: float, value: float, low: float, high: float) -> float:
+    """The place of a slider that is nearest to a value."""
+    return float(np.clip(step * round(value / step), low, high))

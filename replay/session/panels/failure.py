@@ -2,43 +2,218 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.comparison import Stretch
-from wrenchgap.learn.data.errors import whole
-from wrenchgap.learn.diagnose.budget import Budget, Source
-from wrenchgap.learn.diagnose.failure_map import Dependence
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.candidates import Untried
+from wrenchgap.learn.data.comparison import Stretch, worst_stretches
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import length, weighted, whole
+from wrenchgap.learn.diagnose.budget import Budget, Source, budget, held_out_process
+from wrenchgap.learn.diagnose.error_grid import Grid
+from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, FailureMap, failure_map
+from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 from wrenchgap.replay.present.where import dependence_in_words
-from wrenchgap.replay.session.failure import UNITS, VIEWS, Cell, Failure, SessionFailures
 from wrenchgap.replay.session.panels import html
+from wrenchgap.replay.session.worker import worker_result
+from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
-from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.session import Report, Scene
 
+Rows = NDArray[np.bool_]
+
+VIEWS = ("all axes", "force", "torque", *AXES)
+"""What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
+UNITS = ("N", "N", "Nm", *("N" if axis.startswith("force") else "Nm" for axis in AXES))
 COLOURS = (
     ("noise", "#b9b9b9", "sensor noise"),
     ("physics", "#3b82c4", "explained by the model's effects"),
     ("process", "#8e5fbf", "a Gaussian process would explain"),
     ("unexplained", "#d9483b", "unexplained"),
 )
-SHOWN = ("rms", "mean")
 
 
 @dataclass(frozen=True)
-class Scale:
-    """How cells of a view are written and coloured: darkest at `most` [N, Nm], numbers times `factor` in `unit`."""
+class Cell:
+    """The time in which something was within bounds.
 
-    view: int
-    most: float
-    factor: float
-    unit: str
-    decimals: int
+    `words` are the bounds, `seconds` how long it was; per view (V,): `rms` of the error, its `mean` (of one axis with
+    its sign, of several the norm), `noise` of the sensors, and `time` [s], the instant at which the error was largest.
+    """
+
+    words: str
+    seconds: float
+    rms: Array
+    mean: Array
+    noise: Array
+    time: Array
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """Cells over two quantities: `rows[i][j]` of the i-th bin of y and the j-th of x, or None; bounds of the bins."""
+
+    rows: tuple[tuple[Cell | None, ...], ...]
+    x_words: tuple[str, ...]
+    y_words: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Where a model (by its name) fails on one flight.
+
+    `cells` are those of the bins of every dependence of the map, `grid` those of its grid; `left_out` are effects that
+    cannot be evaluated on the flight. The budget is without a Gaussian process unless one was given.
+    """
+
+    flight: str
+    model: str
+    map: FailureMap
+    cells: tuple[tuple[Cell, ...], ...]
+    grid: CellGrid | None
+    budget: Budget
+    worst: tuple[Stretch, ...]
+    left_out: tuple[Untried, ...]
+
+
+class SessionFailures:
+    """Where the current model fails.
+
+    A p value is that of so many random orders as `permutations` (one below 0.01 needs a hundred); the worst instant of
+    a cell is that of the error's running mean over `smooth` [s], as one sample is noise.
+    """
+
+    def __init__(self, working: WorkingModel, permutations: int = 110, smooth: float = 0.2) -> None:
+        self.working, self.permutations, self.smooth = working, permutations, smooth
+
+    def of(self, flight: str) -> Failure:
+        """Where the current model fails on a flight."""
+        return self.working.cached(("failure", flight), lambda: self._made(flight))
+
+    def full_budget(self, flight: str, report: Report) -> Budget:
+        """The budget with what a Gaussian process of the command would explain on blocks that it has not seen."""
+        with self.working.lock:
+            data, (nominal, left) = self.working.data(flight), self._residuals(flight)
+
+        bare = replace(data)  # without what its evaluators remember
+
+        def work(tell: Report) -> Array | None:
+            return held_out_process(bare, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
+
+        return budget(data, nominal, left, worker_result(work, report), Source.FITTED)
+
+    def _made(self, flight: str) -> Failure:
+        working = self.working
+        data, residual, (nominal, left) = working.data(flight), working.residual(flight), self._residuals(flight)
+        process = None if working.predictor.gp is None else left - residual
+        mapped = failure_map(data, residual, permutations=self.permutations)
+        values = {q.name: q for q in quantities(data)[0]}
+        sizes = _Sizes(data, residual, self.smooth)
+        parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
+        return Failure(
+            flight,
+            working.predictor.name,
+            mapped,
+            tuple(tuple(itertools.starmap(sizes.cell, _members(d.binned, values[d.name]))) for d in mapped.dependences),
+            None if mapped.grid is None else _grid(mapped.grid, values, sizes),
+            budget(data, nominal, left, process, Source.GIVEN),
+            worst_stretches(data.records, parts, data.weights),
+            working.inapplicable_effects(working.model, flight),
+        )
+
+    def _residuals(self, flight: str) -> tuple[Array, Array]:
+        """Of the nominal vehicle and of the current model (K, 6), without any GP."""
+        model = self.working.model
+        return self.working.model_residual(model.nominal, flight), self.working.model_residual(model, flight)
+
+
+class _Sizes:
+    """Squares of the residual by view (K, V), smoothed for finding the worst instant, and of the noise (V,)."""
+
+    def __init__(self, data: Dataset, residual: Array, smooth: float) -> None:
+        from scipy.ndimage import uniform_filter1d  # here: others need not wait for it
+
+        self.residual, self.scale = residual, data.weights**2
+        self.square = _views(residual**2, data.weights**2)
+        self.noise = _views(data.noise[None] ** 2, data.weights**2)[0]
+        self.time = np.concatenate([r.time for r in data.records])
+        self.step = data.records[0].dt_kept
+        width = max(1, round(smooth / self.step))
+        starts = np.concatenate(([0], np.cumsum([len(r) for r in data.records])))
+        self.smooth = np.concatenate(
+            [uniform_filter1d(self.square[a:b], width, axis=0, mode="nearest") for a, b in itertools.pairwise(starts)]
+        )
+
+    def cell(self, words: str, rows: Rows) -> Cell:
+        """The samples `rows` (K,)."""
+        worst = np.flatnonzero(rows)[np.argmax(np.nan_to_num(self.smooth[rows]), axis=0)]
+        rms, mean = np.sqrt(self.square[rows].mean(axis=0)), self.residual[rows].mean(axis=0)
+        signed = np.concatenate((np.sqrt(_views(mean[None] ** 2, self.scale)[0, :3]), mean))
+        return Cell(words, float(rows.sum() * self.step), rms, signed, np.sqrt(self.noise), self.time[worst])
+
+
+def _views(squares: Array, scale: Array) -> Array:
+    """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
+    force, torque = (length(np.sqrt(squares[:, part])) ** 2 for part in (slice(3), slice(3, 6)))
+    return np.column_stack((weighted(squares, scale).sum(axis=1), force, torque, squares))
+
+
+def _members(binned: Binned, values: Quantity) -> list[tuple[str, Rows]]:
+    """The bins of a quantity in words, and which samples (K,) are in each; none without samples."""
+    rest = np.ones(len(values.values), dtype=bool)
+    out: list[tuple[str, Rows]] = []
+    for low, high in zip(binned.low, binned.high, strict=True):
+        if np.isnan(low):
+            continue
+        rows = _within(values, low, high, last=high == np.nanmax(binned.high))
+        rest &= ~rows
+        out.append((_bounds(values, low, high), rows))
+    if np.isnan(binned.low).any():
+        out.append(("no value or too few", rest))
+    return [(words, rows) for words, rows in out if rows.any()]
+
+
+def _within(values: Quantity, low: float, high: float, *, last: bool) -> Rows:
+    """Samples between two bounds; the last bin has its upper bound, an angle wraps."""
+    v = values.values
+    if values.circular:
+        return np.asarray(np.isfinite(v) & ((v - low) % 360.0 < high - low))
+    return np.asarray((v >= low) & ((v <= high) if last else (v < high)))
+
+
+def _bounds(values: Quantity, low: float, high: float) -> str:
+    if values.circular:
+        return f"{(0.5 * (low + high) + 180.0) % 360.0 - 180.0:.0f} {values.unit}"
+    digits = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-6) * 2.0))))
+    return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
+
+
+def _grid(found: Grid, values: dict[str, Quantity], sizes: _Sizes) -> CellGrid:
+    x, y = values[found.x], values[found.y]
+    inside = np.isfinite(x.values) & np.isfinite(y.values)
+    columns, lines = _sides(x, found.x_edges), _sides(y, found.y_edges)
+
+    def cell(i: int, j: int) -> Cell | None:
+        (across, a), (up, b) = columns[i], lines[j]
+        known = np.isfinite(found.force[i, j]) or np.isfinite(found.torque[i, j])
+        return sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b) if known else None
+
+    rows = tuple(tuple(cell(i, j) for i in range(len(columns))) for j in range(len(lines)))
+    x_words, y_words = (tuple(words for words, _ in sides) for sides in (columns, lines))
+    return CellGrid(rows, x_words, y_words)
+
+
+def _sides(values: Quantity, edges: Array) -> list[tuple[str, Rows]]:
+    pairs = list(itertools.pairwise(edges))
+    return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
 
 
 class FailurePanel(Panel):
@@ -53,9 +228,9 @@ class FailurePanel(Panel):
         with host.tab("Failure"):
             gui = host.gui
             self.view = gui.add_dropdown("error of", VIEWS, initial_value=VIEWS[0])
-            self.view.on_update(host.guarded(lambda _: self._draw()))
-            self.shown = gui.add_dropdown("shown is its", SHOWN, initial_value=SHOWN[0])
-            self.shown.on_update(host.guarded(lambda _: self._draw()))
+            self.shown = gui.add_dropdown("shown is its", ("rms", "mean"), initial_value="rms")
+            for choice in (self.view, self.shown):
+                host.connect(choice, lambda _: self._draw())
             self.map = gui.add_html("")
             self.parts = gui.add_html("")
             hint = "Fits a small one on other blocks of time than those on which it is judged; takes some seconds."
@@ -90,10 +265,13 @@ class FailurePanel(Panel):
         if self.failure is None or self.budget is None:
             return
         self.links.start()
-        failure, scale = self.failure, self._scale(self.failure)
+        failure, k = self.failure, VIEWS.index(self.view.value)
+        largest, most = _largest(failure, k), self._most[failure.flight, k]
+        factor, unit = (1e3, f"m{UNITS[k]}") if largest < 0.1 else (1.0, UNITS[k])
+        decimals = max(0, 1 - int(np.floor(np.log10(max(factor * largest, 1e-3)))))
 
         def cells(row: Sequence[Cell | None]) -> list[dict[str, str] | None]:
-            return [None if c is None else self._cell(c, scale) for c in row]
+            return [None if c is None or np.isnan(c.rms[k]) else self._cell(c, k, most, factor, decimals) for c in row]
 
         def to(stretch: Stretch) -> str:
             return self.links.to(partial(self.host.cursor.go, 0.5 * (stretch.start + stretch.stop)))
@@ -104,23 +282,21 @@ class FailurePanel(Panel):
             "failure",
             failure=failure,
             shown=self.shown.value,
-            unit=scale.unit,
+            unit=unit,
             quantities=[(d, _title(d, own), cells(own)) for d, own in rows],
             rows=[(words, cells(row)) for words, row in upwards],
             worst=[(s, to(s)) for s in failure.worst],
         )
         self.parts.content = budget_html(self.budget)
 
-    def _cell(self, cell: Cell, scale: Scale) -> dict[str, str] | None:
-        """A cell that can be clicked; white at the noise, darkest at the most that this flight showed at first.
+    def _cell(self, cell: Cell, k: int, most: float, factor: float, decimals: int) -> dict[str, str]:
+        """A cell of the k-th view that can be clicked, its number times `factor`.
 
-        None for what was not measured.
+        White at the noise, darkest at `most`, which this flight showed at first: an effect that takes the error off
+        lets the colours fade.
         """
-        k = scale.view
-        if np.isnan(cell.rms[k]):
-            return None
         rms, mean, noise, at = (float(values[k]) for values in (cell.rms, cell.mean, cell.noise, cell.time))
-        most = max(scale.most, 3.0 * noise)
+        most = max(most, 3.0 * noise)
         if self.shown.value == "mean":
             value, share = mean, mean / most
         else:
@@ -132,17 +308,8 @@ class FailurePanel(Panel):
             f"(noise {noise:.2g}); worst at {at:.2f} s",
             "back": back,
             "front": front,
-            "number": f"{round(scale.factor * value, scale.decimals) + 0.0:.{scale.decimals}f}",  # no -0
+            "number": f"{round(factor * value, decimals) + 0.0:.{decimals}f}",  # no -0
         }
-
-    def _scale(self, failure: Failure) -> Scale:
-        """Colours as the flight was opened, so that they fade when an effect takes the error off; letters as it is."""
-        k = VIEWS.index(self.view.value)
-        largest, most = _largest(failure, k), self._most[failure.flight, k]
-        milli = largest < 0.1
-        shown = largest * (1e3 if milli else 1.0)
-        decimals = max(0, 1 - int(np.floor(np.log10(max(shown, 1e-3)))))
-        return Scale(k, most, 1e3 if milli else 1.0, f"m{UNITS[k]}" if milli else UNITS[k], decimals)
 
 
 def _title(found: Dependence, cells: Sequence[Cell]) -> str:

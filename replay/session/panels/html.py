@@ -20,7 +20,6 @@ from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import number, parameters_in_words, share
 from wrenchgap.replay.present.staircase import heading, label
 from wrenchgap.replay.present.where import depends_on
-from wrenchgap.replay.session.panels.sliders import finer
 from wrenchgap.viewer import markup
 
 if TYPE_CHECKING:
@@ -30,6 +29,17 @@ HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 1
 """Colours from nothing to the most, evenly spaced."""
 COLD = ((255, 255, 255), (205, 226, 243), (120, 175, 220), (50, 110, 180), (15, 45, 110))
 """The same for what is negative."""
+
+
+FINER: dict[str, tuple[str, float]] = {
+    "m": ("mm", 1e3),
+    "s": ("ms", 1e3),
+    "kg": ("g", 1e3),
+    "rad": ("deg", float(np.degrees(1.0))),
+    "Nm": ("mNm", 1e3),
+    "N": ("mN", 1e3),
+    "kg m^2": ("g m^2", 1e3),
+}
 
 
 def render(template: str, **values: Any) -> str:
@@ -54,12 +64,17 @@ def percent(value: float) -> str:
 def heat(share: float) -> tuple[str, str]:
     """Background and letters (CSS colours) for 0 (nothing) to 1 (the most), or to -1."""
     scale = HEAT if share >= 0.0 else COLD
-    at = min(abs(float(share)), 1.0) * (len(scale) - 1)
-    k = min(int(at), len(scale) - 2)
-    low, high = np.array(scale[k]), np.array(scale[k + 1])
-    red, green, blue = (int(c) for c in np.round(low + (at - k) * (high - low)))
+    stops = np.linspace(0.0, 1.0, len(scale))
+    red, green, blue = (round(float(np.interp(abs(share), stops, part))) for part in zip(*scale, strict=True))
     dark = 0.3 * red + 0.6 * green + 0.1 * blue < 150
     return f"rgb({red},{green},{blue})", "#fff" if dark else "#222"
+
+
+def finer(parameter: Parameter) -> tuple[str, float]:
+    """The unit in which a parameter is shown, and the factor from SI to it; finer for angles and small sizes."""
+    if parameter.unit == "rad" or parameter.scale < 0.5:
+        return FINER.get(parameter.unit, (parameter.unit, 1.0))
+    return parameter.unit, 1.0
 
 
 def parameter_in_words(parameter: Parameter, value: float, std: float | None) -> str:
