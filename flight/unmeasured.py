@@ -8,7 +8,7 @@ An axis is named as in a wrench, and stands for the sensor's axis behind it:
 It is not measured where the user says so, where the log has no number throughout (NaN), or where the first element of
 the covariance in every sensor_msgs/Imu is -1: "If you have no estimate for one of the data elements (...), please set
 element 0 of the associated covariance matrix to -1" (message definition of sensor_msgs/Imu). Which axes of the
-*measured wrench* depend on it is a matter of the vehicle: `learn.data.measured_axes`.
+*measured wrench* depend on it is a matter of the vehicle: `learn.data.measurement`.
 """
 
 from __future__ import annotations

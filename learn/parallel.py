@@ -91,9 +91,10 @@ def few_threads() -> Iterator[None]:
 
 
 def by_threads(work: Callable[[Q], T], items: Sequence[Q], jobs: int = 1) -> list[T]:
-    """work(item) of every item, in order, by `jobs` threads, each with one thread of the libraries: for work in large
-    arrays and in kernels that hold nobody up. The same digits on any number of threads.
-    """  # noqa: D205
+    """work(item) of every item, in order, by `jobs` threads, each with one thread of the libraries.
+
+    For work in large arrays and in kernels that hold nobody up. The same digits on any number of threads.
+    """
     with few_threads():
         if min(jobs, len(items)) < 2:
             return [work(item) for item in items]
@@ -114,7 +115,8 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
     pool = _workers(jobs - 1)
     try:
         with threadpool_limits(1, user_api="blas"):
-            yield from _shared_out(pool, question, work, items, _done_here(shared))
+            here = _here.setdefault(id(shared[0]), set()) if shared else set()
+            yield from _shared_out(pool, question, work, items, here)
     except BaseException as error:
         pool.end()
         if isinstance(error, WorkerDied):
@@ -127,9 +129,7 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
 
 
 def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> None:
-    """Let the workers of a later `each` start, import the module `what` and load the first of the compiled kernels,
-    while this process reads logs.
-    """  # noqa: D205
+    """Let the workers of a later `each` start and import the module `what`, while this process reads logs."""
     if jobs > 1:
         pool = _workers(jobs - 1)
         for _ in range(jobs - 1):
@@ -148,10 +148,11 @@ def _warm(own: tuple[str, ...], what: str) -> None:
 def _shared_out(
     pool: Workers, question: str, work: Callable[[str], T], items: Sequence[str], here: set[str]
 ) -> Iterator[T]:
-    """Answers in order. Workers are asked for everything, the last item first; this process begins with the first, and
-    whoever is the first to claim an item does it. Of `here`, items that were done here before, all that was remembered
+    """Answers in order. Workers are asked for everything, the last item first; this process begins with the first.
+
+    Whoever is the first to claim an item does it. Of `here`, items that were done here before, all that was remembered
     is here too: this process begins with those, and workers end with them.
-    """  # noqa: D205
+    """
     mine = deque(sorted(range(len(items)), key=lambda j: items[j] not in here))
     here.difference_update(items)
     done: dict[int, T] = {}
@@ -178,9 +179,7 @@ def _claimed(question: str, left: deque[int]) -> int | None:
 
 
 def _claim(place: str) -> bool:
-    """Whether this process is the first to ask for the file that says that an item was begun. Raises OSError where
-    no file can be made.
-    """  # noqa: D205
+    """Whether this process is the first to ask for the file that says that an item was begun. Raises OSError."""
     try:
         os.close(os.open(place, os.O_CREAT | os.O_EXCL))
     except FileExistsError:  # another was
@@ -288,11 +287,6 @@ def _file_of(item: object) -> str:
         _files[id(item)] = written(lambda file: cloudpickle.dump(bare, file))
         weakref.finalize(item, _forget, id(item))
     return _files[id(item)]
-
-
-def _done_here(shared: Sequence[object]) -> set[str]:
-    """The items of the last call in which the first of these was shared that were done by this process."""
-    return _here.setdefault(id(shared[0]), set()) if shared else set()
 
 
 def _forget(key: int) -> None:

@@ -153,19 +153,21 @@ _one = threading.Lock()
 
 def serve() -> None:
     """Answer until nobody asks any more."""
+    import psutil
+
     global _answers
     _answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever prints, prints where errors go
     asked: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(sys.stdin.buffer, asked), daemon=True).start()
-    start = None
+    start, own = None, psutil.Process()
     while True:
         try:
             question = asked.get(timeout=IDLE_SECONDS)
         except Empty:
             os._exit(0)
         kind, content = _answer(question)
-        size = _resident()
+        size = own.memory_info().rss
         start = size if start is None else start
         _send(kind, content, lasts=size - start < GROWN)
         del content, question
@@ -206,10 +208,3 @@ def _message(kind: int, content: Any, lasts: bool) -> bytes:
         said = content if kind == ERROR else error
         return pickle.dumps((ERROR, RuntimeError(f"{type(said).__name__}: {said}"), lasts))
     return message
-
-
-def _resident() -> int:
-    """Memory of this process [bytes]."""
-    import psutil
-
-    return int(psutil.Process().memory_info().rss)

@@ -24,9 +24,8 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.design.designer import design
-from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.timing import dataset_of
-from wrenchgap.learn.diagnose.where import Where, examine
+from wrenchgap.learn.diagnose.where import Source, Where, budget, examine, held_out_process
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.identify.add import Addition, add, model_of
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process

@@ -23,7 +23,7 @@ from benchmarks.paper.running import Output, Report, change, in_parallel, main, 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.process.calibration import Coverage
+from wrenchgap.learn.process.held_out_time import Coverage
 from wrenchgap.plant.trajectory import named
 
 POINTS = 100

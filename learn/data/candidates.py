@@ -132,7 +132,7 @@ def candidates(records: Sequence[Record], model: Model, names: Sequence[str] = (
     taken = {n for n in catalogue() if family(n) in {family(p) for p in present}} - present
     wanted = [n for n in (names or catalogue()) if n not in taken]
     reasons = {n: inapplicable(n, model, records) or unexcited(n, model, records) for n in wanted}
-    reasons |= {n: _known(n, model) for n in wanted if reasons[n] is None and n not in present}
+    reasons |= {n: known(n, model) for n in wanted if reasons[n] is None and n not in present}
     tried = [n for n in wanted if reasons[n] is None]
     acting = acting_effects(tried, [e.name for e in model.effects])
     reasons |= {n: Untried(n, Lack.AIR) for n in tried if n not in acting}
@@ -140,6 +140,7 @@ def candidates(records: Sequence[Record], model: Model, names: Sequence[str] = (
     return Candidates(tuple(acting), untried)
 
 
-def _known(name: str, model: Model) -> Untried | None:
+def known(name: str, model: Model) -> Untried | None:
+    """Where the model file knows what an effect is about."""
     why = find(name).known(model.vehicle)
     return None if why is None else Untried(name, Lack.KNOWN, why)

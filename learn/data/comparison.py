@@ -179,28 +179,25 @@ class Range:
         return self.percentile > THRESHOLDS.beyond * self.maximum
 
 
+QUANTITIES: tuple[tuple[str, str, bool, Callable[[Record], Array]], ...] = (
+    ("tilt", "deg", True, lambda r: np.degrees(so3.tilt_angle(r.state_kept.quat_EB))),
+    ("speed", "m/s", True, lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1)),
+    ("body rate", "rad/s", False, lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1)),
+    ("commanded force", "N", False, lambda r: np.linalg.norm(r.commanded[:, :3], axis=1)),
+    ("commanded torque", "Nm", False, lambda r: np.linalg.norm(r.commanded[:, 3:], axis=1)),
+)
+"""Whose range is compared: name, unit, whether it needs a pose, values (K,) of a record."""
+
+
 def ranges(fitted: Sequence[Record], unseen: Sequence[Record]) -> list[Range]:
-    """Tilt, body rate, speed and force of both sides; tilt and speed only where all logs have a pose."""
+    """`QUANTITIES` of both sides; those that need a pose only where all logs have one."""
     posed = all(r.has_pose for r in (*fitted, *unseen))
     out = []
-    for quantity, unit, values in _quantities(posed):
-        known = np.concatenate([values(r) for r in fitted])
-        new = np.concatenate([values(r) for r in unseen])
-        out.append(Range(quantity, unit, float(np.max(known)), float(np.percentile(new, 95))))
+    for quantity, unit, needs_pose, values in QUANTITIES:
+        if posed or not needs_pose:
+            known, new = (np.concatenate([values(r) for r in records]) for records in (fitted, unseen))
+            out.append(Range(quantity, unit, float(np.max(known)), float(np.percentile(new, 95))))
     return out
-
-
-def _quantities(posed: bool) -> list[tuple[str, str, Callable[[Record], Array]]]:
-    always = [
-        ("body rate", "rad/s", lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1)),
-        ("commanded force", "N", lambda r: np.linalg.norm(r.commanded[:, :3], axis=1)),
-        ("commanded torque", "Nm", lambda r: np.linalg.norm(r.commanded[:, 3:], axis=1)),
-    ]
-    with_pose = [
-        ("tilt", "deg", lambda r: np.degrees(so3.tilt_angle(r.state_kept.quat_EB))),
-        ("speed", "m/s", lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1)),
-    ]
-    return with_pose + always if posed else always
 
 
 @dataclass(frozen=True)

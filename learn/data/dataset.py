@@ -13,19 +13,10 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import trim
-from wrenchgap.learn.data.feedback_regressors import (
-    Answerable,
-    answer_gains,
-    answers,
-    by_parts,
-    in_parts,
-    partly,
-    slowly_answerable,
-    wholly,
-    within_blocks,
-)
+from wrenchgap.learn.data import feedback_regressors as feedback
 from wrenchgap.learn.data.input_errors import EDGES, untrusted
-from wrenchgap.learn.data.measurement import Evaluator, Record, window
+from wrenchgap.learn.data.measurement import Record, window
+from wrenchgap.learn.data.prediction import Evaluator
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
 
@@ -67,29 +58,29 @@ class Dataset:
     @cached_property
     def answer_gains(self) -> Array:
         """How far the commands of these flights may answer (`learn.data.feedback_regressors`)."""
-        return self.source.answer_gains if self.source else answer_gains(self.records)
+        return self.source.answer_gains if self.source else feedback.answer_gains(self.records)
 
     @cached_property
-    def answerable(self) -> dict[int, Answerable]:
+    def answerable(self) -> dict[int, feedback.Answerable]:
         """Of the axes `answering`: what those answers could explain within blocks of time."""
-        signals, of = answers(self.records)
-        signals = within_blocks(signals, self.block)
-        left = within_blocks(np.nan_to_num(self.measured - self.commanded), self.block)
+        signals, of = feedback.answers(self.records)
+        signals = feedback.within_blocks(signals, self.block)
+        left = feedback.within_blocks(np.nan_to_num(self.measured - self.commanded), self.block)
         out = {}
         for axis in self.answering:
             trusted = ~self.untrusted[:, axis]
-            out[axis] = every = wholly(self.with_gains(signals, trusted))
-            gain = by_parts(self.answer_gains[:, axis, of] * trusted[:, None])
+            out[axis] = every = feedback.wholly(self.with_gains(signals, trusted))
+            gain = feedback.by_parts(self.answer_gains[:, axis, of] * trusted[:, None])
             if np.isfinite(gain).all():
                 size = every.out_of(self.with_gains(left[:, axis], trusted))
                 noise = max(float(np.std(size)), self.noise[axis]) / np.sqrt(self.independence)
-                out[axis] = partly(self.with_gains(in_parts(signals), gain) / noise)
+                out[axis] = feedback.partly(self.with_gains(feedback.in_parts(signals), gain) / noise)
         return out
 
     @cached_property
-    def slowly_answerable(self) -> Answerable:
+    def slowly_answerable(self) -> feedback.Answerable:
         """The same of how means over blocks differ within a flight."""
-        return slowly_answerable(self.records, self.block, self.flight)
+        return feedback.slowly_answerable(self.records, self.block, self.flight)
 
     def forget(self) -> None:
         """Free what evaluators remember of these data: the next models have little in common with the last."""
@@ -108,16 +99,18 @@ class Dataset:
 
     @cached_property
     def starts(self) -> dict[tuple[str, ...], tuple[Array, Array, Array]]:
-        """By the names of effects: where their fit began, what was left there (K, 6), its derivatives (K, 6, P). Kept
-        by the table of these data for that of those `unanswering`, which begins in the same places.
-        """  # noqa: D205
+        """By the names of effects: where their fit began, the residual there (K, 6), its derivatives (K, 6, P).
+
+        Kept by the table of these data for that of those `unanswering`, which begins in the same places.
+        """
         return {}
 
     def unanswered(self, values: Array) -> Array:
-        """What derivatives, or residuals, (K, 6, ...) say of the vehicle: `informative`, without what commands that
-        answer the motion could explain on the axes where they do, within blocks of time and from one to the next; and
-        where slow commands are not known either, the mean of a flight.
-        """  # noqa: D205
+        """What derivatives, or residuals, (K, 6, ...) say of the vehicle: `informative`, without answering commands.
+
+        What those could explain on the axes where they answer the motion is taken out, within blocks of time and from
+        one to the next; where slow commands are not known either, the mean of a flight.
+        """
         out = self.remaining(values)
         for axis in self.answering:
             out[:, axis] = self.slowly_answerable.out_of(out[:, axis])
@@ -138,9 +131,10 @@ class Dataset:
         return out
 
     def evidence(self, given: Array, left: Array) -> Array:
-        """What a model leaves (K, 6) beside what is `given` (K, 6), as far as it is evidence: both scatter as they do
-        (`remaining`), and differ by what commands that answer could not have made (`unanswered`).
-        """  # noqa: D205
+        """What a model leaves (K, 6) beside what is `given` (K, 6), as far as it is evidence.
+
+        Both scatter as they do (`remaining`), and differ by what answering commands could not make (`unanswered`).
+        """
         return np.asarray(self.remaining(given) - self.unanswered(given - left))
 
     @cached_property
@@ -149,9 +143,7 @@ class Dataset:
         return untrusted(self.records)
 
     def informative(self, values: Array) -> Array:
-        """Values (K, 6, ...) without the bands of frequency in which commands say nothing, block by block of time; the
-        means over blocks are left in.
-        """  # noqa: D205
+        """Values (K, 6, ...) without the bands in which commands say nothing, by blocks of time; their means stay."""
         axes = np.flatnonzero(self.untrusted.any(axis=0))
         if not axes.size:
             return values
@@ -162,9 +154,7 @@ class Dataset:
         return out
 
     def with_gains(self, values: Array, gains: NDArray[Any]) -> Array:
-        """Values (K, ...) times a gain (bands, ...) in each band of frequency, block by block of time; the means over
-        blocks are left in.
-        """  # noqa: D205
+        """Values (K, ...) times a gain (bands, ...) in each band of frequency, by blocks of time; their means stay."""
         from scipy.fft import dct, idct  # here: others need not wait for it
 
         out = values.copy()

@@ -43,9 +43,7 @@ ROUNDING = 1e-9
 
 
 def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> tuple[Array, NDArray[np.intp]]:
-    """All commands that change, behind first-order lags and later by `shifts`: (K, A), K samples of all records; of
-    each the axis (A,) of the command.
-    """  # noqa: D205
+    """All commands that change, behind first-order lags and later by `shifts`: (K, A), and the axis (A,) of each."""
     size = np.max([np.abs(r.commanded).max(axis=0) for r in records], axis=0)
     moving = np.flatnonzero(np.max([np.std(r.commanded, axis=0) for r in records], axis=0) > ROUNDING * size)
     rows = []
@@ -95,12 +93,11 @@ def in_parts(signals: Array) -> Array:
 
 @dataclass(frozen=True)
 class Answerable:
-    """What commands that answer could explain: orthonormal directions `basis` (K, B), and the `share` (B,) of each that
-    is taken out.
+    """What commands that answer could explain: directions `basis` (K, B), the `share` (B,) of each that is taken out.
 
     With noise of size one and of each of some signals any share up to about one, a residual has the covariance
     C = 1 + F F^T. C^(-1/2), which makes it white, leaves 1 / sqrt(1 + s^2) of a singular direction of F of size s.
-    """  # noqa: D205
+    """
 
     basis: Array
     share: Array

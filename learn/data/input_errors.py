@@ -66,8 +66,9 @@ def density(signal: Array, dt: float) -> tuple[Array, Array]:
 
 def by_band(f: Array, power: Array) -> Array:
     """Means (bands, C) of densities (F, C), the mean over all time left out; NaN for a band beyond the last frequency.
+
     A band that is too narrow or too slow to be seen has the density of the next frequency.
-    """  # noqa: D205
+    """
     band = np.digitize(f[1:], EDGES)
     out = np.full((len(EDGES) + 1, power.shape[1]), np.nan)
     for k in range(band[-1] + 1):
@@ -132,9 +133,7 @@ def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record
 
 
 def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:
-    """Bands and axes (bands, 6) in which the commands of any of these records say nothing: flights are compared in what
-    all of them say.
-    """  # noqa: D205
+    """Bands and axes (bands, 6) in which the commands of any of these records say nothing."""
     shares = [r.input_error for r in records if r.input_error is not None]
     nothing = np.zeros((len(EDGES) + 1, 6), dtype=bool)
     return np.asarray(np.any([nothing, *(share > INPUT_ERRORS.share for share in shares)], axis=0))

@@ -1,4 +1,3 @@
-# Long because filter, record and prediction are one chain, told in its order.
 """From an IMU to a measured wrench, and from commands to what a model says that wrench should have been.
 
     F_meas = m [f_O + domega x c + omega x (omega x c)],    M_meas = J domega + omega x J omega
@@ -7,14 +6,19 @@
 One zero-phase filter acts on both sides: on gyroscope and accelerometer, and on the wrench that the model makes of the
 commands. Filtering the measurement alone would leave (H - 1) W_cmd, a lag that is not there. Products such as
 omega x J omega are formed after filtering. Source: Newton and Euler, docs/notation.md.
+
+Where a sensor did not measure all of its own axes, with d = c - r the accelerometer's x takes out F_x and nothing else:
+no torque reads a specific force. The gyroscope's x takes out M_x; M_y and M_z where omega_x enters them, by a product
+of inertia or by (J_x - J_z) omega_x omega_z and its like; and the forces that it reaches over the lever arm d. Nobody
+has to work that out: two motions that differ only in what was not measured are put through `measured_wrench` itself,
+and an axis that comes out the same was measured (`measured_axes`). This mask decides. `Record.noise` is not a number on
+the other axes, `Record.measured` neither, and everything else asks those (`Record.measured_axes`).
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,16 +26,15 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.filters import forward_backward, low_pass_section, response
-from wrenchgap.flight.flight import Array, ImuSeries, Samples
-from wrenchgap.flight.memory import HOURS, give_back, on_disk
+from wrenchgap.flight.flight import AXES, Array, ImuSeries, Samples
+from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.stamps import PIECE, pieces
-from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
-from wrenchgap.plant.actuation import actuation, nominal_wrench
+from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
-from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
-from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com, about_origin, cross, measured_wrench
+from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import about_com, about_origin, cross, measured_wrench
 
 T = TypeVar("T")
 P = TypeVar("P", State, Commands)
@@ -48,7 +51,7 @@ class Record:
     samples: `time` (K,), `measured` (K, 6), `commanded` (K, 6) (the logged command, about the nominal centre of mass),
     `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the white sensor
     noise that is left in `measured`. Both are not a number on axes that were not measured
-    (`learn.data.measured_axes`).
+    (`learn.data.measurement`).
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
     nominal allocation) or "none". `input_error` (bands, 6) is the share of error in what they nominally make
@@ -88,9 +91,10 @@ class Record:
 
 
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
-    """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0. Raises FitError for
-    no samples, which compiled code would not see.
-    """  # noqa: D205
+    """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0.
+
+    Raises FitError for no samples, which compiled code would not see.
+    """
     if len(signal) == 0:
         raise FitError(f"nothing to filter at {cutoff_hz:g} Hz: no samples; see `wrenchgap inspect`")
     section, start = low_pass_section(dt, cutoff_hz)
@@ -113,9 +117,6 @@ def thinned(signal: Array, dt: float, cutoff_hz: float, keep: slice) -> Array:
 
 def _turning(omega: Array, dt: float, cutoff_hz: float, keep: slice) -> tuple[Array, Array]:
     """The samples `keep` of body rates (N, 3) through the filter, and of their derivative."""
-    if len(omega) <= PIECE:
-        slow = low_pass(omega, dt, cutoff_hz)
-        return slow[keep].copy(), derivative(slow, dt)[keep].copy()
     columns = [low_pass(column, dt, cutoff_hz) for column in omega.T]
     kept = np.stack([column[keep] for column in columns], axis=1)
     return kept, np.stack([derivative(column, dt)[keep] for column in columns], axis=1)
@@ -188,119 +189,6 @@ def _on_disk(part: P) -> P:
     held: dict[str, Any] = {item.name: getattr(part, item.name) for item in fields(part)}
     kept: dict[str, Any] = {name: value if value is None else on_disk(value) for name, value in held.items()}
     return replace(part, **kept)
-
-
-def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
-    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement.
-
-    `body` is that of the nominal processing, where the measurement was made with another than the model's vehicle has.
-    """
-    return Evaluator(record)(model, body)
-
-
-Key = tuple[object, ...]
-
-
-class Evaluator:
-    """Predictions of one record by models that differ in little from one another: what they share is computed once.
-
-    A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
-    rotors' wrench on those, the effects on thrusts and the air, and what is geometry in it on the tilt angles; since
-    the filter is linear, each added wrench is filtered on its own.
-    """
-
-    def __init__(self, record: Record) -> None:
-        self.record = record
-        self._commands: OrderedDict[Key, Commands] = OrderedDict()
-        self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
-        self._added: OrderedDict[Key, Array] = OrderedDict()
-        self._postures: list[Posture] = []
-        self._nominal: list[tuple[Commands, Actuation]] = []
-
-    def forget(self) -> None:
-        """Free the memory; what is asked for again is worked out again."""
-        for memory in (self._commands, self._rotors, self._added, self._postures, self._nominal):
-            memory.clear()
-
-    def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
-        """The measured wrench (K, 6) that the model predicts; see `predict`."""
-        record = self.record
-        model = model.acting
-        sent = (record.commands, record.state, record.dt)
-        on_commands = _key(model, "commands")
-        commands = _kept(self._commands, on_commands, 2, lambda: model.command(*sent)[0])
-        air, on_thrusts = _key(model, "air"), _key(model, "thrusts")
-        key = (
-            on_commands,
-            on_thrusts,
-            air if on_thrusts else (),
-            any(item.effect.needs_rates for item in model.effects),
-        )
-        act, rotors, total = _kept(self._rotors, key, 2, lambda: self._rotor_part(model, commands))
-        for item in model.added:
-            own = (key, air, item.name, item.theta.tobytes())
-            made = partial(self._addition, model, item, act, rotors)
-            total = total + _kept(self._added, own, 16, made)
-        return model.report(total, record.state_kept, body)
-
-    def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
-        rates, _ = model.rates(commands, self.record.dt)
-        act, rotors = model.rotors(commands, self.record.state, rates, self._nominally(model, commands))
-        act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
-        give_back(len(rotors))
-        return act, rotors, self._filter(lambda: rotors)
-
-    def _addition(self, model: WrenchModel, item: ModelEffect, act: Actuation | None, rotors: Array) -> Array:
-        if act is not None:
-            self._posture(act.posture)
-        return self._filter(model.addition, item, act, rotors, self.record.state)
-
-    def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
-        """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""
-        if commands.tilt is None or not model.vehicle.has_rotors:
-            return None
-        same = [a for sent, a in self._nominal if sent is commands and a.vehicle is model.vehicle]
-        posture = self._posture(same[0].posture if same else Posture(model.vehicle, commands.tilt))
-        found = same[0] if same else actuation(model.vehicle, commands, posture)
-        if len(found.thrust) < HOURS:
-            self._nominal = [(commands, found), *(pair for pair in self._nominal if pair[1] is not found)][:2]
-        return found
-
-    def _posture(self, asked: Posture) -> Posture:
-        """That of these tilt angles: one of the last two if they are the same. Only the last has its arrays."""
-        if self._postures and self._postures[0] is asked:
-            return asked
-        same = [p for p in self._postures if p is asked or _same_angles(p, asked)]
-        found = same[0] if same else asked
-        others = [p for p in self._postures if p is not found]
-        for other in others:
-            other.forget()
-        self._postures = [found, *others[:1]]
-        return found
-
-    def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
-        record = self.record
-        return thinned(make(*arguments), record.dt, record.cutoff_hz, record.keep)
-
-
-def _same_angles(one: Posture, other: Posture) -> bool:
-    same = one.tilt is other.tilt or np.array_equal(one.tilt, other.tilt)
-    return one.vehicle is other.vehicle and same
-
-
-def _key(model: WrenchModel, place: str) -> Key:
-    return tuple((item.name, item.theta.tobytes()) for item in model.effects if item.effect.place == place)
-
-
-def _kept(memory: OrderedDict[Key, T], key: Key, most: int, make: Callable[[], T]) -> T:
-    """The remembered value, or a new one; the `most` recently used stay."""
-    if key in memory:
-        memory.move_to_end(key)
-        return memory[key]
-    value = memory[key] = make()
-    if len(memory) > most:
-        memory.popitem(last=False)
-    return value
 
 
 def window(record: Record, first: int, last: int) -> Record:
@@ -405,3 +293,43 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     arm = cross(vehicle.body.com_B - vehicle.imu_position_B, np.eye(3))
     variance = (vehicle.body.mass**2 * (specific + rate_dot @ arm**2), vehicle.body.inertia**2 @ rate_dot)
     return np.sqrt(np.concatenate(variance))
+
+
+def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str], rounding: float = 1e-9) -> NDArray[np.bool_]:
+    """The axes (6,) of the measured wrench that depend on no sensor axis in `unmeasured` (`flight.unmeasured`).
+
+    A change of an axis, relative to its size, is `rounding` up to this.
+    """
+    if not unmeasured:
+        return np.ones(6, dtype=bool)
+    rng = np.random.default_rng(0)
+    force, omega, omega_dot = (rng.uniform(1.0, 2.0, (8, 3)) for _ in range(3))
+    plain = _wrench(vehicle, force, omega, omega_dot)
+    gone = np.isin(AXES, list(unmeasured))
+    moved = _wrench(
+        vehicle,
+        np.where(gone[:3], 3.0 * force, force),
+        np.where(gone[3:], 3.0 * omega, omega),
+        np.where(gone[3:], -2.0 * omega_dot, omega_dot),
+    )
+    size = np.maximum(np.abs(plain), np.abs(moved)).max(axis=0)
+    return np.asarray((np.abs(moved - plain).max(axis=0) <= rounding * size) & ~gone)
+
+
+def _wrench(vehicle: Vehicle, force: Array, omega: Array, omega_dot: Array) -> Array:
+    """Measured wrench (N, 6) of readings (N, 3) each, as `learn.data.measurement.prepare` makes it."""
+    r = vehicle.imu_position_B
+    return measured_wrench(vehicle.body, Motion(omega, omega_dot, felt_at_origin(force, omega, omega_dot, r)))
+
+
+def felt_at_origin(force: Array, omega: Array, omega_dot: Array, imu_position_B: Array) -> Array:
+    """Specific force (N, 3) at O of an IMU that is at `imu_position_B` (3,): f - domega x r - omega x (omega x r)."""
+    r, out = imu_position_B, np.empty(np.shape(force))
+    for k in pieces(len(force)):
+        out[k] = force[k] - cross(omega_dot[k], r) - cross(omega[k], cross(omega[k], r))
+    return out
+
+
+def names_of(mask: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Names of the axes that a mask (6,) leaves out."""
+    return tuple(axis for axis, known in zip(AXES, mask, strict=True) if not known)

@@ -20,8 +20,7 @@ from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
-from wrenchgap.learn.data.measured_axes import measured_axes, names_of
-from wrenchgap.learn.data.measurement import Record, commands_of, prepare
+from wrenchgap.learn.data.measurement import Record, commands_of, measured_axes, names_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
 from wrenchgap.learn.data.phases.phase import Phase, phase_names, runs, used_samples
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, rows_of, times_outside
@@ -42,6 +41,11 @@ class NoFlight(LogError):
 Loader = Callable[..., Flight]
 Part = tuple[Samples, Commands, str]
 """Samples with their commands, and `Record.source`."""
+SAID = {
+    "allocated": "no actuator commands in the log; allocated from the commanded wrench.",
+    "none": "the model has no rotors; the commanded wrench is the nominal model.",
+}
+"""What a user should know of where the commands come from, by `Record.source`."""
 
 
 @dataclass(frozen=True)
@@ -113,50 +117,48 @@ def opened(
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
         return OpenFlight(found, (), (), (), times_outside(between), why, asked.checks)
-    known = _sent(resampled.samples, model.vehicle)
-    phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
-    give_back(asked.hold(resampled.samples))
-    asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
-    within = kept_within(resampled.samples, between, found)
-    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, known)
+    stretches, vehicle = resampled.samples, model.vehicle
+    known = _sent(stretches, vehicle)
+    phases = phases_of(known, vehicle, cutoff_hz, phase_names(keep, "keep"))
+    asked.longest = max(map(len, stretches))
+    give_back(asked.longest)
+    asked.pass_(against_model(played, model, _flown(stretches, phases)))
+    parts, left_out = _parts(kept_within(stretches, between, found), stretches, phases, vehicle, known)
     flown, records, short = [], [], []
     for rows, sent, source in parts:
+        how: dict[str, Any] = {"rate_hz": rate_hz, "commands": (sent, source), "imu": played.imu}
         try:
-            made = prepare(
-                rows, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
-            )
+            made = prepare(rows, vehicle, cutoff_hz=cutoff_hz, **how)
         except FitError as error:
             if not 0.0 < len(rows) * rows.dt * cutoff_hz < 12.0:
                 raise
             short.append(str(error))
         else:
             flown.append(rows)
-            records.append(with_input_error(replace(made, has_imu=played.imu is not None), played, model.vehicle))
+            records.append(with_input_error(replace(made, has_imu=played.imu is not None), played, vehicle))
     if not records and not (incomplete and short):
         said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
         raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])
     asked.pass_((*record_checks(found, records, model, asked.checks), *phase_checks(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
-    told += [*input_error_notes(found.name, records), *_notes(found, records), *asked.findings(found)]
-    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, resampled.samples)]
-    cut = resampled.samples, tuple(flown), tuple(records), (*times_outside(between), *left_out)
+    told += [*input_error_notes(found.name, records), *_sources(found, records), *asked.findings(found)]
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, stretches)]
+    cut = stretches, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
 
 @dataclass
 class _Asked:
-    """The checks of a flight as they come; the first bad one that is not accepted stops."""
+    """The checks of a flight as they come; the first bad one that is not accepted stops.
+
+    `longest` are the samples of the longest stretch, after whose checks memory is given back.
+    """
 
     where: str
     accept: tuple[str, ...]
     gate: bool
     checks: tuple[Check, ...] = ()
     longest: int = 0
-
-    def hold(self, stretches: Sequence[Samples]) -> int:
-        """Samples of the longest stretch, after whose checks memory is given back."""
-        self.longest = max(map(len, stretches))
-        return self.longest
 
     def pass_(self, found: Iterable[Check]) -> None:
         """Add checks; raise LogError where one of them stops. Roles have errors of their own."""
@@ -241,15 +243,9 @@ def _parts(
     return flown, left_out
 
 
-def _notes(found: Flight, records: Sequence[Record]) -> list[str]:
+def _sources(found: Flight, records: Sequence[Record]) -> list[str]:
     """What a user should know of where the commands come from."""
-    notes = []
-    sources = {r.source for r in records}
-    if "allocated" in sources:
-        notes.append(f"{found.name}: no actuator commands in the log; allocated from the commanded wrench.")
-    if "none" in sources:
-        notes.append(f"{found.name}: the model has no rotors; the commanded wrench is the nominal model.")
-    return notes
+    return [f"{found.name}: {words}" for source, words in SAID.items() if source in {r.source for r in records}]
 
 
 def _unmeasured(found: Flight, model: Model) -> list[str]:

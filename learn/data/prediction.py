@@ -1,25 +1,139 @@
-"""What predicts the measured wrench of a record: a model, with a process on top where there is one.
+"""What a model says that the measured wrench of a record should have been, with a process on top where there is one.
 
 A process looks at the command, and at what it was told to look at besides (`process_inputs`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.memory import HOURS, give_back, on_disk
 from wrenchgap.learn.data.candidates import Untried, inapplicable
-from wrenchgap.learn.data.measurement import Record, low_pass, predict
+from wrenchgap.learn.data.measurement import Record, low_pass, thinned
+from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.plant.wrench_model import WrenchModel
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+
+T = TypeVar("T")
+
+
+def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
+    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement.
+
+    `body` is that of the nominal processing, where the measurement was made with another than the model's vehicle has.
+    """
+    return Evaluator(record)(model, body)
+
+
+Key = tuple[object, ...]
+
+
+class Evaluator:
+    """Predictions of one record by models that differ in little from one another: what they share is computed once.
+
+    A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
+    rotors' wrench on those, the effects on thrusts and the air, and what is geometry in it on the tilt angles; since
+    the filter is linear, each added wrench is filtered on its own.
+    """
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self._commands: OrderedDict[Key, Commands] = OrderedDict()
+        self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
+        self._added: OrderedDict[Key, Array] = OrderedDict()
+        self._postures: list[Posture] = []
+        self._nominal: list[tuple[Commands, Actuation]] = []
+
+    def forget(self) -> None:
+        """Free the memory; what is asked for again is worked out again."""
+        for memory in (self._commands, self._rotors, self._added, self._postures, self._nominal):
+            memory.clear()
+
+    def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
+        """The measured wrench (K, 6) that the model predicts; see `predict`."""
+        record = self.record
+        model = model.acting
+        sent = (record.commands, record.state, record.dt)
+        on_commands = _key(model, "commands")
+        commands = _kept(self._commands, on_commands, 2, lambda: model.command(*sent)[0])
+        air, on_thrusts = _key(model, "air"), _key(model, "thrusts")
+        rated = any(item.effect.needs_rates for item in model.effects)
+        key = (on_commands, on_thrusts, air if on_thrusts else (), rated)
+        act, rotors, total = _kept(self._rotors, key, 2, lambda: self._rotor_part(model, commands))
+        for item in model.added:
+            own = (key, air, item.name, item.theta.tobytes())
+            made = partial(self._addition, model, item, act, rotors)
+            total = total + _kept(self._added, own, 16, made)
+        return model.report(total, record.state_kept, body)
+
+    def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
+        rates, _ = model.rates(commands, self.record.dt)
+        act, rotors = model.rotors(commands, self.record.state, rates, self._nominally(model, commands))
+        act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
+        give_back(len(rotors))
+        return act, rotors, self._filter(rotors)
+
+    def _addition(self, model: WrenchModel, item: ModelEffect, act: Actuation | None, rotors: Array) -> Array:
+        if act is not None:
+            self._posture(act.posture)
+        return self._filter(model.addition(item, act, rotors, self.record.state))
+
+    def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
+        """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""
+        if commands.tilt is None or not model.vehicle.has_rotors:
+            return None
+        same = [a for sent, a in self._nominal if sent is commands and a.vehicle is model.vehicle]
+        posture = self._posture(same[0].posture if same else Posture(model.vehicle, commands.tilt))
+        found = same[0] if same else actuation(model.vehicle, commands, posture)
+        if len(found.thrust) < HOURS:
+            self._nominal = [(commands, found), *(pair for pair in self._nominal if pair[1] is not found)][:2]
+        return found
+
+    def _posture(self, asked: Posture) -> Posture:
+        """That of these tilt angles: one of the last two if they are the same. Only the last has its arrays."""
+        if self._postures and self._postures[0] is asked:
+            return asked
+
+        def alike(p: Posture) -> bool:
+            return p.vehicle is asked.vehicle and (p.tilt is asked.tilt or np.array_equal(p.tilt, asked.tilt))
+
+        found = next((p for p in self._postures if p is asked or alike(p)), asked)
+        others = [p for p in self._postures if p is not found]
+        for other in others:
+            other.forget()
+        self._postures = [found, *others[:1]]
+        return found
+
+    def _filter(self, wrench: Array) -> Array:
+        return thinned(wrench, self.record.dt, self.record.cutoff_hz, self.record.keep)
+
+
+def _key(model: WrenchModel, place: str) -> Key:
+    """What of a model's effects at one place a prediction depends on."""
+    return tuple((item.name, item.theta.tobytes()) for item in model.effects if item.effect.place == place)
+
+
+def _kept(memory: OrderedDict[Key, T], key: Key, most: int, make: Callable[[], T]) -> T:
+    """The remembered value, or a new one; the `most` recently used stay."""
+    if key in memory:
+        memory.move_to_end(key)
+        return memory[key]
+    value = memory[key] = make()
+    if len(memory) > most:
+        memory.popitem(last=False)
+    return value
 
 
 class Process(MismatchModel, Protocol):

@@ -14,20 +14,24 @@ the odometry decides below about 2 Hz, the IMU above; the white noise of the odo
 Only position and attitude of the odometry are used: they are what the flight must reproduce, the derivative of the
 spline is as good as the logged velocity (with 0.3 mm and 5 mm/s of white noise per sample, better), and in some logs
 the two disagree.
+
+Held commands (zero-order hold): a measurement at an instant sees the command on average *around* it
+(`flight.resample`); a plant that is stepped from instant to instant holds what was sent on average *over* the period
+that begins there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples
-from wrenchgap.learn.data.measurement import Record, commands_of, derivative, low_pass
+from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples, Series, WrenchSeries
+from wrenchgap.flight.resample import held_mean
+from wrenchgap.learn.data.measurement import Record, commands_of, derivative, felt_at_origin, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.zero_order_hold import samples_over_periods
 from wrenchgap.plant.simulation.closed_loop import Clock
 from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.state import Commands, Motion, State
@@ -85,8 +89,7 @@ def recorded_motion(
     omega = gyro + so3.rotate_inverse(turned, dc - 0.5 * cross(c, dc))
     omega_dot = derivative(omega, dt)
 
-    r = imu_position_B
-    felt = low_pass(samples.specific_force_B, dt, cutoff_hz) - cross(omega_dot, r) - cross(omega, cross(omega, r))
+    felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff_hz), omega, omega_dot, imu_position_B)
     acceleration = so3.rotate(attitude, felt) - _UP
     # Exact where the acceleration is linear between samples: p += v dt + (2 a_k + a_k+1) dt^2 / 6
     now, then = acceleration[:-1], acceleration[1:]
@@ -270,3 +273,35 @@ def _window(name: str, stretches: tuple[Samples, ...], start: float, duration: f
     available = len(chosen) - first
     count = available if duration is None else max(round(min(duration / chosen.dt, available)), min(2, available))
     return index, first, count
+
+
+def _near(series: Series, values: Array, time: Array, middle: Array, window: float) -> Array:
+    """Means over `window` [s] around each `middle` (N,), from the part of a series that lies about `time` (N,)."""
+    run = (series.time >= time[0] - 1.0) & (series.time <= time[-1] + 1.0)
+    return held_mean(middle, series.time[run], values[run], series.period, window)
+
+
+def samples_over_periods(samples: Samples, log: Flight) -> Samples:
+    """The samples of a log, with commands over the period that begins at each instant instead of around it."""
+
+    def mean(series: Series, values: Array) -> Array:
+        return _near(series, values, samples.time, samples.time + 0.5 * samples.dt, samples.dt)
+
+    used: dict[str, Array] = {}
+    if samples.wrench_cmd_B is not None and log.commanded is not None:
+        used["wrench_cmd_B"] = mean(log.commanded, log.commanded.wrench_B)
+    if samples.wrench_des_B is not None and log.desired is not None:
+        used["wrench_des_B"] = mean(log.desired, log.desired.wrench_B)
+    if samples.rotor_speed_cmd is not None and log.actuators is not None:
+        used["tilt_cmd"] = mean(log.actuators, log.actuators.tilt)
+        used["rotor_speed_cmd"] = mean(log.actuators, log.actuators.rotor_speed)
+    return replace(samples, **used)  # type: ignore[arg-type]
+
+
+def commanded_otherwise(record: Record, samples: Samples, command: WrenchSeries, vehicle: Vehicle) -> Record:
+    """The record of `samples` as if another wrench had been commanded, in the motion that was flown."""
+    wrench = _near(command, command.wrench_B, samples.time, samples.time, max(samples.dt, command.period))
+    other = replace(samples, wrench_cmd_B=wrench, tilt_cmd=None, rotor_speed_cmd=None)
+    commands, source = commands_of(other, vehicle)
+    filtered = low_pass(wrench, record.dt, record.cutoff_hz)[record.keep]
+    return replace(record, commands=commands, commanded=filtered, source=source)

@@ -190,10 +190,8 @@ class _Search:
         chosen: tuple[Segment, ...] = ()
         best = 0.0
         for number in range(self.count):
-            if (
-                number == SEARCH.hopeless
-                and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * SEPARATION.least_share
-            ):
+            pieces = [self.pieces[s] for s in chosen]
+            if number == SEARCH.hopeless and self.screen.judge(pieces).share < 0.3 * SEPARATION.least_share:
                 break
             merits = [self._merit((*chosen, s), 0.2 + 0.3 * number / self.count) for s in flyable]
             chosen = (*chosen, flyable[int(np.argmax(merits))])
@@ -210,8 +208,12 @@ class _Search:
         return chosen
 
     def _flyable(self) -> list[Segment]:
-        """Every manoeuvre, in every azimuth that makes a difference, at the largest vigour that keeps the limits."""
+        """Every manoeuvre, in every azimuth that makes a difference, at the largest vigour that keeps the limits.
+
+        Each is flown alone, open loop; what is found then is one of the pieces.
+        """
         found: list[Segment] = []
+        tight = self.limits.tightened()
         for number, name in enumerate(self.manoeuvres):
             self.report(0.2 * number / len(self.manoeuvres), f"trying {name}")
             seen: list[Sequence[Move]] = []
@@ -221,7 +223,11 @@ class _Search:
                     moves = self._moves(segment)
                     if moves in seen:
                         break
-                    if moves is not None and self._keeps(segment, moves):
+                    if moves is None:
+                        continue
+                    alone = rehearse(self._path(self.length, moves), self.base, tight, seed=self.seed)
+                    if not alone.violations:
+                        self.pieces[segment] = self.screen.piece(alone.record)
                         seen.append(moves)
                         found.append(segment)
                         break
@@ -229,13 +235,6 @@ class _Search:
 
     def _moves(self, segment: Segment) -> Sequence[Move] | None:
         return self.manoeuvres[segment.name](Task(self.length, self.room, segment.vigour, segment.azimuth))
-
-    def _keeps(self, segment: Segment, moves: Sequence[Move]) -> bool:
-        """Whether the segment alone, open loop, keeps the limits; it then is one of the pieces."""
-        found = rehearse(self._path(self.length, moves), self.base, self.limits.tightened(), seed=self.seed)
-        if not found.violations:
-            self.pieces[segment] = self.screen.piece(found.record)
-        return not found.violations
 
     def _merit(self, segments: Sequence[Segment], done: float) -> float:
         """How well these segments, one after the other, separate the group."""

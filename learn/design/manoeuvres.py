@@ -52,9 +52,10 @@ QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Limits:
-    """What a flight must keep: the free `room` (x, y, z) [m] around home with its floor at z = 0, in which every part
-    of the vehicle must stay, the tilt [rad] of body z, and the speed [m/s].
-    """  # noqa: D205
+    """What a flight must keep: `room`, tilt [rad] of body z, and speed [m/s].
+
+    The free room (x, y, z) [m] is around home with its floor at z = 0; every part of the vehicle must stay in it.
+    """
 
     room: Vector = (4.0, 4.0, 3.0)
     tilt: float = float(np.radians(60.0))
@@ -65,9 +66,8 @@ class Limits:
         if min(self.room) <= 0 or not np.all(np.isfinite(self.room)):
             raise UsageError(f"room: got {self.room}, expected three positive lengths in metres")
         if not 0.0 < self.tilt <= np.pi:
-            raise UsageError(
-                f"largest tilt: got {np.degrees(self.tilt):g} deg, expected more than 0 and at most 180 deg"
-            )
+            tilt = np.degrees(self.tilt)
+            raise UsageError(f"largest tilt: got {tilt:g} deg, expected more than 0 and at most 180 deg")
         if not (np.isfinite(self.speed) and self.speed > 0):
             raise UsageError(f"largest speed: got {self.speed:g} m/s, expected a positive number")
 
@@ -116,9 +116,8 @@ def space(vehicle: Vehicle, limits: Limits) -> Space:
             "smaller --max-tilt"
         )
     height = round(float(np.clip(min(MANOEUVRES.home_height, 0.5 * limits.room[2]), lowest, highest)), 2)
-    acceleration = (
-        MANOEUVRES.acceleration if tilts else min(MANOEUVRES.acceleration, GRAVITY * float(np.tan(0.8 * inside.tilt)))
-    )
+    steepest = np.inf if tilts else GRAVITY * float(np.tan(0.8 * inside.tilt))
+    acceleration = min(MANOEUVRES.acceleration, steepest)
     down, up = height - (MANOEUVRES.clearance + 0.1), highest - height
     return Space((0.0, 0.0, height), x, y, down, up, 0.98 * inside.tilt, inside.speed, acceleration, tilts)
 

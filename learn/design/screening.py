@@ -25,7 +25,8 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array, Flight, Samples
 from wrenchgap.learn.data.candidates import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.measurement import Record, predict, prepare
+from wrenchgap.learn.data.measurement import Record, prepare
+from wrenchgap.learn.data.prediction import predict
 from wrenchgap.learn.design.manoeuvres import MANOEUVRES, Limits, violations
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
 from wrenchgap.learn.identify.bias_and_trim import ACCELEROMETER_BIAS
@@ -125,6 +126,8 @@ class Screen:
 
     def _solved(self, data: Dataset, pieces: Sequence[Piece], added: Array, effects: Sequence[ModelEffect]) -> Array:
         """What these effects and a bias leave of `added` (K, 6)."""
+        from scipy.optimize import lsq_linear  # here: others need not wait for it
+
         bias = np.zeros((len(added), 6, 3))
         bias[:, range(3), range(3)] = self.base.vehicle.body.mass
         J = np.concatenate([*(np.concatenate([p.jacobian[e.name] for p in pieces]) for e in effects), bias], axis=-1)
@@ -138,23 +141,15 @@ class Screen:
             added, J = np.where(seen, added, 0.0), np.where(seen[:, None], J, 0.0)
         weights = data.weights / np.sqrt(np.mean((added * data.weights) ** 2))
         left = added
-        for _ in range(SCREEN.passes):
-            left = added - J @ _bounded(J * weights[:, None], added * weights, sizes, (low, high))
+        for _ in range(SCREEN.passes):  # argmin |(added - J x) weights|^2 + |x / sizes|^2 within bounds
+            A = (J * weights[:, None]).reshape(-1, len(sizes)) * sizes
+            L = np.linalg.cholesky(A.T @ A + np.eye(len(sizes)))
+            aim = np.linalg.solve(L, A.T @ (added * weights).reshape(-1))
+            bounds = (low / sizes - 1e-9, high / sizes + 1e-9)
+            left = added - J @ (lsq_linear(L.T, aim, bounds=bounds, method="bvls").x * sizes)
             size = np.sqrt(np.mean(left**2, axis=0))
             weights = np.where(seen, 1.0 / np.where(seen, np.maximum(size, data.noise), 1.0), 0.0)
         return left
-
-
-def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array]) -> Array:
-    """Argmin |target - J x|^2 + |x / sizes|^2 within bounds."""
-    from scipy.optimize import lsq_linear  # here: others need not wait for it
-
-    A = J.reshape(-1, J.shape[-1]) * sizes
-    L = np.linalg.cholesky(A.T @ A + np.eye(len(sizes)))
-    aim = np.linalg.solve(L, A.T @ target.reshape(-1))
-    low, high = (b / sizes for b in bounds)
-    found = lsq_linear(L.T, aim, bounds=(low - 1e-9, high + 1e-9), method="bvls")
-    return np.asarray(found.x * sizes)
 
 
 @dataclass(frozen=True)

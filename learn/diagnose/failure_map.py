@@ -1,4 +1,4 @@
-"""Where a model fails: its residual as a function of what the vehicle was doing.
+"""Where a model fails: its residual as a function of what the vehicle was doing, one quantity or two at once.
 
 For each quantity q (tilt, thrust, speed, ...) the samples are sorted into bins, and of each bin b this is told:
 
@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import weighted
-from wrenchgap.learn.diagnose.error_grid import Grid, error_grid
+from wrenchgap.learn.data.errors import length, weighted
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
 Indices = NDArray[np.intp]
@@ -130,7 +130,7 @@ class FailureMap:
         return tuple(d for d in self.dependences if d.significant)
 
 
-def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permutations, seed: int = 0) -> FailureMap:
+def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permutations) -> FailureMap:
     """Map a residual (K, 6), measured minus predicted, of `data`."""
     found, lacking = quantities(data)
     every = [(q, _bins(q, data)) for q in found]
@@ -139,7 +139,7 @@ def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permu
     if not sorted_in:
         return FailureMap((), None, lacking)
     test = _Test(data, residual, [bins.index for _, bins in sorted_in])
-    observed, p, beyond = test.run(permutations, np.random.default_rng(seed))
+    observed, p, beyond = test.run(permutations, np.random.default_rng(0))
     dependences = [
         Dependence(
             q.name,
@@ -169,27 +169,23 @@ class _Bins:
 
 
 def _bins(quantity: Quantity, data: Dataset) -> _Bins | None:
-    """Bins of equal count, or sectors; None where there are no two."""
+    """Bins of equal count, or sectors; samples of bins that hold too few are in none. None where there are no two."""
     values = quantity.values
     known = np.isfinite(values)
     fewest = MAP.independent / data.independence
     if quantity.circular:
         width = 360.0 / MAP.bins
         low = np.asarray(-180.0 + width * (np.arange(MAP.bins) - 0.5), dtype=np.float64)
+        high = low + width
         index = np.floor((np.where(known, values, 0.0) - low[0]) % 360.0 / width).astype(np.intp)
-        index[~known] = MAP.bins
-        return _merged(index, low, low + width, fewest)
-    count = int(min(MAP.bins, known.sum() // fewest))
-    if count < 2:
-        return None
-    edges = np.unique(np.quantile(values[known], np.linspace(0.0, 1.0, count + 1)))
-    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    index[~known] = len(edges) - 1
-    return _merged(index, edges[:-1], edges[1:], fewest)
-
-
-def _merged(index: Indices, low: Array, high: Array, fewest: float) -> _Bins | None:
-    """Without bins that hold too few samples: theirs are in none."""
+    else:
+        count = int(min(MAP.bins, known.sum() // fewest))
+        if count < 2:
+            return None
+        edges = np.unique(np.quantile(values[known], np.linspace(0.0, 1.0, count + 1)))
+        low, high = edges[:-1], edges[1:]
+        index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(low) - 1)
+    index[~known] = len(low)
     counts = np.bincount(index, minlength=len(low) + 1)[: len(low)]
     kept = np.flatnonzero(counts >= fewest)
     if len(kept) + (len(index) - counts[kept].sum() >= fewest) < 2:
@@ -272,16 +268,81 @@ class _Test:
         """Shares beyond chance (Q, 8), corrected p (Q,), and whether each axis is beyond chance (Q, 6)."""
         chance = np.stack([self.ratios(self.order(rng)) for _ in range(count)])
         observed, centre = self.ratios(), chance.mean(axis=0)
-        transformed = _fisher(chance)
+        # Fisher's transform of eta, from eta^2
+        transformed, found = (np.arctanh(np.sqrt(np.clip(eta2, 0.0, 1.0 - 1e-12))) for eta2 in (chance, observed))
         middle, spread = transformed.mean(axis=0), transformed.std(axis=0) + 1e-12
         largest = ((transformed - middle) / spread).max(axis=(1, 2))
-        standardised = (_fisher(observed) - middle) / spread
-        p = (1.0 + np.sum(largest[:, None, None] >= standardised, axis=0)) / (1.0 + count)
+        p = (1.0 + np.sum(largest[:, None, None] >= (found - middle) / spread, axis=0)) / (1.0 + count)
         share = np.maximum((observed - centre) / np.maximum(1.0 - centre, 1e-9), 0.0)
         share[:, 2:][:, ~self.known] = np.nan
         return share, p.min(axis=1), p[:, 2:] < SIGNIFICANCE.level
 
 
-def _fisher(ratio: Array) -> Array:
-    """The artanh of eta, from eta^2."""
-    return np.asarray(np.arctanh(np.sqrt(np.clip(ratio, 0.0, 1.0 - 1e-12))))
+@dataclass(frozen=True)
+class Grid:
+    """Root mean square of the error over two quantities; (X, Y) cells, not a number where hardly flown.
+
+    `x_edges` (X + 1,), `y_edges` (Y + 1,) in their units; `samples` (X, Y); `force`, `torque` (X, Y) the rms of the
+    vectors [N, Nm]; `mean` (X, Y, 6). Cells of fewer than `fewest` independent samples are left empty.
+    """
+
+    x: str
+    y: str
+    x_label: str
+    y_label: str
+    x_edges: Array
+    y_edges: Array
+    samples: NDArray[np.intp]
+    force: Array
+    torque: Array
+    mean: Array
+    fewest: ClassVar[float] = 4.0
+
+
+def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2) -> Grid | None:
+    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate.
+
+    Tilt and its direction are mapped where they are `known` for this share of the time.
+    """
+    by_name = {q.name: q for q in found}
+    pair = [by_name.get("tilt"), by_name.get("direction")]
+    if any(q is None or np.isfinite(q.values).mean() < known for q in pair):
+        pair = [by_name.get("thrust"), by_name.get("rate")]
+    first, second = pair
+    if first is None or second is None:
+        return None
+    inside = np.isfinite(first.values) & np.isfinite(second.values)
+    (x, x_edges), (y, y_edges) = (_sides(q, inside) for q in (first, second))
+    shape = (len(x_edges) - 1, len(y_edges) - 1)
+    size, cell = shape[0] * shape[1], (x * shape[1] + y)[inside]
+    samples = np.bincount(cell, minlength=size)
+    enough = samples >= Grid.fewest / data.independence
+
+    def mean_of(values: Array) -> Array:
+        sums = np.bincount(cell, weights=values[inside], minlength=size)
+        return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
+
+    return Grid(
+        first.name,
+        second.name,
+        f"{first.label} [{first.unit}]",
+        f"{second.label} [{second.unit}]",
+        x_edges,
+        y_edges,
+        samples.reshape(shape),
+        np.sqrt(mean_of(length(residual[:, :3]) ** 2)),
+        np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
+        np.stack([mean_of(column) for column in residual.T], axis=2),
+    )
+
+
+def _sides(quantity: Quantity, inside: NDArray[np.bool_], sectors: int = 8, cells: int = 6) -> tuple[Indices, Array]:
+    """Bins of equal width along one side of the map: `cells`, of an angle `sectors`, the first about +-180 deg."""
+    values = np.where(inside, quantity.values, 0.0)
+    if quantity.circular:
+        edges = np.linspace(-180.0 - 180.0 / sectors, 180.0 - 180.0 / sectors, sectors + 1)
+        values = (values - edges[0]) % 360.0 + edges[0]
+    else:
+        edges = np.linspace(values[inside].min(), values[inside].max(), cells + 1)
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    return index, edges

@@ -206,7 +206,9 @@ class _Search:
             if chosen:
                 train = rest.of(columns)
                 inner = {g: self.sums[g].of(columns) for g in self.used if g != f}
-                weights = _ridge(train, _shrinkage(train, inner))
+                values, vectors, turned = _spectrum(train)
+                penalty = np.maximum(_shrinkage(train, inner) * values.mean(), 1e-12)
+                weights = vectors @ (turned / (values[:, None] + penalty))
                 out[rows] -= (self.phi[np.ix_(rows, columns)] - train.features / train.count) @ weights
         return out
 
@@ -220,10 +222,6 @@ class _Search:
         """Paired t over blocks, every axis counting by its own size."""
         size = np.sqrt(np.mean(before**2, axis=0) * np.mean(after**2, axis=0)) + 1e-300
         return float(paired_t(by_block(self.data.block, np.sum((before**2 - after**2) / size, axis=1))))
-
-    def beyond_chance(self, before: Array, after: Array) -> bool:
-        """Whether held-out blocks are predicted better than luck would have it."""
-        return significant(self.t_value(before, after), large=evidence(before, after) > SIGNIFICANCE.large_evidence)
 
     def select(self) -> tuple[list[int], Array]:
         """The groups chosen, in order, and what they leave."""
@@ -246,7 +244,9 @@ class _Search:
             left = self.left([*order, i])
             self.tick()
             whole, axes = self.share(current, left)
-            if (whole > RELEVANCE.least or axes.max() > 10 * RELEVANCE.least) and self.beyond_chance(current, left):
+            t, large = self.t_value(current, left), evidence(current, left) > SIGNIFICANCE.large_evidence
+            worth = whole > RELEVANCE.least or axes.max() > 10 * RELEVANCE.least
+            if worth and significant(t, large=large):  # held-out blocks are predicted better than luck would have it
                 worthy.append((whole, i, left))
         return max(worthy, key=lambda item: item[0])[1:] if worthy else None
 
@@ -311,13 +311,6 @@ def _spectrum(sums: _Sums) -> tuple[Array, Array, Array]:
     gram, cross = sums.centred()
     values, vectors = np.linalg.eigh(gram)
     return np.maximum(values, 0.0), vectors, vectors.T @ cross
-
-
-def _ridge(sums: _Sums, shrinkage: Array) -> Array:
-    """Weights (P, 6) under a penalty (6,), relative to the mean eigenvalue."""
-    values, vectors, turned = _spectrum(sums)
-    penalty = np.maximum(shrinkage * values.mean(), 1e-12)
-    return np.asarray(vectors @ (turned / (values[:, None] + penalty)))
 
 
 def _shrinkage(train: _Sums, inner: dict[int, _Sums]) -> Array:

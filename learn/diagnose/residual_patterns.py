@@ -41,6 +41,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import cross
 
 Frame = Literal["E", "B"]
 
@@ -104,7 +105,7 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     if not loud.any():
         return None
     target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
-    levers = _levers(inputs[:, :3]) if frame == "B" else []
+    levers = [cross(axis, inputs[:, :3]) for axis in np.eye(3)] if frame == "B" else []
 
     def left(f: float, zeta: float) -> Array:
         return _left(data, inputs, levers, target, f, zeta)
@@ -126,11 +127,8 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     t = float(paired_t(by_block(data.block, gain)))
     chance = 2.0 * float(np.linalg.norm((before - after) / noise)) / np.sqrt(data.independence)
     sure = t > SIGNIFICANCE.unsteady and float(gain.sum()) > RESONANCE.beyond_noise * chance
-    return (
-        Oscillation(f, zeta, frame, share, t)
-        if sure and share > RESONANCE.least_share and zeta < RESONANCE.loose
-        else None
-    )
+    sure = sure and share > RESONANCE.least_share and zeta < RESONANCE.loose
+    return Oscillation(f, zeta, frame, share, t) if sure else None
 
 
 def _steps(zeta: float) -> Array:
@@ -146,13 +144,6 @@ def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> 
     force = rotate(quat, predicted[:, :3])
     mean = float(np.sqrt(np.mean(data.noise[:3] ** 2)))
     return force - force.mean(axis=0), rotate(quat, residual[:, :3]), np.full(3, mean)
-
-
-def _levers(force: Array) -> list[Array]:
-    """The torques (K, 3) of a force (K, 3) that acts at a unit's distance along x, y and z: e_i x F."""
-    x, y, z = force.T
-    none = np.zeros_like(x)
-    return [np.stack(torque, axis=1) for torque in ((none, -z, y), (z, none, -x), (-y, x, none))]
 
 
 def _left(data: Dataset, inputs: Array, levers: list[Array], target: Array, f: float, zeta: float) -> Array:

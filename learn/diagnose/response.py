@@ -36,7 +36,7 @@ from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
-from wrenchgap.learn.data.measurement import Record, from_actuators
+from wrenchgap.learn.data.measurement import Record, felt_at_origin, from_actuators
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
@@ -95,9 +95,7 @@ class Response:
 
 
 def responses(flight: Flight, vehicle: Vehicle, records: Sequence[Record]) -> tuple[Response, ...]:
-    """The apparent delay of each measured axis while `records` are in the air; empty where motion or commands are not
-    logged.
-    """  # noqa: D205
+    """The apparent delay of each measured axis while `records` are in the air; empty without motion or commands."""
     commanded = _commanded(flight, vehicle)
     if commanded is None or not records or (flight.imu is None and flight.odometry is None):
         return ()
@@ -151,12 +149,12 @@ def _measured(flight: Flight, vehicle: Vehicle) -> Signal:
     """Measured wrenches (N, 6) half-way between samples, where a difference of rates is an angular acceleration."""
     rate, felt = _motion(flight)
     accelerating = differences("measured", rate.time, np.diff(rate.values, axis=0), rate.gaps)
-    r, out = vehicle.imu_position_B, np.empty((len(accelerating.time), 6))
+    out = np.empty((len(accelerating.time), 6))
     for piece in pieces(len(out)):
         at, a = accelerating.time[piece], accelerating.values[piece]
         w, f = (_between(at, s) for s in (rate, felt))
         if flight.imu is not None:
-            f = f - np.cross(a, r) - np.cross(w, np.cross(w, r))
+            f = felt_at_origin(f, w, a, vehicle.imu_position_B)
         out[piece] = measured_wrench(vehicle.body, Motion(w, a, f))
     return replace(accelerating, values=out, axes=AXES)
 
@@ -179,9 +177,7 @@ def _motion(flight: Flight) -> tuple[Signal, Signal]:
 
 
 def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
-    """Which form phases and gains have (None: neither), the time constant of the lag that fits best [s], and whether
-    the gains of one of them fit at every frequency alike.
-    """  # noqa: D205
+    """Which form phases and gains have (None: neither), time constant [s] of the lag that fits best, and `plain`."""
     from scipy.optimize import minimize_scalar  # here: others need not wait for it
 
     u, omega = found.u, found.heard

@@ -90,13 +90,13 @@ TimingWarning = OdometryOffset | UnevenOffset | Drift | LateResponse | FeedbackD
 
 @dataclass(frozen=True)
 class FlightTiming:
-    """Offsets of one flight. `sensors` between IMU and odometry, `tracking` of the odometry behind the reference,
-    `controller` of the commanded behind the desired wrench, `responses` of the vehicle behind its commands.
+    """Offsets of one flight: `sensors` between IMU and odometry, `responses` of the vehicle behind its commands.
 
+    `tracking` is of the odometry behind the reference, `controller` of the commanded behind the desired wrench.
     `effect_error` (one for each of `sensors`) is the error that the offset makes in an effect driven by the odometry,
     as a share of that effect; None where it is not the odometry that is late. `duration` [s]. Signals whose names
     begin with one of `one_clock` are known to be stamped by one.
-    """  # noqa: D205
+    """
 
     flight: str
     duration: float
@@ -128,9 +128,10 @@ class FlightTiming:
 
     @property
     def odometry(self) -> tuple[float, float, float] | None:
-        """By how much the odometry lags the IMU [s], its standard deviation, and how much the lags of attitude, rate
-        and velocity that this is the mean of differ; None where none is certain.
-        """  # noqa: D205
+        """By how much the odometry lags the IMU [s], its standard deviation, and how much the lags differ.
+
+        It is the mean of those of attitude, rate and velocity; None where none is certain.
+        """
         rows = self._certain()
         if not rows:
             return None
@@ -162,22 +163,18 @@ def timing(flight: Flight, within: Intervals = EVERYWHERE, answers: tuple[Respon
 
 
 def _one_clock(flight: Flight) -> tuple[str, ...]:
-    """How names of signals begin that one clock stamped: all of an autopilot's own log, or those of one topic."""
-    if _one_autopilot(flight) or _one_table(flight):
+    """How names of signals begin that one clock stamped: all of an autopilot's own log, or those of one topic.
+
+    All of a table, too, in which nearly all samples of the slower series bear stamps of the fastest one, to the
+    nanosecond.
+    """
+    every = flight.series().values()
+    topics = [topic for s in every for topic in s.topic.split(" + ")]
+    longest = max((s.time for s in every), key=len, default=np.zeros(0))
+    one_autopilot = any(all(f"/{name}/" in topic for topic in topics) for name in AUTOPILOTS)
+    if one_autopilot or all(np.mean(np.isin(s.time, longest)) > TIMING.in_step for s in every):
         return ("",)
     return ("odometry ",) if flight.odometry is not None and " + " not in flight.odometry.topic else ()
-
-
-def _one_autopilot(flight: Flight) -> bool:
-    topics = [topic for s in flight.series().values() for topic in s.topic.split(" + ")]
-    return any(all(f"/{name}/" in topic for topic in topics) for name in AUTOPILOTS)
-
-
-def _one_table(flight: Flight) -> bool:
-    """Whether nearly all samples of the slower series bear stamps of the fastest one, to the nanosecond."""
-    times = [s.time for s in flight.series().values()]
-    longest = max(times, key=len, default=np.zeros(0))
-    return all(np.mean(np.isin(time, longest)) > TIMING.in_step for time in times)
 
 
 def timing_of(opened: OpenFlight, model: Model) -> FlightTiming:
@@ -210,9 +207,7 @@ def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
 
 
 def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
-    """Axes on which commands change and the motion does not plainly follow them, on one of these flights: they may
-    answer it, seen or not.
-    """  # noqa: D205
+    """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not."""
     not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem is not Problem.STILL}
     return tuple(k for k, axis in enumerate(AXES) if axis in not_plain)
 

@@ -203,7 +203,9 @@ def crosscorrelation(
     total = sum(len(p) for p in x)
     c0 = float(rho_x @ rho_z) / total
     c1 = float(rho_x[1:] @ rho_z[:-1]) / total
-    if c0 <= 0 or 1.0 / c0 < WHITENESS.fewest or _too_slow(max(x, key=len), max(z, key=len)):
+    joint = np.abs(np.fft.rfft(max(x, key=len))[1:] * np.fft.rfft(max(z, key=len))[1:]) ** 2
+    too_slow = float(joint[:2].sum()) > 0.7 * float(joint.sum())  # periods of half the log or more: no band can be had
+    if c0 <= 0 or 1.0 / c0 < WHITENESS.fewest or too_slow:
         return None
     freedom = 1.0 / c0 - 2.0
     nu = float(np.arccos(np.clip(c1 / c0, -1.0, 1.0))) / dt
@@ -222,12 +224,6 @@ def crosscorrelation(
         float(value[peak]),
         min(1.0, pairs * _exceeds(u, 2 * count + 1, nu * span)),
     )
-
-
-def _too_slow(x: Array, z: Array) -> bool:
-    """Whether most of what two signals could share has periods of half the log or more: then no band can be had."""
-    joint = np.abs(np.fft.rfft(x)[1:] * np.fft.rfft(z)[1:]) ** 2
-    return float(joint[:2].sum()) > 0.7 * float(joint.sum())
 
 
 def _pooled(x: Sequence[Array], z: Sequence[Array], count: int, energy: float | None = None) -> Array:

@@ -18,7 +18,7 @@ from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.checks import RATE_OVER_CUTOFF
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, low_pass
-from wrenchgap.learn.health.battery import Battery
+from wrenchgap.learn.health.autopilot_messages import Battery
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases
 from wrenchgap.learn.health.rotors import Thrusts
 from wrenchgap.learn.health.vibration import Vibration

@@ -5,7 +5,7 @@ A log is read once; its flight with its checks is that of `flight.inspect`, the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,15 @@ from wrenchgap.flight.autopilot import Autopilot, ParameterDifferences, paramete
 from wrenchgap.flight.check import Check, accepted_names
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats import Log
 from wrenchgap.flight.inspection import Inspection, inspected
 from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
-from wrenchgap.learn.health.battery import Battery, battery_of
-from wrenchgap.learn.health.estimator import Estimator, estimator_of
+from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.motors import Motors, motors_of
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
-from wrenchgap.learn.health.recorded import Recorded
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.learn.health.vibration import Vibration, vibration_of
 from wrenchgap.plant.model import Model
@@ -115,22 +112,13 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     names = [name for topic, table in log.tables.items() for name in (topic, *table.columns)]
     tables = {topic: replace(table, columns=dict(table.columns)) for topic, table in log.tables.items()}
     seen = inspected(replace(log, tables=tables), assignment, absent, accepted_names(options.accept))
-    recorded = _recorded(log, seen)
-    rest: dict[str, Any] = _nothing()
+    recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
+    rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
+    rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
     if seen.flight is not None:
         rest = _of_flight(seen.flight, recorded, model)
     settings = settings_of(log.autopilot, rest["answers"], names)
     return LogHealth(seen, log.autopilot, settings=settings, **rest)
-
-
-def _recorded(log: Log, seen: Inspection) -> Recorded:
-    return Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
-
-
-def _nothing() -> dict[str, Any]:
-    """Of a log in which no topic plays a role."""
-    alone: Mapping[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
-    return {**alone, "phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}
 
 
 def _of_flight(flight: Flight, recorded: Recorded, model: Model | None) -> dict[str, Any]:

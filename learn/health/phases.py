@@ -18,11 +18,9 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases import grounded
 from wrenchgap.learn.data.phases.ground import CONTACT
-from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import SIGNALS, Signals
+from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, runs, signals_of, used_samples
 from wrenchgap.learn.health.rotors import Thrusts, is_multirotor
 
 
@@ -119,7 +117,8 @@ def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
     unit = _unit(long)
     if unit is None:
         return FlightPhases(lack=NoPhases.MOTION)
-    known = [(samples, _signals(samples, unit)) for samples in long]
+    forces = [(s, _force(s) / unit, np.nan_to_num(s.specific_force_B) / GRAVITY) for s in long]
+    known = [(s, signals_of(s, pushed, felt, np.nan_to_num(s.omega_B))) for s, pushed, felt in forces]
     found = grounded([signals for _, signals in known], CONTACT.least_clearance)
     airborne = [phase for samples, signals in known for phase in _in_the_air(samples, signals, found)]
     every = tuple(sorted([*found, *airborne], key=lambda p: (p.start, p.stop)))
@@ -158,31 +157,9 @@ def _unit(stretches: Sequence[Samples]) -> float | None:
     return unit if unit > 0.0 else None
 
 
-def _signals(samples: Samples, unit: float) -> Signals:
-    """Commanded and measured force in shares of the weight."""
-    dt, slow = samples.dt, min(SIGNALS.slow_hz, SIGNALS.of_nyquist / samples.dt)
-    pushed = _force(samples) / unit
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(samples.specific_force_B).all(axis=0))
-    felt = np.where(known, np.nan_to_num(samples.specific_force_B) / GRAVITY, pushed)
-    return Signals(
-        time=samples.time,
-        dt=dt,
-        pushed=pushed,
-        felt=felt,
-        slow_pushed=low_pass(pushed, dt, slow),
-        slow_felt=low_pass(felt, dt, slow),
-        turning=lengths(low_pass(np.nan_to_num(samples.omega_B), dt, slow)),
-        height=None if samples.position_E is None else samples.position_E[:, 2],
-        speed=None if samples.velocity_E is None else lengths(samples.velocity_E),
-        vertical=bool(known[2]),
-    )
-
-
 def _in_the_air(samples: Samples, signals: Signals, others: Sequence[Phase]) -> list[Phase]:
     """Hover and moving flight, in what of a stretch is in no other phase."""
-    free = np.ones(len(samples), dtype=bool)
-    for phase in others:
-        free &= (samples.time < phase.start) | (samples.time > phase.stop)
+    free = used_samples(samples.time, others)
     still = (signals.turning < HOVER.turning) & (np.abs(lengths(signals.slow_felt) - 1.0) < HOVER.force)
     if signals.speed is not None:
         still &= signals.speed < HOVER.speed

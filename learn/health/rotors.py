@@ -89,13 +89,8 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
     (low, high), factor, assumed = _curve(flight, sent)
     u = (sent.rotor_speed - low) / (high - low)
     limits = None if assumed else (u <= ENDS.margin, u >= 1.0 - ENDS.margin)
-    return Thrusts(sent.time, curve_of(u, factor), rotors, limits)
-
-
-def curve_of(u: Array, factor: float) -> Array:
-    """Shares of full thrust at commands u; below zero there is none."""
-    u = np.maximum(u, 0.0)
-    return np.asarray(factor * u**2 + (1.0 - factor) * u)
+    u = np.maximum(u, 0.0)  # below zero there is no thrust
+    return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits)
 
 
 def _of_speeds(sent: ActuatorSeries, rotors: tuple[RotorPlace, ...], model: Model) -> Thrusts:

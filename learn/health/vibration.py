@@ -22,10 +22,11 @@ from wrenchgap.flight.check import Level
 from wrenchgap.flight.flight import Array, Flight, ImuSeries
 from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases.phase import runs
+from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, doubtful
-from wrenchgap.learn.health.recorded import Recorded
 
 RPM_TOPICS = ("/px4/esc_measured", "/ardupilot/esc_measured")
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,14 @@ def _air(phases: FlightPhases, time: Array, *names: str) -> NDArray[np.bool_]:
     return phases.within(time, *(names or AIRBORNE)) if known else np.ones(len(time), dtype=bool)
 
 
+def _aloft(recorded: Recorded, phases: FlightPhases, topic: str, *names: str) -> Iterator[tuple[str, Array, Indices]]:
+    """Every instance of a topic, its fields (N, K), and which of its messages are from the air; none without any."""
+    for place in recorded.instances(topic):
+        known = recorded.columns(place, *names)
+        if known is not None and len(rows := np.flatnonzero(_air(phases, known[0]))):
+            yield place, known[1], rows
+
+
 def _levels(recorded: Recorded, phases: FlightPhases) -> tuple[str, tuple[float, ...], tuple[float, float] | None]:
     """The levels that the autopilot logs, of the sensor where they are largest."""
     found: list[tuple[str, Array, tuple[float, float]]] = []
@@ -146,12 +155,10 @@ def _levels(recorded: Recorded, phases: FlightPhases) -> tuple[str, tuple[float,
         ("VIBE", ("VibeX", "VibeY", "VibeZ"), VIBRATION.vibe),
         ("vehicle_imu_status", ("accel_vibration_metric",), VIBRATION.metric),
     ):
-        for place in recorded.instances(topic):
-            known = recorded.columns(place, *names)
-            if known is not None and (air := _air(phases, known[0])).any():
-                high = np.percentile(known[1][air], VIBRATION.share, axis=0)
-                if np.isfinite(high).all() and high.any():
-                    found.append((place, high, limits))
+        for place, values, air in _aloft(recorded, phases, topic, *names):
+            high = np.percentile(values[air], VIBRATION.share, axis=0)
+            if np.isfinite(high).all() and high.any():
+                found.append((place, high, limits))
     if not found:
         return "", (), None
     place, high, limits = max(found, key=lambda one: float(one[1].max()))
@@ -166,13 +173,10 @@ def _clipped(recorded: Recorded, phases: FlightPhases) -> int | None:
         ("VIBE", ("Clip0", "Clip1", "Clip2")),
         ("vehicle_imu_status", ("accel_clipping",)),
     ):
-        for place in recorded.instances(topic):
-            known = recorded.columns(place, *fields)
-            if known is not None and (air := _air(phases, known[0])).any():
-                rows = np.flatnonzero(air)
-                first, last = known[1][max(rows[0] - 1, 0)], known[1][min(rows[-1] + 1, len(air) - 1)]
-                grown = np.maximum(last - first, 0.0)
-                counts.append(int(grown.sum() if topic == "vehicle_imu_status" else grown.max()))
+        for _, values, air in _aloft(recorded, phases, topic, *fields):
+            first, last = values[max(air[0] - 1, 0)], values[min(air[-1] + 1, len(values) - 1)]
+            grown = np.maximum(last - first, 0.0)
+            counts.append(int(grown.sum() if topic == "vehicle_imu_status" else grown.max()))
     return max(counts, default=None)
 
 

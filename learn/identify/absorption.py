@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -33,7 +34,6 @@ from wrenchgap.plant.history import Value
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 
@@ -54,9 +54,10 @@ ABSORPTION = AbsorptionThresholds()
 
 @dataclass(frozen=True)
 class Absorbed:
-    """One effect against the GP: cosine and share of the two changes; `t` of the error that the effect takes off the
-    measurement; `named` where all of that is clear.
-    """  # noqa: D205
+    """One effect against the GP: cosine and share of the two changes.
+
+    `t` is that of the error that the effect takes off the measurement; `named` where all of that is clear.
+    """
 
     name: str
     fit: Fit
@@ -73,9 +74,10 @@ class Absorbed:
 
 @dataclass(frozen=True)
 class Absorption:
-    """What a GP absorbs: `effects` are one name, or several that do equally well, or none; all that were tried, by
-    share. `size` (6,) is the rms of the GP's correction, not a number on axes that it does not know.
-    """  # noqa: D205
+    """What a GP absorbs: `effects` are one name, or several that do equally well, or none; `tried` all, by share.
+
+    `size` (6,) is the rms of the GP's correction, not a number on axes that it does not know.
+    """
 
     effects: tuple[str, ...]
     tried: tuple[Absorbed, ...]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
-import numpy as np
-from numpy.typing import NDArray
-
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
@@ -23,8 +22,6 @@ from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.wrench_model import Provenance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,17 +92,15 @@ def add(
     every = [*present, *(n for n in dict.fromkeys(names) if n not in present)]
     require_force(every)
     data = dataset_of(flights, model)
-    report = progress or (lambda fraction, words: None)
-    count = 0
+    words, ticks = f"fitting {', '.join(every)}", itertools.count(1)
 
     def tick() -> None:
-        nonlocal count
-        count += 1
-        report(1.0 - 0.97**count, f"fitting {', '.join(every)}")
+        if progress is not None:
+            progress(1.0 - 0.97 ** next(ticks), words)
 
     fitted = fitted or fit(data, model, every, tick=tick)
-    words = f"wrenchgap add: {', '.join(every)} together, six axes below {data.records[0].cutoff_hz:g} Hz"
-    return addition(model, model, names, flights, data, fitted, words)
+    how = f"wrenchgap add: {', '.join(every)} together, six axes below {data.records[0].cutoff_hz:g} Hz"
+    return addition(model, model, names, flights, data, fitted, how)
 
 
 def addition(

@@ -30,7 +30,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import Contrast, contrast, significant
-from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, unexcited
+from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, known, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
@@ -38,7 +38,6 @@ from wrenchgap.learn.diagnose.timing import dataset_of, timing_of, unfollowed_ax
 from wrenchgap.learn.identify.add import Addition, addition
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.identify.trend import ParameterTrend, trend
-from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 
 TRIMMED = (
@@ -158,14 +157,12 @@ def calibrate(
 def _reason(name: str, model: Model, flights: Sequence[OpenFlight]) -> Untried | None:
     """Why an effect is not trimmed on these flights: it cannot be, or nothing says that it is open."""
     records = [r for f in flights for r in f.records]
-    known = find(name).known(model.vehicle)
-    if known is not None:
-        return Untried(name, Lack.KNOWN, known)
-    if name == "thrust_curve" and model.command is None:
-        return Untried(name, Lack.KNOWN, "logs of this vehicle have rotor speeds or a wrench: no [command]")
-    if name == "inertia" and model.vehicle.tolerances.inertia is None:
-        return Untried(name, Lack.KNOWN, "the model file gives the inertia without a tolerance")
-    return inapplicable(name, model, records) or unexcited(name, model, records)
+    reason = known(name, model)
+    if reason is None and name == "thrust_curve" and model.command is None:
+        reason = Untried(name, Lack.KNOWN, "logs of this vehicle have rotor speeds or a wrench: no [command]")
+    if reason is None and name == "inertia" and model.vehicle.tolerances.inertia is None:
+        reason = Untried(name, Lack.KNOWN, "the model file gives the inertia without a tolerance")
+    return reason or inapplicable(name, model, records) or unexcited(name, model, records)
 
 
 class _Search:
@@ -240,10 +237,13 @@ class _Search:
         flight = self.data.flight
         if flight.max() == 0:
             return True
+        known, gains = self.data.measured_axes, []
         before = held_out(self.data, self.model, kept, self.fit, groups=flight)
         after = held_out(self.data, self.model, names, one, groups=flight)
         before, after = (self.data.evidence(self.given, left) for left in (before, after))
-        gains = [contrast_of(self.data, flight == f, before, after) for f in range(int(flight.max()) + 1)]
+        for f in range(int(flight.max()) + 1):  # by how much the mean square falls, each axis in its own scale
+            old, new = (np.mean(r[flight == f][:, known] ** 2, axis=0) for r in (before, after))
+            gains.append(float(np.sum((old - new) / np.maximum(np.sqrt(old * new), 1e-30))))
         return sum(gains) > 0.0 and 2 * sum(g > 0.0 for g in gains) > len(gains)
 
     def _pruned(self, kept: list[str]) -> list[str]:
@@ -257,13 +257,6 @@ class _Search:
                 self._refit(rest)
                 return self._pruned(rest)
         return kept
-
-
-def contrast_of(data: Dataset, rows: Array, before: Array, after: Array) -> float:
-    """By how much the mean square of two residuals (K, 6) falls on some rows, each axis in its own scale."""
-    known = data.measured_axes
-    old, new = (np.mean(r[rows][:, known] ** 2, axis=0) for r in (before, after))
-    return float(np.sum((old - new) / np.maximum(np.sqrt(old * new), 1e-30)))
 
 
 def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | None) -> Tried:
@@ -308,12 +301,9 @@ def scatter_of(values: Array, errors: Array) -> float:
 def _with_std(fitted: Fit, stds: Array) -> Fit:
     """The fit with these standard deviations, correlations kept."""
     factor = stds / np.maximum(fitted.std, 1e-300)
-    at, effects = 0, []
-    for effect in fitted.effects:
-        size = len(effect.theta)
-        effects.append(replace(effect, std=stds[at : at + size]))
-        at += size
-    return replace(fitted, effects=tuple(effects), covariance=fitted.covariance * np.outer(factor, factor))
+    each = np.split(stds, np.cumsum([len(e.theta) for e in fitted.effects])[:-1])
+    effects = tuple(replace(effect, std=own) for effect, own in zip(fitted.effects, each, strict=True))
+    return replace(fitted, effects=effects, covariance=fitted.covariance * np.outer(factor, factor))
 
 
 def _by_flight(data: Dataset, left: Array) -> Array:

@@ -26,10 +26,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.candidates import check_effects
+from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
 from wrenchgap.plant.allocation import Allocation
@@ -42,8 +43,6 @@ from wrenchgap.plant.simulation.loop import Signals, Stage
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrench
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -82,10 +81,6 @@ class Inference:
     @property
     def size(self) -> DisturbanceSize:
         """How large the disturbance is."""
-
-        def rms(x: Array) -> Array:
-            return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
-
         d = np.where(self.recording.record.measured_axes, self.disturbance, np.nan)
         fast = d - low_pass(d, self.recording.dt, DisturbanceSize.fast_hz)
         return DisturbanceSize(d.mean(axis=0), rms(d), rms(fast), np.abs(d).max(axis=0), rms(self.pull))

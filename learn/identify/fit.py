@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import on_disk
 from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
@@ -45,7 +46,6 @@ from wrenchgap.plant.model import Model
 
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
 
-Array = NDArray[np.float64]
 MANY = 4000
 """Samples from which on derivatives that are asked for later wait on disk: 100 s at 40 Hz, of the whole catalogue
 20 MB."""

@@ -20,17 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import Array, Flight, ReferenceSeries, Samples
+from wrenchgap.flight.flight import Array, Flight, Samples
 from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.plant.controller import (
-    ControllerGains,
-    attitude_error,
-    default_gains,
-    integral_series,
-    pushes_along_z_only,
-)
+from wrenchgap.plant import controller
+from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import cross
 
@@ -58,7 +53,7 @@ def attitude_gains(
     angular acceleration, from `fewest` samples on. A vehicle that turns in order to move follows no logged attitude,
     and is not asked.
     """
-    if pushes_along_z_only(model.vehicle):
+    if controller.pushes_along_z_only(model.vehicle):
         return None
     parts = [_regression(s, f.flight, model) for f in flights for s in f.flown]
     known = [p for p in parts if p is not None]
@@ -84,11 +79,8 @@ def _fitted(X: Array, y: Array) -> tuple[Array, float]:
 
 def origin(model: Model) -> str:
     """Where the gains of a model come from: "model", or "typical" where they are those of any vehicle of its size."""
-    usual = default_gains(model.vehicle, {"rate_hz": model.controller.rate_hz})
-    same = (model.controller.omega_attitude, model.controller.zeta_attitude) == (
-        usual.omega_attitude,
-        usual.zeta_attitude,
-    )
+    found, usual = model.controller, controller.default_gains(model.vehicle, {"rate_hz": model.controller.rate_hz})
+    same = (found.omega_attitude, found.zeta_attitude) == (usual.omega_attitude, usual.zeta_attitude)
     return "typical" if same else "model"
 
 
@@ -104,18 +96,12 @@ def _regression(samples: Samples, flight: Flight, model: Model) -> tuple[Array, 
     y = np.asarray(np.linalg.solve(J, (asked[inside, 3:] - cross(omega, omega @ J)).T).T)
     quat_EB, quat_ED = samples.quat_EB[inside], so3.interpolate(time, reference.time, reference.quat_ED)
     quat_BD = so3.multiply(so3.conjugate(quat_EB), quat_ED)
-    e = attitude_error(quat_EB, quat_ED)
-    turning, growing = _rates(reference, time)
+    e = controller.attitude_error(quat_EB, quat_ED)
+    turning, growing = interpolated(time, reference.time, reference.omega_D), np.zeros_like(omega)
+    if reference.omega_dot_D is not None:
+        growing = interpolated(time, reference.time, reference.omega_dot_D)
     e_omega = omega - so3.rotate(quat_BD, turning)
     ahead = so3.rotate(quat_BD, growing)
-    X = np.stack((-e_omega, -e, -integral_series(model.controller, e, samples.dt), ahead, np.ones_like(e)), axis=2)
+    integral = controller.integral_series(model.controller, e, samples.dt)
+    X = np.stack((-e_omega, -e, -integral, ahead, np.ones_like(e)), axis=2)
     return low_pass(X, samples.dt, CUTOFF_HZ), low_pass(y, samples.dt, CUTOFF_HZ)
-
-
-def _rates(reference: ReferenceSeries, time: Array) -> tuple[Array, Array]:
-    """omega_D and its derivative (N, 3), the latter zero where it was not logged."""
-    assert reference.omega_D is not None
-    omega = interpolated(time, reference.time, reference.omega_D)
-    if reference.omega_dot_D is None:
-        return omega, np.zeros_like(omega)
-    return omega, interpolated(time, reference.time, reference.omega_dot_D)

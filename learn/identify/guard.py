@@ -1,8 +1,8 @@
 """A process that is believed no further than held-out time and stability allow.
 
     1. components of the command whose effect the flights do not show: not looked at (`unshown`)
-    2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.lag`)
-    3. the fit, and a gain for each output from held-out time (`learn.process.support`)
+    2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.samples`)
+    3. the fit, and a gain for each output from held-out time (`learn.process.held_out_time`)
     4. a stability margin below `GUARD.least_margin` along the commands: 3. again, blind to the outputs' own components
 
 a verdict for each output, and an observer of what the process leaves (`learn.identify.observer`).
@@ -20,13 +20,11 @@ from scipy.linalg import eigh
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.lag import lags, shared_lag
 from wrenchgap.learn.identify.observer import choose, longest_lag
-from wrenchgap.learn.identify.samples import Samples, samples, stretches
+from wrenchgap.learn.identify.samples import Samples, lags, samples, shared_lag, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
-from wrenchgap.learn.process.support import SUPPORT, HeldOut, Support, support
+from wrenchgap.learn.process.held_out_time import SUPPORT, Decision, HeldOut, Reason, Support, Verdict, support
 from wrenchgap.learn.process.train import Progress, believed, fit_held_out
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
@@ -135,15 +133,11 @@ def _attempt(
     gp, held = _fitted(data, outputs, settings, provenance, progress)
     supported, rows = None if held is None else support(held), output_indices(outputs)
     if held is not None and supported is not None:
-        supported = _worth(supported, rms(data.outputs[:, rows]), rms(samples(records, base).outputs[:, rows]))
+        left, plain = rms(data.outputs[:, rows]), rms(samples(records, base).outputs[:, rows])
+        little = supported.share * left**2 < SUPPORT.least_share * plain**2  # beside what the lag explains
+        supported = replace(supported, gain=np.where(little, 0.0, supported.gain))
         gp = believed(gp, held, supported.gain, data.inputs)
     return Guarded(gp, data, margin_of_model(gp, data.inputs, loop_of(base, float(late.max())))), supported
-
-
-def _worth(supported: Support, left: Array, plain: Array) -> Support:
-    """No gain where the process explains little beside the lag: `left` (L,) is what that leaves of `plain`."""
-    little = supported.share * left**2 < SUPPORT.least_share * plain**2
-    return replace(supported, gain=np.where(little, 0.0, supported.gain))
 
 
 def _fitted(
@@ -188,14 +182,11 @@ def _verdict(
     fall = tuple(supported.reduction[k].tolist())
     if gain > 0:
         return Verdict(axis, Decision.COMPENSATE, Reason.HELPS, gain, fall)
-    rows = output_indices(found.gp.outputs)
-    left = float(rms(found.data.outputs[:, [rows[k]]])[0])
-    if left <= GUARD.above_noise * noise:
-        return Verdict(
-            axis, Decision.DO_NOT, Reason.LAG if plain > GUARD.above_noise * noise else Reason.NOTHING, 0.0, fall
-        )
-    if late > 0.0:
-        return Verdict(axis, Decision.DO_NOT, Reason.LAG, 0.0, fall)
+    least = GUARD.above_noise * noise
+    left = float(rms(found.data.outputs[:, [output_indices(found.gp.outputs)[k]]])[0])
+    if left <= least or late > 0.0:
+        nothing = left <= least and plain <= least
+        return Verdict(axis, Decision.DO_NOT, Reason.NOTHING if nothing else Reason.LAG, 0.0, fall)
     reason = Reason.EXCITATION if axis in found.gp.settings.blind else Reason.INPUTS
     return Verdict(axis, Decision.NEEDS, reason, 0.0, fall)
 

@@ -20,7 +20,6 @@ from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.input_errors import untrusted
-from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
@@ -29,7 +28,6 @@ from wrenchgap.learn.identify.guard import guarded_process
 from wrenchgap.learn.identify.samples import sampled_inputs, samples
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives
-from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import (
     Caution,
     CautionKind,
@@ -39,9 +37,9 @@ from wrenchgap.learn.process.gp import (
     MeanKind,
     Provenance,
 )
+from wrenchgap.learn.process.held_out_time import Coverage, Decision, Reason, Verdict
 from wrenchgap.learn.process.predictors import NOMINAL
 from wrenchgap.learn.process.train import fit_linear
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.mismatch import conditioning, output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
@@ -165,9 +163,10 @@ def learn(
 
 
 def learnable_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Those of the axes that these flights measured and of whose commands they say more than the mean: on others there
-    is nothing to learn. FitError where none is left.
-    """  # noqa: D205
+    """Those of the axes that these flights measured and of whose commands they say more than the mean.
+
+    On others there is nothing to learn. FitError where none is left.
+    """
     records = [r for f in flights for r in f.records]
     known = np.all([r.measured_axes for r in records], axis=0)
     listed = ", ".join(dict.fromkeys(f.flight.name for f in flights))
@@ -213,7 +212,12 @@ def learn_process(
     looped = base if flown is None else replace(base, controller=flown.into(base.controller))
     made = guarded_process(records, looped, outputs, settings, provenance, progress)
     gp, data = made.gp, made.data
-    found = [Predictor(NOMINAL, model.nominal.wrench_model), *_lines(records, model, outputs)]
+    nominal = model.nominal
+    every, rows = samples(records, nominal), output_indices(outputs)
+    found = [Predictor(NOMINAL, nominal.wrench_model)]
+    for name, slope in ((CONSTANT, False), (LINEAR, True)):  # the simplest alternatives
+        line = fit_linear(every.inputs, every.outputs[:, rows], outputs, slope=slope)
+        found.append(Predictor(name, nominal.wrench_model, line))
     found += [Predictor(model.name, base.wrench_model)] if base.effects else []
     found.append(Predictor(f"{model.name if base.effects else NOMINAL}+GP", base.wrench_model, gp))
     real = conditioning(gp, data.inputs).real_min
@@ -281,14 +285,3 @@ def physics_of(model: Model, settings: FitSettings) -> Model:
             "with `wrenchgap add`, or say --mean zero"
         )
     return model
-
-
-def _lines(records: Sequence[Record], model: Model, outputs: tuple[str, ...]) -> list[Predictor]:
-    """The simplest alternatives: a constant offset, and a straight line in the command, on the nominal vehicle."""
-    nominal = model.nominal
-    every = samples(records, nominal)
-    rows = output_indices(outputs)
-    return [
-        Predictor(name, nominal.wrench_model, fit_linear(every.inputs, every.outputs[:, rows], outputs, slope=slope))
-        for name, slope in ((CONSTANT, False), (LINEAR, True))
-    ]

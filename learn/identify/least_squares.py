@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of
@@ -19,8 +19,6 @@ from wrenchgap.plant.effects import Parameter, find, is_air
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
-
-Array = NDArray[np.float64]
 
 MISFIT = 0.03
 """Relative error of a parameter that comes from forms being nearly right only: what the intervals of all effects
@@ -118,9 +116,7 @@ class Problem:
         self.bias_jacobian = self.trim.columns(data)
 
     def start(self, earlier: Fit | None, near: Mapping[str, Array] | None = None) -> Point:
-        """Start values: the earlier fit's, else those that the set is said to be `near`, else the model's, else the
-        parameters' own.
-        """  # noqa: D205
+        """Start values: the earlier fit's, else those that are `near`, else the model's, else the parameters' own."""
         known = {e.name: e.theta for e in self.model.effects} | dict(near or {})
         if earlier is not None:
             known |= {e.name: e.theta for e in earlier.effects}
@@ -140,12 +136,10 @@ class Problem:
         """The named effects with these values."""
         out: list[ModelEffect] = []
         at = 0
-        for name in self.names:
-            effect = find(name)
-            size = len(effect.parameters(self.model.vehicle))
-            spread = None if std is None else std[at : at + size]
-            out.append(ModelEffect(effect, theta[at : at + size], spread))
-            at += size
+        for effect in map(find, self.names):
+            own = slice(at, at + len(effect.parameters(self.model.vehicle)))
+            out.append(ModelEffect(effect, theta[own], None if std is None else std[own]))
+            at = own.stop
         return tuple(out)
 
     def at(self, x: Array) -> Point:
@@ -163,9 +157,10 @@ class Problem:
         return Point(x, residual)
 
     def jacobian(self, point: Point, first: int = 0) -> Array:
-        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds; of
-        parameters before the `first` not a number.
-        """  # noqa: D205
+        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds.
+
+        Of parameters before the `first` not a number.
+        """
         columns = np.empty((*point.residual.shape, len(self.low)))
         columns[:, :, : self.size] = np.nan
         columns[:, :, self.size :] = self.bias_jacobian
@@ -233,9 +228,10 @@ class Problem:
         return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
 
     def normal_equations(self, jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
-        """Curvature H and gradient g of the data's half of the cost, without the prior, from rows of
-        `Dataset.unanswered` derivatives and residuals.
-        """  # noqa: D205
+        """Curvature H and gradient g of the data's half of the cost, without the prior.
+
+        From rows of `Dataset.unanswered` derivatives and residuals.
+        """
         factor = np.sqrt(self.data.independence) * weights
         A = (jacobian * factor[:, None]).reshape(-1, jacobian.shape[2])
         return A.T @ A, A.T @ (residual * factor).reshape(-1)
@@ -298,9 +294,10 @@ class Problem:
 
 
 def beyond_blocks(data: Dataset, scores: Array, inverse: Array, within: Array) -> Array:
-    """What the variances of the sandwich over blocks (P, P) lack where flights differ by more than their blocks: a
-    diagonal (P, P). `scores` (K, P), `inverse` (P, P) curvature.
-    """  # noqa: D205
+    """What the variances of the sandwich over blocks (P, P) lack where flights differ by more than their blocks.
+
+    A diagonal (P, P). `scores` (K, P), `inverse` (P, P) curvature.
+    """
     count = int(data.flight.max()) + 1
     if count < 2:
         return np.zeros_like(within)

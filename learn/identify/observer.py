@@ -13,10 +13,10 @@ double, the phase margin is 29 deg, and since |T| <= 1 + M_s = 3 no error of H b
 unstable (small gain). A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T|
 |D| <= 1 is wanted too.
 
-**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer that
-does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s, and
-leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is judged
-with the longest that held-out time does not rule out (`longest_lag`), `OBSERVER.unknown` where it rules out none.
+**What it is told.** Behind a lag that held-out time shows (`learn.identify.samples`), or that has a name, an observer
+that does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s,
+and leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is
+judged with the longest that held-out time does not rule out (`longest_lag`), or with `OBSERVER.unknown`.
 
 **The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that
 the effects and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
@@ -43,9 +43,8 @@ from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
-from wrenchgap.learn.identify.lag import LAG, Stretch, held_out, lagged
-from wrenchgap.learn.identify.samples import stretches
-from wrenchgap.learn.process.calibration import CALIBRATION
+from wrenchgap.learn.identify.samples import LAG, Stretch, held_out, lagged, stretches
+from wrenchgap.learn.process.held_out_time import CALIBRATION
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.stability import Loop, Observer, loop_peak, sensitivity_peak
 
@@ -96,7 +95,11 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
     tau, told_tau = loop.lag + loop.delay, told + loop.named_delay
     J, rate = np.diag(base.vehicle.body.inertia), base.controller.rate_hz
     noise = np.sqrt(np.mean([fast_rates(r) ** 2 for r in records], axis=0))
-    left, none = residuals(records, base, late), Observer(0.0, told, loop.named_delay)
+    left: list[tuple[Array, float]] = []  # torques (K, 3) that model and lags leave of each record, and their period
+    for part in stretches(records, base):
+        torque = (part.measured - lagged(part.expected, late, part.dt))[:, 3:]
+        left.append((np.nan_to_num(torque), part.dt))
+    none = Observer(0.0, told, loop.named_delay)
     costs: dict[Observer, float] = {}
     for hz in (f for f in BANDWIDTHS_HZ if 2.0 * np.pi * f <= rate):
         tried = replace(none, hz=hz)
@@ -117,7 +120,7 @@ def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDA
     """The longest lag [s] that held-out time does not rule out on every one of `outputs` (places in a wrench).
 
     Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in
-    `learn.identify.lag`; an output to which they are blind rules out nothing. At most `OBSERVER.unknown`.
+    `learn.identify.samples`; an output to which they are blind rules out nothing. At most `OBSERVER.unknown`.
     """
     if not len(outputs) or not looks[outputs].all():
         return OBSERVER.unknown
@@ -136,15 +139,6 @@ def fast_rates(record: Record) -> Array:
     """Rms (3,) of the gyroscope above the filter's cut-off [rad/s]: its noise, and vibration."""
     omega = record.state.omega_B
     return np.asarray(np.std(omega - low_pass(omega, record.dt, record.cutoff_hz), axis=0))
-
-
-def residuals(records: Sequence[Record], base: Model, late: Array) -> list[tuple[Array, float]]:
-    """Torques (K, 3) that model and lags (6,) [s] leave of each record, and the time between them [s]."""
-    found = []
-    for part in stretches(records, base):
-        left = part.measured - lagged(part.expected, late, part.dt)
-        found.append((np.nan_to_num(left[:, 3:]), part.dt))
-    return found
 
 
 def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: float = 0.0) -> Array:

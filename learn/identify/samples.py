@@ -1,7 +1,21 @@
-"""What a process is learnt from: filtered commands, and what a model leaves of the measured wrench.
+"""What a process is learnt from: filtered commands, behind a lag where there is one, and what a model leaves.
 
 Samples are thinned to 1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below
 f_c has 2 f_c independent values per second).
+
+Whether the vehicle follows its commands late is decided on held-out time before a process is fitted. A process whose
+input is the command of now takes a lag for noise or, worse, for a function: of a sinusoid at omega a first-order lag
+tau leaves -omega^2 tau^2 / (1 + omega^2 tau^2) in phase, a slope that held-out blocks of the same flight confirm and
+another flight does not. So the commands are lagged first,
+
+    tau y' = u - y,         z_tau = W_meas - y(physics of W_cmd),       a function of y(W_cmd)
+
+which is exact for a function behind a lag. Actuators are shared: an output to whose own command the process is blind
+(`learn.identify.guard`) has the lag of the axes that show theirs, and where none does, one that is looked
+for on all such outputs together. On these W_meas alone shows it, since -y(W_cmd) is as good a function of y behind any
+lag: too little for one output by itself. tau is, output by output, what predicts held-out blocks best with a
+quadratic in y(W_cmd); zero where that is no better than without, beyond chance (`learn.data.blocks`). The process then
+learns the function alone. The lag itself is not compensated: name it for that (`wrenchgap explain`, `--lead`).
 """
 
 from __future__ import annotations
@@ -11,13 +25,101 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor, process_inputs
-from wrenchgap.learn.identify.lag import Stretch, lagged
+from wrenchgap.learn.process.held_out_time import CALIBRATION
+from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.model import Model
+
+
+@dataclass(frozen=True)
+class LagSettings:
+    """Which lags are tried, and from when on one is believed."""
+
+    taus: tuple[float, ...] = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1, 0.12, 0.15, 0.2)
+    """Time constants that are tried [s]."""
+    least_gain: float = 0.05
+    """Share of the rms on held-out time that a lag must take off."""
+    ridge: float = 1e-3
+    """Ridge of the regression, over the samples."""
+
+
+LAG = LagSettings()
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive samples `dt` [s] apart: commands (K, 6), what the physics expects of them and what was measured."""
+
+    dt: float
+    commanded: Array
+    expected: Array
+    measured: Array
+
+
+def lagged(signal: Array, tau: float | Array, dt: float) -> Array:
+    """Samples (K, D) behind a first-order lag; one time constant [s] for all columns, or one each (D,)."""
+    taus = np.broadcast_to(tau, signal.shape[1])
+    found = [first_order(signal[:, [k]], float(t), dt, None)[0] for k, t in enumerate(taus)]
+    return np.hstack(found)
+
+
+def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
+    """Time constants (6,) [s] of the lag that held-out time supports; `looks` (6,) are the usable command components.
+
+    Zero on outputs that were not measured.
+    """
+    errors = np.stack([held_out(stretches, looks, tau) for tau in LAG.taus])
+    count = errors.shape[1]
+    block = CALIBRATION.block(count)
+    found = np.zeros(len(AXES))
+    for k in range(len(AXES)):
+        square = errors[:, :, k] ** 2
+        if not np.isfinite(square).all():
+            continue
+        best = int(np.argmin(square.mean(axis=1)))
+        gain = 1.0 - float(np.sqrt(square[best].mean() / max(float(square[0].mean()), 1e-300)))
+        if gain > LAG.least_gain and significant(
+            float(paired_t(by_block(block, square[0] - square[best]))), large=True
+        ):
+            found[k] = LAG.taus[best]
+    return found
+
+
+def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
+    """The one time constant [s] that held-out time supports on `outputs` (places in a wrench), all weighing the same.
+
+    Without a test of significance: a process that is blind to all outputs has no slope with which a wrong lag could
+    do harm, and what it gains by it is decided on held-out time later.
+    """
+    squares = np.stack([held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in LAG.taus]).mean(axis=1)
+    relative = (squares / np.maximum(squares[0], 1e-300)).mean(axis=1)
+    if not np.isfinite(relative).all():
+        return 0.0
+    best = int(np.argmin(relative))
+    return LAG.taus[best] if 1.0 - float(np.sqrt(relative[best])) > LAG.least_gain else 0.0
+
+
+def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
+    """Errors (K, 6) of a quadratic in the lagged command, each sample predicted from the other folds."""
+    command = np.concatenate([lagged(s.commanded, tau, s.dt) for s in stretches])[:, looks]
+    residual = np.concatenate([s.measured - lagged(s.expected, tau, s.dt) for s in stretches])
+    spread = command.std(axis=0)
+    x = (command - command.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    pairs = np.triu_indices(x.shape[1])
+    features = np.column_stack([np.ones(len(x)), x, x[:, pairs[0]] * x[:, pairs[1]]])
+    fold = CALIBRATION.block(len(x)) % CALIBRATION.folds
+    error = np.empty_like(residual)
+    for k in range(CALIBRATION.folds):
+        a, z = features[fold != k], np.nan_to_num(residual[fold != k])
+        normal = a.T @ a + LAG.ridge * len(a) * np.eye(a.shape[1])
+        error[fold == k] = residual[fold == k] - features[fold == k] @ np.linalg.solve(normal, a.T @ z)
+    return error
 
 
 @dataclass(frozen=True)
@@ -32,8 +134,8 @@ class Samples:
 def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = (), lags: Array | None = None) -> Samples:
     """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c).
 
-    With `lags` (6,) [s] what the model expects is late by them, and the commands by the largest
-    (`learn.identify.lag`). Raises FitError where an effect of the model, or a group of inputs, needs what a log lacks.
+    With `lags` (6,) [s] what the model expects is late by them, and the commands by the largest. Raises FitError
+    where an effect of the model, or a group of inputs, needs what a log lacks.
     """
     inputs, outputs = [], []
     spacing = 0.0

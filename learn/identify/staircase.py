@@ -14,13 +14,11 @@ At each step all effects up to there are fitted together. "In all" is sqrt(sum_l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, whole
@@ -30,8 +28,6 @@ from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
-
-Array = NDArray[np.float64]
 
 
 class Basis(StrEnum):
@@ -70,12 +66,7 @@ class Stair:
     learnt_here: bool = False
 
     @classmethod
-    def of(cls, kind: Kind, name: str, residual: Array, weights: Array) -> Stair:
-        """The stair of a residual (K, 6)."""
-        return cls.of_rms(kind, name, rms(residual), weights)
-
-    @classmethod
-    def of_rms(
+    def of(
         cls, kind: Kind, name: str, size: Array, weights: Array, beside: bool = False, learnt_here: bool = False
     ) -> Stair:
         """The stair of an rms (6,)."""
@@ -107,10 +98,8 @@ class Staircase:
 
 def staircase(basis: Basis, data: Dataset, residuals: Iterable[Array], effects: Sequence[str]) -> Staircase:
     """From residuals (K, 6) of `data`: of the nominal vehicle, then with the first, the first two, ... `effects`."""
-    stairs = [
-        Stair.of(kind, name, r, data.weights) for (kind, name), r in zip(_labels(effects), residuals, strict=True)
-    ]
-    return _made(basis, data, stairs)
+    labels = zip(_labels(effects), residuals, strict=True)
+    return _made(basis, data, [Stair.of(kind, name, rms(left), data.weights) for (kind, name), left in labels])
 
 
 def _labels(effects: Sequence[str]) -> list[tuple[Kind, str]]:
@@ -119,7 +108,7 @@ def _labels(effects: Sequence[str]) -> list[tuple[Kind, str]]:
 
 def _made(basis: Basis, data: Dataset, stairs: Sequence[Stair]) -> Staircase:
     names = tuple(dict.fromkeys(r.flight for r in data.records))
-    return Staircase(basis, names, tuple(stairs), Stair.of_rms(Kind.NOISE, "", data.noise, data.weights))
+    return Staircase(basis, names, tuple(stairs), Stair.of(Kind.NOISE, "", data.noise, data.weights))
 
 
 @dataclass(frozen=True)
@@ -146,7 +135,6 @@ def steps(
     *,
     whole: Fit | None = None,
     earlier: Steps | None = None,
-    tick: Callable[[int], None] | None = None,
 ) -> Steps:
     """Fit the first 0, 1, 2, ... of `names` together, on the nominal vehicle of `model`.
 
@@ -168,8 +156,6 @@ def steps(
         else:
             fits.append(fit(data, nominal, part, start=fits[-1] if count > 1 else None))
         left.append(held_out(data, nominal, [e.name for e in fits[-1].effects], fits[-1]))
-        if tick is not None:
-            tick(count)
     return Steps(tuple(names), tuple(fits), tuple(left), nominal)
 
 
@@ -190,21 +176,19 @@ class Process:
 
 def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Process | None) -> Staircase:
     """On blocks of the given logs that were not fitted."""
-    found = staircase(Basis.HELD_OUT, data, made.left, made.names)
-    more: list[Stair] = []
-    given_process = process is not None and process.left is None
-    if model.effects or given_process:
-        as_given = held_out(data, model, (), fit(data, model, ())) if model.effects else made.left[0].copy()
+    stairs = list(staircase(Basis.HELD_OUT, data, made.left, made.names).stairs)
+    as_given = made.left[0].copy()
     if model.effects:
-        more.append(Stair.of_rms(Kind.GIVEN, model.name, rms(as_given), data.weights, beside=True))
+        as_given = held_out(data, model, (), fit(data, model, ()))
+        stairs.append(Stair.of(Kind.GIVEN, model.name, rms(as_given), data.weights, beside=True))
     if process is not None and process.left is not None:
-        more.append(Stair.of(Kind.PROCESS, "", process.left, data.weights))
+        stairs.append(Stair.of(Kind.PROCESS, "", rms(process.left), data.weights))
     elif process is not None:
         rows = output_indices(process.gp.outputs)
         as_given[:, rows] -= process.gp.mean(pooled_inputs(process.gp.input_groups, data.records))
         beside = _beside(model, made)
-        more.append(Stair.of_rms(Kind.GIVEN_PROCESS, model.name, rms(as_given), data.weights, beside, process.known))
-    return _made(Basis.HELD_OUT, data, [*found.stairs, *more])
+        stairs.append(Stair.of(Kind.GIVEN_PROCESS, model.name, rms(as_given), data.weights, beside, process.known))
+    return _made(Basis.HELD_OUT, data, stairs)
 
 
 def unseen_staircase(
@@ -225,7 +209,7 @@ def unseen_staircase(
     data = dataset(result.records, model)
     aside = {Kind.GIVEN: True, Kind.GIVEN_PROCESS: _beside(model, made)}
     stairs = [
-        Stair.of_rms(kind, name, one.pooled.rms, data.weights, aside.get(kind, False))
+        Stair.of(kind, name, one.pooled.rms, data.weights, aside.get(kind, False))
         for (kind, name), one in zip(labels, result.evaluations, strict=True)
     ]
     return _made(Basis.UNSEEN, data, stairs), result

@@ -129,10 +129,6 @@ def _scatter(values: Array, level: Array, levels: int, own: float) -> float:
     return float(np.sqrt(max(np.sum((values - level) ** 2) / max(len(values) - levels, 1), own**2)))
 
 
-def _own(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
-
-
 def _line(values: Array, errors: Array, looks: int) -> Course | None:
     """A drift, where it is significant."""
     count = len(values)
@@ -140,7 +136,7 @@ def _line(values: Array, errors: Array, looks: int) -> Course | None:
     slope = float(centred @ values / (centred @ centred))
     level = values.mean() + slope * centred
     free = count - 2
-    error = _scatter(values, level, 2, _own(errors)) / float(np.sqrt(centred @ centred))
+    error = _scatter(values, level, 2, float(np.sqrt(np.mean(errors**2)))) / float(np.sqrt(centred @ centred))
     t, p, half = _test(slope, error, free, looks)
     if p >= COURSE.significant:
         return None
@@ -167,7 +163,7 @@ def _segmentations(
         ends = search.predict(n_bkps=number)
         parts = np.split(np.arange(count), ends[:-1])
         level = np.concatenate([np.full(len(part), values[part].mean()) for part in parts])
-        scatter = _scatter(values, level, number + 1, _own(errors))
+        scatter = _scatter(values, level, number + 1, float(np.sqrt(np.mean(errors**2))))
         steps = [
             _step(values, before, after, scatter, count - number - 1, looks * places)
             for before, after in pairwise(parts)

@@ -68,9 +68,10 @@ class FollowedFlight:
 
 @dataclass(frozen=True)
 class FlightValues:
-    """What one flight says by itself: `effects`, their parameters `theta` (P,) one effect after the other, standard
-    deviations `std` (P,), names "effect.parameter" that ended at a limit, rms (6,) [N, Nm] of what is left.
-    """  # noqa: D205
+    """What one flight says by itself: `effects`, and their parameters `theta` (P,) one effect after the other.
+
+    Standard deviations `std` (P,), names "effect.parameter" that ended at a limit, rms (6,) [N, Nm] of the residual.
+    """
 
     effects: tuple[str, ...]
     theta: Array
@@ -128,9 +129,7 @@ def trend(
     if len(flights) < 2:
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
     report = progress or (lambda fraction, words: None)
-    chosen, left_out = _effects(flights, model, names)
-    usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
-    alike = replace(usable, between_flights=None)
+    chosen, alike, left_out = _effects(flights, model, names)
     if answering is None:
         answering = answering_axes([timing_of(one, model) for one in flights])
     fits = []
@@ -154,9 +153,7 @@ def flight_values(flight: OpenFlight, model: Model, names: Sequence[str] = ()) -
 
     Raises as `trend`.
     """
-    chosen, left_out = _effects([flight], model, names)
-    usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
-    alike = replace(usable, between_flights=None)
+    chosen, alike, _ = _effects([flight], model, names)
     return _values(flight, alike, chosen, answering_axes([timing_of(flight, model)]))
 
 
@@ -179,8 +176,11 @@ def followed_flight(one: OpenFlight) -> FollowedFlight:
 
 def _effects(
     flights: Sequence[OpenFlight], model: Model, names: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[LeftOut, ...]]:
-    """What is fitted on all flights; what nobody named and a flight does not allow, of the model or of `TRIMS`."""
+) -> tuple[tuple[str, ...], Model, tuple[LeftOut, ...]]:
+    """What is fitted on all flights, and beside what other effects of the model.
+
+    Last, what nobody named and a flight does not allow, of the model or of `TRIMS`.
+    """
     asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
     usual = own or TRIMS
     lacking = {name: one for name in (*asked, *usual) if (one := _lacking(name, flights, model)) is not None}
@@ -192,7 +192,9 @@ def _effects(
         first = lacking[usual[0]]
         raise UsageError(f"trend: nothing to fit: {first.flight}: {first.reason}; name effects with --fit")
     require_force((*(name for name in own if name not in lacking), *chosen))
-    return chosen, tuple(one for name, one in lacking.items() if name in own or not asked)
+    left_out = tuple(one for name, one in lacking.items() if name in own or not asked)
+    usable = model.without(one.reason.effect for one in left_out if one.reason.effect in own)
+    return chosen, replace(usable, between_flights=None), left_out
 
 
 def _lacking(name: str, flights: Sequence[OpenFlight], model: Model) -> LeftOut | None:

@@ -1,7 +1,7 @@
 """What a process should look at, and how: alternatives compared on blocks of time that were left out.
 
 Every alternative is fitted to the same samples, and predicts every block from the others
-(`learn.process.calibration`). Errors of two are compared block by block:
+(`learn.process.held_out_time`). Errors of two are compared block by block:
 
     gain = 1 - rms(b) / rms(a)                      over outputs, each in units of its own mismatch's rms
     t    = mean(d) / (std(d) / sqrt(B))             d (B,): difference of the blocks' mean squares
@@ -21,8 +21,8 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
-from wrenchgap.learn.process.calibration import CALIBRATION
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.held_out_time import CALIBRATION
 from wrenchgap.learn.process.train import Found, Progress, left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
@@ -106,7 +106,9 @@ class _Trials:
     def choice(self, settings: FitSettings, against: FitSettings) -> Alternative:
         scale = rms(self.outputs) + 1e-12
         error = self.errors[settings]
-        gain, t = _gain(self.errors[against] / scale, error / scale)
+        before, after = (np.mean((e / scale) ** 2, axis=1) for e in (self.errors[against], error))
+        gain = 1.0 - float(np.sqrt(np.mean(after) / max(float(np.mean(before)), 1e-30)))
+        t = float(paired_t(by_block(CALIBRATION.block(len(before)), before - after)))
         return Alternative(settings, rms(error), gain, t)
 
     def better(self, current: FitSettings, others: list[FitSettings]) -> FitSettings:
@@ -134,11 +136,3 @@ def compare_alternatives(
         best = trials.better(best, more)
     best = trials.better(best, [replace(best, inference="sparse" if best.inference == "exact" else "exact")])
     return Alternatives(tuple(trials.choice(s, asked) for s in trials.errors), best)
-
-
-def _gain(asked: Array, other: Array) -> tuple[float, float]:
-    """Gain and t of errors (K, L) in common units."""
-    before, after = np.mean(asked**2, axis=1), np.mean(other**2, axis=1)
-    block = CALIBRATION.block(len(before))
-    gain = 1.0 - float(np.sqrt(np.mean(after) / max(float(np.mean(before)), 1e-30)))
-    return gain, float(paired_t(by_block(block, before - after)))

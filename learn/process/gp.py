@@ -11,7 +11,7 @@ X (N, D) the training inputs, and for each output
     dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
 
 `mean` and its derivative are multiplied by `gain`, what held-out time supports of each output
-(`learn.process.support`).
+(`learn.process.held_out_time`).
 
 A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own
 `whitener` in place of C^-1; its X are the inducing inputs.
@@ -34,9 +34,9 @@ import numpy as np
 from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.process.held_out_time import Decision, Verdict
 from wrenchgap.learn.process.sparse import JITTER
 from wrenchgap.learn.process.subsample import Method, Scale
-from wrenchgap.learn.process.verdict import Decision, Verdict
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.mismatch import Expansion, MismatchModel, output_indices
@@ -83,7 +83,7 @@ class Provenance:
     physics       names the effects whose remainder was learnt
     warnings      what is wrong with it
     verdicts      one for each output; none in files of older versions, and where nobody asked
-    lags          first-order lag of each output behind the commands, as the fit found it [s] (`learn.identify.lag`)
+    lags          first-order lag of each output behind the commands, as the fit found it [s] (`learn.identify.samples`)
     margin        least stability margin along the training commands (`plant.stability`)
     observer_hz   bandwidth of the observer of what is left that log and loop support [Hz] (`learn.identify.observer`);
                   None: none does, or nobody looked
@@ -180,7 +180,7 @@ class GaussianProcess:
     lengthscales        (L, D), signal_variance (L,), noise_variance (L,), of standardised quantities
     sigma_training      (L,) 99th percentile of `std` over all samples that were given to the fit [N or Nm]
     mismatch_max        (L,) largest absolute output among them [N or Nm]
-    sigma_scale         (L,) factor of calibration in `std` (`learn.process.calibration`)
+    sigma_scale         (L,) factor of calibration in `std` (`learn.process.held_out_time`)
     gain                (L,) what `mean` is multiplied by, 0 to 1
     weights             (L, N) and `whitener` (L, N, N) of a sparse posterior; empty for an exact one
     """
@@ -300,7 +300,7 @@ class GaussianProcess:
 
     def std(self, xi: Array, /, noise: bool = True) -> Array:
         """Standard deviation (M, L) [N or Nm]: of a measurement, or without `noise` of the function alone."""
-        return _blockwise(lambda part: self._std(part, noise), xi)
+        return _blockwise(lambda part: self._std_of(self._kernel(part)[2], noise), xi)
 
     def jacobian(self, xi: Array, /) -> Array:
         """Derivative of the mean (M, L, D)."""
@@ -308,7 +308,10 @@ class GaussianProcess:
 
     def predict(self, xi: Array, /) -> tuple[Array, Array]:
         """Mean and standard deviation, noise included, (M, L) each."""
-        both = [self._both(part) for part in _blocks(xi)]
+        both = []
+        for part in _blocks(xi):
+            x, _, k = self._kernel(part)
+            both.append((self._mean_of(x, k), self._std_of(k, noise=True)))
         mean, std = (np.concatenate(parts) for parts in zip(*both, strict=True))
         return mean, std
 
@@ -339,11 +342,6 @@ class GaussianProcess:
                 "learn one from this vehicle's logs with `wrenchgap learn`"
             )
 
-    def _both(self, xi: Array) -> tuple[Array, Array]:
-        """Mean and standard deviation, sharing one evaluation of the kernel."""
-        x, _, k = self._kernel(xi)
-        return self._mean_of(x, k), self._std_of(k, noise=True)
-
     def _mean(self, xi: Array) -> Array:
         x, _, k = self._kernel(xi)
         return self._mean_of(x, k)
@@ -355,9 +353,6 @@ class GaussianProcess:
         """`standardised` (L, M) plus m(x), in N and Nm: (M, L)."""
         mean_function = self.mean_coefficients[:, 0] + x @ self.mean_coefficients[:, 1:].T
         return np.asarray((mean_function + standardised.T) * (self.gain * self.output_scale))
-
-    def _std(self, xi: Array, noise: bool) -> Array:
-        return self._std_of(self._kernel(xi)[2], noise)
 
     def _std_of(self, k: Array, noise: bool) -> Array:
         whitened = self._factors.whitener @ k.transpose(0, 2, 1)  # (L, N, M)

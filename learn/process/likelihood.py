@@ -106,7 +106,11 @@ class Bound:
         half = dsyrk(1.0, A.T, trans=1, lower=1)
         inside = half + np.tril(half, -1).T
         B = eye + inside
-        logarithm, inverse = _inverted(B)
+        factor = _factor(B, 0.0)
+        logarithm = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
+        triangle, _ = dpotri(factor, lower=1, overwrite_c=1)  # above the diagonal zeros, as in the factor
+        inverse = np.add(triangle, triangle.T, order="C")
+        inverse[np.diag_indices(size)] *= 0.5
         v = inverse @ (A @ self.z) / np.sqrt(noise)
         w = solve_triangular(L, v, lower=True, trans=1)
         b = (self.z - w @ Kzx) / noise
@@ -178,16 +182,6 @@ def _iterations(inducing: Array | None) -> int:
 
 def _vector(kernel: Kernel) -> Array:
     return np.concatenate(([kernel.signal_variance], kernel.lengthscales, [kernel.noise_variance]))
-
-
-def _inverted(K: Array, noise: float = 0.0) -> tuple[float, Array]:
-    """Logarithm of the determinant and inverse of K + noise I."""
-    factor = _factor(K, noise)
-    logarithm = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
-    half, _ = dpotri(factor, lower=1, overwrite_c=1)  # above the diagonal zeros, as in the factor
-    inverse = np.add(half, half.T, order="C")
-    inverse[np.diag_indices(len(inverse))] *= 0.5
-    return logarithm, inverse
 
 
 def _factor(K: Array, noise: float) -> Array:

@@ -22,7 +22,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.plant.reader import Integer, Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
 
 FORMAT = "wrenchgap Gaussian process"
@@ -61,9 +61,10 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             stored = read(StoredProcess, metadata, error=FitError)
+            lists = {name: tuple(stored.settings.get(name, ())) for name in ("inputs", "blind")}
             return GaussianProcess(
                 outputs=stored.outputs,
-                settings=_settings(stored.settings),
+                settings=FitSettings(**{**stored.settings, **lists}),
                 provenance=_provenance(stored.provenance, stored.format_version, len(stored.outputs)),
                 **arrays,
             )
@@ -105,11 +106,6 @@ def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
             f"{', '.join(map(str, READABLE))}; learn it again"
         )
     return metadata
-
-
-def _settings(entries: dict[str, Any]) -> FitSettings:
-    lists = {name: tuple(entries.get(name, ())) for name in ("inputs", "blind")}
-    return FitSettings(**{**entries, **lists})
 
 
 Real = Annotated[float, Field(strict=True)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
@@ -18,12 +18,11 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.parallel import few_threads
-from wrenchgap.learn.process import calibration, likelihood, sparse
-from wrenchgap.learn.process.calibration import Mask
+from wrenchgap.learn.process import likelihood, sparse
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, MeanKind, Provenance
+from wrenchgap.learn.process.held_out_time import CALIBRATION, HeldOut, Mask, left_out, sigma_scale
 from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import Indices, subsample, thin
-from wrenchgap.learn.process.support import HeldOut
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 
 Progress = Callable[[float, str], None]
@@ -75,7 +74,8 @@ def fit(
     `sigma_training` and the calibration; `settings.points` of them are kept as training or inducing inputs. Raises
     FitError where the data cannot carry a fit.
     """
-    gp, held = fit_held_out(inputs, outputs, names, settings, provenance=provenance, progress=progress)
+    how = settings or FitSettings()
+    gp, held = fit_held_out(inputs, outputs, names, how, provenance=provenance, progress=progress)
     return gp if held is None else believed(gp, held, gp.gain, inputs)
 
 
@@ -83,27 +83,27 @@ def fit_held_out(
     inputs: Array,
     outputs: Array,
     names: tuple[str, ...],
-    settings: FitSettings | None = None,
+    settings: FitSettings,
     *,
     provenance: Provenance | None = None,
     progress: Progress | None = None,
 ) -> tuple[GaussianProcess, HeldOut | None]:
     """As `fit`, not calibrated, and the samples that were left out in turn; None where they are too few."""
-    posterior, gp = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
+    posterior, gp = _fit(inputs, outputs, names, settings, provenance, progress)
     index, seen = _seen(inputs, gp.settings)
     gp = replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
     held = None
-    if gp.settings.calibrate and len(index) >= calibration.CALIBRATION.fewest:
+    if gp.settings.calibrate and len(index) >= CALIBRATION.fewest:
         (progress or _silent)(1.0, "calibrating sigma")
-        mean, std = calibration.left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
-        held = HeldOut(outputs[index], mean, std, calibration.CALIBRATION.block(len(inputs))[index])
+        mean, std = left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
+        held = HeldOut(outputs[index], mean, std, CALIBRATION.block(len(inputs))[index])
     (progress or _silent)(1.0, "done")
     return gp, held
 
 
 def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> GaussianProcess:
     """The process with this gain (L,), and sigma calibrated to what it then leaves of the samples held out."""
-    scale = calibration.sigma_scale(held.actual - gain * held.predicted, held.std)
+    scale = sigma_scale(held.actual - gain * held.predicted, held.std)
     gp = replace(gp, gain=gain, sigma_scale=scale if gp.settings.calibrate else gp.sigma_scale)
     return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
 
@@ -118,9 +118,9 @@ def left_out_errors(
     """
     posterior, gp = _fit(inputs, outputs, names, settings, None, None, found)
     index, _ = _seen(inputs, settings)
-    if len(index) < calibration.CALIBRATION.fewest:
+    if len(index) < CALIBRATION.fewest:
         return None
-    (mean,) = calibration.left_out(len(inputs), index, partial(posterior.mean, gp, inputs))
+    (mean,) = left_out(len(inputs), index, partial(posterior.mean, gp, inputs))
     return np.asarray(outputs[index] - mean)
 
 
@@ -179,6 +179,7 @@ def _silent(fraction: float, message: str) -> None:
     """Progress that nobody looks at."""
 
 
+@dataclass
 class _Posterior:
     """Kernels of all outputs, and what they say given all samples or some of them.
 
@@ -186,18 +187,13 @@ class _Posterior:
     process and the calibration look at. `exact` are the kernels of an exact process as far as they are known.
     """
 
-    def __init__(
-        self,
-        x: Array,
-        residuals: Array,
-        kept: Indices,
-        seen: Indices,
-        settings: FitSettings,
-        exact: list[Kernel] | None = None,
-    ) -> None:
-        self.x, self.residuals, self.kept, self.seen, self.settings = x, residuals, kept, seen, settings
-        self.exact = [] if exact is None else exact
-        self.kernels: list[Kernel] = []
+    x: Array
+    residuals: Array
+    kept: Indices
+    seen: Indices
+    settings: FitSettings
+    exact: list[Kernel] = field(default_factory=list)
+    kernels: list[Kernel] = field(default_factory=list)
 
     def fit(self, index: int) -> None:
         """The kernel of one output after the other."""
@@ -207,10 +203,9 @@ class _Posterior:
             self.exact.append(_maximum_likelihood(x[self.kept], z[self.kept], self.settings, index))
         kernel = self.exact[index]
         if self.settings.inference == "sparse":
-            starts = [
-                kernel,
-                *([replace(kernel, noise_variance=SEARCH.loud)] if kernel.noise_variance < SEARCH.quiet else []),
-            ]
+            starts = [kernel]
+            if kernel.noise_variance < SEARCH.quiet:
+                starts.append(replace(kernel, noise_variance=SEARCH.loud))
             maximise = SEARCHES[self.settings.search]
             with _quietly():
                 tried = [maximise(x[self.seen], z[self.seen], k, BOUNDS, x[self.kept]) for k in starts]
@@ -232,7 +227,7 @@ class _Posterior:
         return found
 
     def predict(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array, Array]:
-        """Mean and standard deviation; see `calibration.Predict`."""
+        """Mean and standard deviation; see `held_out_time.Predict`."""
         return replace(gp, **self.content(usable)).predict(inputs[asked])
 
     def mean(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array]:

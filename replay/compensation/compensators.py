@@ -13,9 +13,9 @@ from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
+from wrenchgap.learn.process.held_out_time import Verdict
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.learn.process.train import fit_linear
-from wrenchgap.learn.process.verdict import Verdict
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash

@@ -12,8 +12,8 @@ from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.process.alternatives import COMPARED, Alternative, Alternatives
-from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
+from wrenchgap.learn.process.held_out_time import Coverage
 from wrenchgap.replay.compensation.compensators import (
     LearntFromThisFlight,
     LearnWarned,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.measured_axes import names_of
+from wrenchgap.learn.data.measurement import names_of
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.vehicle import Vehicle
 

@@ -12,7 +12,7 @@ import numpy as np
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.measured_axes import names_of
+from wrenchgap.learn.data.measurement import names_of
 from wrenchgap.learn.identify.learning import CAUTION
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version

@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
-from wrenchgap.learn.health.estimator import ESTIMATOR, Estimator
+from wrenchgap.learn.health.autopilot_messages import ESTIMATOR, Estimator
 from wrenchgap.learn.health.health import LogHealth
 from wrenchgap.learn.health.motors import MOTORS, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases

@@ -7,7 +7,7 @@ from typing import Any
 
 from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.learn.process.gp import Caution, CautionKind, GaussianProcess
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin
 from wrenchgap.replay.present.numbers import entries, share
 from wrenchgap.replay.present.tables import Line, Part

@@ -8,10 +8,9 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import length
-from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import Relevance
-from wrenchgap.learn.diagnose.where import Where
+from wrenchgap.learn.diagnose.where import PARTS, Budget, Source, Where
 from wrenchgap.learn.diagnose.whiteness import WHITENESS, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.figures import style

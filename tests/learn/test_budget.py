@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.diagnose.budget import budget, held_out_process
+from wrenchgap.learn.diagnose.where import budget, held_out_process
 
 
 def parts(tumbling, seed=0):

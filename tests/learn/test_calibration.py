@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchgap.learn.process.calibration import CALIBRATION, Coverage, left_out, sigma_scale
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.held_out_time import CALIBRATION, Coverage, left_out, sigma_scale
 from wrenchgap.learn.process.train import fit
 
 TORQUES = ("torque_x", "torque_y")

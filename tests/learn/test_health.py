@@ -6,9 +6,9 @@ import pytest
 from wrenchgap.flight.autopilot import Autopilot, parameter_differences
 from wrenchgap.flight.flight import Flight, ImuSeries
 from wrenchgap.learn.data.phases.phase import Phase
+from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of
 from wrenchgap.learn.health.phases import FlightPhases
-from wrenchgap.learn.health.recorded import Recorded
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
 from wrenchgap.learn.health.vibration import VIBRATION, vibration_of
 

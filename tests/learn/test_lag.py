@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.identify import guard
-from wrenchgap.learn.identify.lag import Stretch, lagged, lags, shared_lag
+from wrenchgap.learn.identify.samples import Stretch, lagged, lags, shared_lag
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.effects.lag import first_order
 

@@ -5,7 +5,8 @@ import pytest
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Samples
-from wrenchgap.learn.data.measurement import Evaluator, derivative, low_pass, predict, prepare, window
+from wrenchgap.learn.data.measurement import derivative, low_pass, prepare, window
+from wrenchgap.learn.data.prediction import Evaluator, predict
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Body, Vehicle

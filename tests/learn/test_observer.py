@@ -9,7 +9,6 @@ from scipy.signal import bilinear
 from wrenchgap import flight
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify import observer
-from wrenchgap.learn.identify.lag import LAG, Stretch
 from wrenchgap.learn.identify.observer import (
     OBSERVER,
     choose,
@@ -17,6 +16,7 @@ from wrenchgap.learn.identify.observer import (
     longest_lag,
     missed,
 )
+from wrenchgap.learn.identify.samples import LAG, Stretch
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.process.support import SUPPORT, HeldOut, support
+from wrenchgap.learn.process.held_out_time import SUPPORT, HeldOut, support
 
 BLOCK = np.arange(1600) * 16 // 1600
 

@@ -12,10 +12,10 @@ from wrenchgap.flight.errors import FitError, LogError, UsageError
 from wrenchgap.learn.data.blocks import contrast, cosine, evidence
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy, force_and_torque, length, rms, whole
-from wrenchgap.learn.data.measured_axes import measured_axes, names_of
-from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
+from wrenchgap.learn.data.measurement import measured_axes, names_of
 from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.relevance import relevance
+from wrenchgap.learn.diagnose.where import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.whiteness import whiteness
 from wrenchgap.learn.identify.fit import fit, held_out
 from wrenchgap.learn.identify.learning import learnable_outputs

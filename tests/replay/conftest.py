@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from scripts.json_documents import schema
 from tests.replay import autopilot_logs
-from wrenchgap.learn.diagnose import budget, where
+from wrenchgap.learn.diagnose import where
 from wrenchgap.replay import report as contents
 from wrenchgap.replay.cli import requests
 from wrenchgap.replay.cli.main import app
@@ -84,7 +84,7 @@ def autopilot_flights(once):
 @pytest.fixture(scope="module")
 def small_processes():
     """Processes of the error budget with 30 points: for tests that are not about how much they explain."""
-    small = partial(budget.held_out_process, points=30)
+    small = partial(where.held_out_process, points=30)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(where, "held_out_process", small)
         patch.setattr(contents, "held_out_process", small)

@@ -13,9 +13,8 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import ranges
 from wrenchgap.learn.data.errors import Errors
-from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, opened
-from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.data.prediction import Predictor, predict
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
 from wrenchgap.plant.model import make_effect

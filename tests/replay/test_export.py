@@ -28,8 +28,8 @@ from tests.replay.exported_c import (
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.run import run as run_steps
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.learn.process.store import save
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State

@@ -23,8 +23,8 @@ from wrenchgap.compensate import Combined, Compensator, PhysicsMismatch, Setting
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.guard import loop_of
+from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.learn.process.store import save
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.stability import Observer, sensitivity_peak

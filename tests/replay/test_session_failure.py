@@ -7,9 +7,9 @@ import pytest
 
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight, open_flights
-from wrenchgap.learn.diagnose.budget import Source, budget
 from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.quantities import quantities
+from wrenchgap.learn.diagnose.where import Source, budget
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels import failure as session_failure

@@ -16,7 +16,7 @@ from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.alternatives import Alternative
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings
-from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.plant import model_file
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model import make_effect

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 import wrenchgap as wg
-from wrenchgap.learn.diagnose.budget import Source
+from wrenchgap.learn.diagnose.where import Source
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads

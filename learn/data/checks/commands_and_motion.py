@@ -13,10 +13,10 @@ from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.feedback_regressors import lagged
-from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
-from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
+from wrenchgap.learn.data.measurement import derivative, felt_at_origin, from_actuators, low_pass, measured_axes
+from wrenchgap.learn.data.phases.phase import runs
 from wrenchgap.learn.data.read_options import rows_of
-from wrenchgap.plant.state import Commands, Motion
+from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
 
@@ -65,6 +65,11 @@ class CommandsAndMotion:
     parts: tuple[slice, ...]
     dt: float
 
+    @property
+    def witness(self) -> Array:
+        """What the actuators are held against: the commanded wrench where it is logged, else the motion."""
+        return self.measured if self.wrench is None else self.wrench
+
 
 def commands_and_motion(stretches: Sequence[Samples], vehicle: Vehicle) -> CommandsAndMotion | None:
     """The flight side by side; None where nothing was flown for long, or an axis was not measured."""
@@ -91,13 +96,10 @@ def commands_and_motion(stretches: Sequence[Samples], vehicle: Vehicle) -> Comma
     flying = (size > COMPARED.lifted * (usual if usual > 0.05 * high else high)) & (
         felt > COMPARED.lifted * vehicle.body.mass * GRAVITY
     )
-    ends = np.cumsum([0, *(len(row[0][0]) for row in rows)])
-    inside = np.zeros(len(flying), dtype=bool)
-    inside[ends[1:-1]] = True  # where a stretch begins
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
+    begins = np.cumsum([len(row[0][0]) for row in rows])[:-1]  # where a stretch begins
     parts: list[slice] = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        cuts = [int(start), *(int(k) for k in np.flatnonzero(inside) if start < k < stop), int(stop)]
+    for start, stop in runs(flying):
+        cuts = [start, *(int(k) for k in begins if start < k < stop), stop]
         parts += [slice(a, b) for a, b in itertools.pairwise(cuts)]
     dt = stretches[0].dt
     trim = int(0.5 / dt)
@@ -128,17 +130,11 @@ def _row(samples: Samples, vehicle: Vehicle) -> Row:
     felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff), omega, omega_dot, vehicle.imu_position_B)
     measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))
     wrench = None if samples.wrench_cmd_B is None else low_pass(samples.wrench_cmd_B, dt, cutoff)
-    logged = _logged(samples, vehicle)
-    if logged is None:
-        return (measured, omega), wrench, None, None, None
-    return (measured, omega), wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
-
-
-def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
     speed = samples.rotor_speed_cmd
     if not vehicle.has_rotors or speed is None or not speed.shape[1]:
-        return None
-    return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
+        return (measured, omega), wrench, None, None, None
+    logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
+    return (measured, omega), wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
 
 
 def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
@@ -148,6 +144,11 @@ def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bo
         late = np.stack([lagged(column[rows], tau / seen.dt) for column in values.T], axis=1)
         out.append(late - (low_pass(late, seen.dt, COMPARED.fast_hz) if fast else late.mean(axis=0)))
     return np.concatenate(out)
+
+
+def at_lags(seen: CommandsAndMotion, values: Array, *, fast: bool = False) -> list[Array]:
+    """`moving` values behind each of the lags that are tried."""
+    return [moving(seen, values, tau, fast=fast) for tau in COMPARED.lags]
 
 
 def flown(seen: CommandsAndMotion, values: Array) -> Array:

@@ -22,7 +22,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, moving
+from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, moving
 from wrenchgap.learn.data.checks.torques import TORQUES, Turned
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
@@ -76,11 +76,13 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
         return
     if stated > fits and not _reordered(model.vehicle, seen, scale, stated):
         yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
-        yield from _yaw(model.vehicle, seen, name)
+        yield from _yaw(seen, name)
         return
     order = _order(model.vehicle, seen, scale)
+    _, known = model.vehicle.geometry()
+    backwards = replace(model.vehicle, rotors=replace(known, spin=-known.spin))
     readings = {
-        "spin": _made(_turned_over(model.vehicle), seen, seen.tilt, seen.speed),
+        "spin": _made(backwards, seen, seen.tilt, seen.speed),
         "tilt": _made(model.vehicle, seen, -seen.tilt, seen.speed),
         "order": _made(model.vehicle, seen, seen.tilt, seen.speed[:, order]),
     }
@@ -98,20 +100,13 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
     if what == "spin":
         words += f"the drag torque of every rotor the other way by {found[what]:.2f}"
         yield Check("rotors", "bad", f"{words}: {TURN} in the model file")
-        return
-    if what == "tilt":
+    elif what == "tilt":
         words += f"the sign of tilt turned by {found[what]:.2f}"
         yield Check("rotors", "bad", words, option(flight, "*-1", "tilt"))
-        return
-    words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
-    words += "" if seen.wrench is not None else ", unless it is the IMU that is turned about z"
-    yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
-
-
-def _turned_over(vehicle: Vehicle) -> Vehicle:
-    """The same with every rotor turning the other way."""
-    assert vehicle.rotors is not None
-    return replace(vehicle, rotors=replace(vehicle.rotors, spin=-vehicle.rotors.spin))
+    else:
+        words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
+        words += "" if seen.wrench is not None else ", unless it is the IMU that is turned about z"
+        yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
 
 
 def _columns(flight: Flight, order: list[int]) -> str:
@@ -127,12 +122,12 @@ def _columns(flight: Flight, order: list[int]) -> str:
     return f"--topic 'rotor_speed={head[:cut]}[{','.join(map(str, order))}]{head[cut:]}'"
 
 
-def _yaw(vehicle: Vehicle, seen: CommandsAndMotion, name: str) -> Iterator[Check]:
+def _yaw(seen: CommandsAndMotion, name: str) -> Iterator[Check]:
     """Spins: the torque about z alone, of vehicles whose rotors make it by drag."""
     assert seen.made is not None
-    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
-    truth = moving(seen, witness, fast=fast)[:, [5]]
-    alike = max((cosine(truth, moving(seen, seen.made, tau, fast=fast)[:, [5]]) for tau in COMPARED.lags), key=abs)
+    fast = seen.wrench is None
+    truth = moving(seen, seen.witness, fast=fast)[:, [5]]
+    alike = max((cosine(truth, made[:, [5]]) for made in at_lags(seen, seen.made, fast=fast)), key=abs)
     if alike < -(ROTORS.against if fast else ROTORS.fits):
         words = f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f})"
         yield Check("rotors", "bad" if alike < -ROTORS.fits else "warn", f"{words}: {TURN} in the model file")
@@ -162,10 +157,10 @@ def _scale(vehicle: Vehicle, seen: CommandsAndMotion) -> Array:
 
 def _alike(seen: CommandsAndMotion, made: Array, scale: Array) -> float:
     """Cosine of torques made with those of the witness, at the likeliest lag."""
-    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
-    truth = moving(seen, witness[:, 3:], fast=fast) / scale
-    lags = COMPARED.lags if fast else (0.0,)
-    return max(cosine(truth, moving(seen, made[:, 3:], tau, fast=fast) / scale) for tau in lags)
+    fast = seen.wrench is None
+    truth = moving(seen, seen.witness[:, 3:], fast=fast) / scale
+    tried = at_lags(seen, made[:, 3:], fast=True) if fast else [moving(seen, made[:, 3:])]
+    return max(cosine(truth, torque / scale) for torque in tried)
 
 
 def _made(vehicle: Vehicle, seen: CommandsAndMotion, tilt: Array, speed: Array) -> Array:
@@ -198,36 +193,23 @@ def _assigned(vehicle: Vehicle, seen: CommandsAndMotion) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,), by what each of both does."""
     from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
 
-    _, known = vehicle.geometry()
+    arms, known = vehicle.geometry()
     assert seen.speed is not None
-    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
-    axes = [2, 3, 4, 5]
-    effect = np.stack([_effect(vehicle, r)[axes] for r in range(len(known))])
-    target = moving(seen, witness[:, axes], fast=fast)
-    best: NDArray[np.intp] = np.arange(len(known))
-    cost = -np.inf
-    for tau in COMPARED.lags if fast else (0.0,):
-        thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
-        found = np.linalg.pinv(moving(seen, thrust, tau, fast=fast), rcond=ROTORS.seen) @ target
-        size = np.maximum(np.std(target, axis=0), 1e-12)
-        a, b = (_normalised(rows / size) for rows in (effect, found))
-        likeness = a @ b.T
+    fast, axes = seen.wrench is None, [2, 3, 4, 5]
+    alone = Commands(np.zeros((len(known), 6)), np.zeros((len(known), len(arms))), np.diag(1.0 / np.sqrt(known.c_f)))
+    effect = about_com(vehicle.body, nominal_wrench(vehicle, alone))[:, axes]  # of a newton of each rotor
+    target = moving(seen, seen.witness[:, axes], fast=fast)
+    size = np.maximum(np.std(target, axis=0), 1e-12)
+    thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
+    found: list[tuple[float, NDArray[np.intp]]] = []
+    for pushed in at_lags(seen, thrust, fast=True) if fast else [moving(seen, thrust)]:
+        solved = np.linalg.pinv(pushed, rcond=ROTORS.seen) @ target
+        likeness = _normalised(effect / size) @ _normalised(solved / size).T
         rows, columns = linear_sum_assignment(-likeness)
-        total = float(likeness[rows, columns].sum())
-        if total > cost:
-            best, cost = columns, total
-    return best
+        found.append((float(likeness[rows, columns].sum()), columns))
+    return max(found, key=lambda one: one[0])[1]
 
 
 def _normalised(rows: Array) -> Array:
     centred = rows - rows.mean(axis=0)
     return np.asarray(centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-30))
-
-
-def _effect(vehicle: Vehicle, rotor: int) -> Array:
-    """Wrench (6,) about the centre of mass per newton of one rotor's thrust, at zero tilt."""
-    arms, known = vehicle.geometry()
-    speed = np.zeros((1, len(known)))
-    speed[0, rotor] = 1.0 / np.sqrt(known.c_f[rotor])
-    made = nominal_wrench(vehicle, Commands(np.zeros((1, 6)), np.zeros((1, len(arms))), speed))
-    return np.asarray(about_com(vehicle.body, made)[0])

@@ -23,7 +23,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import AXES_SEARCH, cosine, rms, rotation_words
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, flown, moving
+from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, flown, moving
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
@@ -87,7 +87,7 @@ def _accelerations(model: Model, seen: CommandsAndMotion, pushed: Array) -> tupl
     """Angular accelerations (K, 3) measured, and made by a commanded wrench (N, 6) at each of the lags."""
     inertia = np.diag(model.vehicle.body.inertia)
     felt = moving(seen, seen.measured[:, 3:], fast=True) / inertia
-    return felt, [moving(seen, pushed[:, 3:], tau, fast=True) / inertia for tau in COMPARED.lags]
+    return felt, [torque / inertia for torque in at_lags(seen, pushed[:, 3:], fast=True)]
 
 
 def _size(felt: Array, tried: list[Array]) -> float | None:
@@ -132,10 +132,8 @@ def turned_imu(flight: Flight, model: Model, seen: CommandsAndMotion) -> Turned 
         return None
     made = max(tried, key=lambda signal: _fits(signal, felt, _angle(signal, felt)))
     angle = _angle(made, felt)
-    parts = [
-        _angle(a, b)
-        for a, b in zip(np.array_split(made, AXES_SEARCH.blocks), np.array_split(felt, AXES_SEARCH.blocks), strict=True)
-    ]
+    pieces = (np.array_split(part, AXES_SEARCH.blocks) for part in (made, felt))
+    parts = [_angle(a, b) for a, b in zip(*pieces, strict=True)]
     away = np.degrees((np.array(parts) - angle + np.pi) % (2.0 * np.pi) - np.pi)
     error = float(np.sqrt(np.mean(away**2) / AXES_SEARCH.blocks))
     as_is, fits = _fits(made, felt, 0.0), _fits(made, felt, angle)
@@ -178,10 +176,18 @@ def gyroscope(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator
     if pushed is None or flight.imu is None or asked:
         return
     inertia = np.asarray(np.diag(model.vehicle.body.inertia))
-    slower = _in_radians(model.vehicle, seen)
+    whirl = cross(seen.omega, seen.omega @ model.vehicle.body.inertia.T)
+    slower = (seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2  # the torques of rates in deg/s
     who = "logged actuators make it" if seen.wrench is None else "commanded wrench makes it"
     alike = _alike(seen, slower, pushed, inertia)
-    sizes = _sizes(seen, slower, pushed, inertia) and (seen.wrench is None or _carries(seen, model.vehicle))
+    felt, less, made = (
+        rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, pushed[:, 3:])
+    )
+    sizes = felt > DEGREES / TORQUES.off * made and 1.0 / TORQUES.off < less / max(made, 1e-12) < TORQUES.off
+    if seen.wrench is not None:  # a command that does not carry the weight, about, says nothing of sizes
+        force = float(np.median(np.linalg.norm(flown(seen, seen.wrench[:, :3]), axis=1)))
+        weights = force / (model.vehicle.body.mass * GRAVITY)
+        sizes = sizes and TORQUES.carries[0] < weights < TORQUES.carries[1]
     if sizes and alike > max(TORQUES.moves, _alike(seen, seen.measured[:, 3:], pushed, inertia)):
         words = f"Read in deg/s, it turns as the {who} (cosine {alike:.2f}), in rad/s far too fast"
         yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
@@ -203,28 +209,7 @@ def largest_torque(vehicle: Vehicle) -> float | None:
     return float(np.sum(rotors.c_f * rotors.speed_max**2 * np.hypot(lever, rotors.kappa)))
 
 
-def _in_radians(vehicle: Vehicle, seen: CommandsAndMotion) -> Array:
-    """Torques (N, 3) of the motion whose logged rates are in deg/s."""
-    whirl = cross(seen.omega, seen.omega @ vehicle.body.inertia.T)
-    return np.asarray((seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2)
-
-
-def _sizes(seen: CommandsAndMotion, slower: Array, pushed: Array, inertia: Array) -> bool:
-    """Whether the torques have about the size of the witness in deg/s, and are far larger as they are."""
-    felt, less, made = (
-        rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, pushed[:, 3:])
-    )
-    return felt > DEGREES / TORQUES.off * made and 1.0 / TORQUES.off < less / max(made, 1e-12) < TORQUES.off
-
-
-def _carries(seen: CommandsAndMotion, vehicle: Vehicle) -> bool:
-    """Whether the commanded force is about the weight."""
-    assert seen.wrench is not None
-    force = float(np.median(np.linalg.norm(flown(seen, seen.wrench[:, :3]), axis=1)))
-    return TORQUES.carries[0] < force / (vehicle.body.mass * GRAVITY) < TORQUES.carries[1]
-
-
 def _alike(seen: CommandsAndMotion, felt: Array, pushed: Array, inertia: Array) -> float:
     """Cosine of torques (N, 3) with those of the witness, each axis by its inertia, at the likeliest lag."""
     truth = moving(seen, felt, fast=True) / inertia
-    return max(cosine(truth, moving(seen, pushed[:, 3:], tau, fast=True) / inertia) for tau in COMPARED.lags)
+    return max(cosine(truth, made / inertia) for made in at_lags(seen, pushed[:, 3:], fast=True))

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.check import Check
+from wrenchgap.flight.check import Check, Level
 from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.row_kernels import lengths
@@ -70,14 +70,13 @@ def _inertia(vehicle: Vehicle) -> Check:
     least, most = float(moments[0] / (body.mass * usual**2)), float(moments[-1] / (body.mass * reach**2))
     listed = ", ".join(f"{m:.3g}" for m in moments)
     described = f"vehicle.inertia {listed} kg m^2 with {body.mass:.3g} kg and arms of {usual:.3g} m"
+    wrong = "correct it in the model"
     if most > 1.0:
         limit = body.mass * reach**2
-        words = f"{described}: no mass within {reach:.3g} m has more than {limit:.3g} kg m^2; correct it in the model"
+        words = f"{described}: no mass within {reach:.3g} m has more than {limit:.3g} kg m^2; {wrong}"
         return Check("inertia", "bad", words)
     if least < RANGES.least_gyration:
-        words = (
-            f"{described}: {least:.2g} of m L^2, expected at least {RANGES.least_gyration:g}; correct it in the model"
-        )
+        words = f"{described}: {least:.2g} of m L^2, expected at least {RANGES.least_gyration:g}; {wrong}"
         return Check("inertia", "bad", words)
     if least < RANGES.small_gyration:
         return Check("inertia", "warn", f"{described}: only {least:.2g} of m L^2; is it in kg m^2?")
@@ -93,42 +92,40 @@ def _kappa(vehicle: Vehicle) -> Check:
         return Check("kappa", "warn", f"{words}; write kappa without its sign in the model, and spin with it")
     if np.all(kappa == 0.0):
         return Check("kappa", "warn", "kappa is zero: rotors make no drag torque, and yaw is not predicted.")
-    worst = int(
-        np.argmax(np.abs(np.log(np.maximum(share, 1e-30)) - np.log(np.sqrt(RANGES.kappa[0] * RANGES.kappa[1]))))
-    )
+    worst = _farthest(share, RANGES.kappa)
     described = f"kappa {kappa[worst]:.3g} m is {share[worst]:.2g} of the rotor's radius {radius[worst]:.3g} m"
-    if RANGES.kappa[0] < share[worst] < RANGES.kappa[1]:
+    low, high = RANGES.kappa
+    if low < share[worst] < high:
         return Check("kappa", "ok", f"{described}.")
     instead = kappa[worst] / rotors.c_f[worst]
     hint = ""
-    if RANGES.kappa[0] < instead / radius[worst] < RANGES.kappa[1]:
+    if low < instead / radius[worst] < high:
         hint = f": it looks like the torque coefficient [N m s^2]; kappa is that over c_f, {instead:.3g} m"
-    limits = f"expected {RANGES.kappa[0]:g} to {RANGES.kappa[1]:g}"
+    limits = f"expected {low:g} to {high:g}"
     return Check("kappa", "bad", f"{described}, {limits}{hint}; correct vehicle.rotor.kappa in the model")
+
+
+def _farthest(values: Array, limits: tuple[float, float]) -> int:
+    """Which of positive numbers (N,) is farthest from the middle of a range, by ratios."""
+    return int(np.argmax(np.abs(np.log(np.maximum(values, 1e-30)) - np.log(np.sqrt(limits[0] * limits[1])))))
 
 
 def _thrust(vehicle: Vehicle) -> Check:
     _, rotors = vehicle.geometry()
     disc = RANGES.air_density * np.pi * rotors.radius**4
     coefficient = rotors.c_f / disc
-    worst = int(
-        np.argmax(
-            np.abs(np.log(coefficient) - np.log(np.sqrt(RANGES.thrust_coefficient[0] * RANGES.thrust_coefficient[1])))
-        )
-    )
+    worst = _farthest(coefficient, RANGES.thrust_coefficient)
     found, c_f = float(coefficient[worst]), float(rotors.c_f[worst])
     described = (
         f"c_f {c_f:.3g} N s^2 with a radius of {rotors.radius[worst]:.3g} m is a thrust coefficient of {found:.2g}"
     )
-    if RANGES.thrust_coefficient[0] < found < RANGES.thrust_coefficient[1]:
+    low, high = RANGES.thrust_coefficient
+    if low < found < high:
         return Check("thrust-coefficient", "ok", f"{described}.")
     units = {"rpm^2": (30.0 / np.pi) ** 2, "revolutions per second, squared": (0.5 / np.pi) ** 2}
-    fitting = [
-        unit for unit, k in units.items() if RANGES.thrust_coefficient[0] < found * k < RANGES.thrust_coefficient[1]
-    ]
-    hint = f": it looks like newtons per {fitting[0]}; in N s^2 it is {c_f * units[fitting[0]]:.3g}" if fitting else ""
-    limits = f"expected {RANGES.thrust_coefficient[0]:g} to {RANGES.thrust_coefficient[1]:g}"
-    words = f"{described}, {limits}{hint}; correct vehicle.rotor.c_f or radius in the model"
+    unit = next((unit for unit, k in units.items() if low < found * k < high), None)
+    hint = "" if unit is None else f": it looks like newtons per {unit}; in N s^2 it is {c_f * units[unit]:.3g}"
+    words = f"{described}, expected {low:g} to {high:g}{hint}; correct vehicle.rotor.c_f or radius in the model"
     return Check("thrust-coefficient", "warn", words)
 
 
@@ -189,17 +186,17 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
     for name in ("measured", "commanded"):
         if name == "measured" and not all(r.measured_axes[2] for r in records):
             continue
-        force = np.concatenate([getattr(r, name)[:, :3] for r in records])
-        median = float(np.median(length(force)))
-        words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({median / weight:.3f})"
-        if 0.95 < median / weight < 1.05:
+        median = float(np.median(length(np.concatenate([getattr(r, name)[:, :3] for r in records]))))
+        share = median / weight
+        words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({share:.3f})"
+        if 0.95 < share < 1.05:
             found.append(Check("weight", "ok", f"{words}."))
-        elif 0.7 < median / weight < 1.3:
+        elif 0.7 < share < 1.3:
             remedy = "check the mass, or expect thrust_scale to be found." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
-            level = "warn" if 0.5 < median / weight < 2.0 else "bad"
-            found.append(Check("weight", level, f"{words}: another vehicle, unit or mass? correct vehicle.mass."))  # type: ignore[arg-type]
+            level: Level = "warn" if 0.5 < share < 2.0 else "bad"
+            found.append(Check("weight", level, f"{words}: another vehicle, unit or mass? correct vehicle.mass."))
     return found
 
 
@@ -214,7 +211,9 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known
     (force, torque), (whole, turn) = (force_and_torque(rms(wrench)) for wrench in (made - logged, logged))
     words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
     weight = vehicle.body.mass * GRAVITY
-    if not known and _misfit_up_to_a_factor(made[:, :3], logged[:, :3]) > RECORDS.other * weight:
+    best = float(np.sum(made[:, :3] * logged[:, :3])) / max(float(np.sum(made[:, :3] ** 2)), 1e-12)
+    apart = length(np.clip(best, *RECORDS.factor) * made[:, :3] - logged[:, :3])  # but for a factor (a wrong c_f)
+    if not known and float(np.sqrt(np.mean(apart**2))) > RECORDS.other * weight:
         share = f"{100.0 * force / weight:.0f} % of the weight"
         ask = f"is {vehicle.name} the model of this vehicle? Else correct its arms, tilt signs and order of rotors"
         return [Check("actuation", "bad", f"{words}, {share}, and neither c_f nor a unit explains it: {ask}")]
@@ -222,12 +221,6 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known
         remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
         return [Check("actuation", "warn", f"{words}: {remedy}")]
     return [Check("actuation", "ok", f"{words}.")]
-
-
-def _misfit_up_to_a_factor(made: Array, logged: Array) -> float:
-    """Rms [N] by which forces (K, 3) differ after the factor on `made` that brings them closest (`RECORDS.factor`)."""
-    best = float(np.sum(made * logged)) / max(float(np.sum(made**2)), 1e-12)
-    return float(np.sqrt(np.mean(length(np.clip(best, *RECORDS.factor) * made - logged) ** 2)))
 
 
 def _some(beyond: NDArray[np.bool_], size: Array) -> bool:

@@ -15,7 +15,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import Axes, best_axes, cosine, rms
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, flown, moving
+from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, flown, moving
 from wrenchgap.learn.data.checks.torques import largest_torque
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -54,9 +54,7 @@ def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterato
     assert pushed is not None
     sent, felt = flown(seen, pushed)[:, :3], flown(seen, seen.measured)[:, :3]
     along = np.sum(sent * felt, axis=1) / np.maximum(np.sum(felt**2, axis=1), 1e-12)
-    ratio = max(
-        abs(float(np.median(along))), 1e-12
-    )  # of the part along the measured force: a command that chatters is no larger
+    ratio = max(abs(float(np.median(along))), 1e-12)  # along the measured force: chatter is no larger
     said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
     if WRENCH.force[0] < ratio < WRENCH.force[1]:
         yield Check("force-unit", "ok", f"{said}.")
@@ -86,10 +84,8 @@ def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
     if fitting:
         unit = min(fitting, key=lambda u: abs(np.log(ratio * fitting[u])))
         words = unit if unit in ("kgf", "mN") else f"force*{factor(fitting[unit])}"
-        what = {"g": "in units of g (a share of the weight)", "m/s^2": "an acceleration [m/s^2]"}.get(
-            unit, f"in {unit}"
-        )
-        return words, f"it is {what}"
+        what = {"g": "in units of g (a share of the weight)", "m/s^2": "an acceleration [m/s^2]"}
+        return words, f"it is {what.get(unit, f'in {unit}')}"
     kind = "normalised" if largest <= WRENCH.full else "in another unit, or the mass is not this vehicle's"
     return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
 
@@ -121,13 +117,12 @@ def torque_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterat
     ratio = rms(sent[:, used]) / max(rms(motion[:, used]), 1e-12)
     alike = cosine(motion[:, used], sent[:, used])
     said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
-    usual = _chatter(seen)
+    pushed, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
+    usual = max(1.0, pushed / max(felt, 1e-12))  # more than 1: a command that chatters, and that no vehicle can follow
     turning, asked = (part[:, used] for part in _quick(seen, inertia))
     quick = rms(asked) / max(rms(turning), 1e-12)
-    small, large = (
-        ratio < WRENCH.torque[0] and abs(alike) > WRENCH.much_alike,
-        ratio > WRENCH.torque[1] * usual and abs(alike) > WRENCH.alike,
-    )
+    small = ratio < WRENCH.torque[0] and abs(alike) > WRENCH.much_alike
+    large = ratio > WRENCH.torque[1] * usual and abs(alike) > WRENCH.alike
     most = largest_torque(model.vehicle)  # in a hover in still air nothing is commanded, and what is felt is noise
     turned = most is not None and rms(flown(seen, seen.measured[:, 3:])) > WRENCH.turned * most
     if turned and max(ratio, quick) < 1.0 / WRENCH.wild and not small:
@@ -148,7 +143,7 @@ def _accelerations(seen: CommandsAndMotion, inertia: Array) -> tuple[Array, Arra
     """Of the motion (K, 3), and those commanded, behind the lag at which the two are most alike."""
     assert seen.wrench is not None
     motion = moving(seen, seen.measured[:, 3:]) / inertia
-    tried = [moving(seen, seen.wrench[:, 3:], tau) / inertia for tau in COMPARED.lags]
+    tried = [torque / inertia for torque in at_lags(seen, seen.wrench[:, 3:])]
     return motion, max(tried, key=lambda sent: abs(cosine(motion, sent)))
 
 
@@ -157,13 +152,6 @@ def _quick(seen: CommandsAndMotion, inertia: Array) -> tuple[Array, Array]:
     assert seen.wrench is not None
     motion, sent = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.measured, seen.wrench))
     return motion, sent
-
-
-def _chatter(seen: CommandsAndMotion) -> float:
-    """How much more commanded forces vary than measured ones, at least 1: a command that the vehicle cannot follow."""
-    assert seen.wrench is not None
-    sent, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
-    return max(1.0, sent / max(felt, 1e-12))
 
 
 def axes(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:

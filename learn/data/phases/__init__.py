@@ -22,8 +22,17 @@ from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.ground import clearance, contact, crashes, ground, spikes
-from wrenchgap.learn.data.phases.phase import Phase, closed, runs, used_samples
-from wrenchgap.learn.data.phases.signals import SIGNALS, Signals, command_scale, signals, sizes
+from wrenchgap.learn.data.phases.phase import (
+    SIGNALS,
+    Phase,
+    Signals,
+    closed,
+    command_scale,
+    runs,
+    signals,
+    sizes,
+    used_samples,
+)
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
@@ -45,7 +54,9 @@ def phases_of(
     `keep` are names of phases that are found but not left out; `mostly` is the share of the time in the air beyond
     which saturation is no phase of a flight, but a limit that is too low.
     """
-    found = _grounded(parts, vehicle)
+    seen = [signals(samples, commands, vehicle) for samples, commands, _ in parts]
+    found = grounded([one for one in seen if one is not None], clearance(vehicle))
+    del seen  # hours of signals, which nothing needs below
     limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
     limited = [p for p in limited if not _within(p, found)]
     flown = sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts)
@@ -54,12 +65,6 @@ def phases_of(
         limited = [replace(p, why=why, left_out=False) for p in limited]
     every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
     return tuple(sorted(every, key=lambda phase: (phase.start, phase.stop)))
-
-
-def _grounded(parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle) -> list[Phase]:
-    """On the ground, taking off, landing, crashed; the signals that tell are gone when this returns."""
-    seen = [one for samples, commands, _ in parts if (one := signals(samples, commands, vehicle)) is not None]
-    return grounded(seen, clearance(vehicle))
 
 
 def grounded(seen: Sequence[Signals], clear: float) -> list[Phase]:
@@ -88,33 +93,30 @@ def times_left_out(
 
     In a hole lie phases, and pieces of flight too short to be of use. What begins or ends with the log is open there.
     """
-    span = float(log[0].time[0]), float(log[-1].time[-1])
+    first, last = float(log[0].time[0]), float(log[-1].time[-1])
+    edge = 0.3  # s, less than which is not worth a word
     told = [TimeLeftOut(flight, gap.start, gap.stop, "not asked for (--between)") for gap in times_outside(between)]
+
+    def tell(start: float, stop: float, hole: Gap, why: str) -> None:
+        """Next to an end of the log, a time goes on as the hole does."""
+        start, stop = hole.start if start < first + edge else start, hole.stop if stop > last - edge else stop
+        told.append(TimeLeftOut(flight, start, stop, why))
+
+    short = f"less than {MINIMUM_FLIGHT:g} s of flight"
     for hole in holes:
-        at = max(hole.start, span[0])
+        at = max(hole.start, first)
         for phase in phases:
             if not phase.left_out or phase.stop < hole.start or phase.start > hole.stop:
                 continue
-            told += _short(flight, hole, at, phase.start, span)
-            start, stop = max(phase.start, hole.start), min(phase.stop, hole.stop)
-            told.append(TimeLeftOut(flight, *_open(start, stop, hole, span), f"{phase.name}: {phase.why}"))
+            if phase.start - at >= edge:
+                tell(at, phase.start, hole, short)
+            stop = min(phase.stop, hole.stop)
+            tell(max(phase.start, hole.start), stop, hole, f"{phase.name}: {phase.why}")
             at = max(at, stop)
-        told += _short(flight, hole, at, min(hole.stop, span[1]), span)
+        end = min(hole.stop, last)
+        if end - at >= edge:
+            tell(at, end, hole, short)
     return told
-
-
-def _short(
-    flight: str, hole: Gap, start: float, stop: float, span: tuple[float, float], edge: float = 0.3
-) -> list[TimeLeftOut]:
-    """A piece of flight between phases; nothing of less than `edge` [s], which is not worth a word."""
-    if stop - start < edge:
-        return []
-    return [TimeLeftOut(flight, *_open(start, stop, hole, span), f"less than {MINIMUM_FLIGHT:g} s of flight")]
-
-
-def _open(start: float, stop: float, hole: Gap, span: tuple[float, float], edge: float = 0.3) -> tuple[float, float]:
-    """The times with the hole's end in place of the log's, from which they are less than `edge` [s]."""
-    return (hole.start if start < span[0] + edge else start, hole.stop if stop > span[1] - edge else stop)
 
 
 def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
@@ -139,9 +141,10 @@ def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
 def never_flew(
     name: str, phases: Sequence[Phase], model: Model, notes: Sequence[object] = (), *, of_rotors: bool = False
 ) -> str:
-    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader, `of_rotors`
-    says that the wrench is that of the logged rotor speeds.
-    """  # noqa: D205
+    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader.
+
+    `of_rotors`: the wrench is that of the logged rotor speeds.
+    """
     unpowered = next((str(note) for note in notes if str(note).endswith(UNPOWERED)), None)
     if unpowered is not None:
         return f"{name}: {unpowered.removesuffix('.')}; give another log"

@@ -14,15 +14,23 @@ crash.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import Flags, Signals, by_rows, carried, contradiction, sizes
+from wrenchgap.learn.data.phases.phase import (
+    Flags,
+    Phase,
+    Signals,
+    by_rows,
+    carried,
+    closed,
+    contradiction,
+    runs,
+    sizes,
+)
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -65,8 +73,8 @@ CONTACT = ContactThresholds()
 
 def contact(part: Signals, scale: float) -> Flags:
     """Where (N,) the vehicle stands on the ground, lies on it, or is held."""
-    if not part.vertical:
-        return _idle(part, scale)
+    if not part.vertical:  # nothing tells the ground but the commands: those that could not carry the vehicle
+        return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
     share, felt, still = carried(part, scale), sizes(part.slow_felt), stands(part)
     certain = (share > CONTACT.carried) & (felt > CONTACT.rests)
     if part.speed is not None:
@@ -88,11 +96,6 @@ def stands(part: Signals) -> Flags:
     return np.asarray((part.turning < CONTACT.still_rate) & (np.abs(felt - 1.0) < CONTACT.still_force))
 
 
-def _idle(part: Signals, scale: float) -> Flags:
-    """Where nothing tells the ground but the commands: those that could not carry the vehicle."""
-    return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
-
-
 def clearance(vehicle: Vehicle) -> float:
     """Height above the ground [m] from which on it has no effect."""
     if not vehicle.has_rotors:
@@ -106,12 +109,9 @@ def ground(part: Signals, on: Flags, clear: float) -> list[Phase]:
     still = stands(part)
     out = []
     for a, b in runs(on):
-        words = (
-            ("ground", "the ground carries it")
-            if still[a:b].mean() > CONTACT.mostly
-            else ("held", "no rotor carries it")
-        )
-        out.append(Phase(words[0], float(part.time[a]), float(part.time[b - 1]), words[1]))
+        mostly = still[a:b].mean() > CONTACT.mostly
+        name, why = ("ground", "the ground carries it") if mostly else ("held", "no rotor carries it")
+        out.append(Phase(name, float(part.time[a]), float(part.time[b - 1]), why))
         if b < len(on):
             out.append(_way(part, on, b, clear, up=True))
         if a > 0:
@@ -176,7 +176,8 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
     for a, b in runs(~on):
         lies = _lies(part, on, b)
         begin = _loss(part, doubt, a, b, lies=lies)
-        events = list(_events(part, struck, a, b))
+        hits = runs(closed(struck[a:b], part.samples(CRASH.one_event)))
+        events = [(a + first, a + stop - 1) for first, stop in hits]  # first and last sample of every impact
         ending = [at for at, _ in events if _ends(part, doubt, on, (a, at, b), lies=lies)]
         if ending:
             begin = min(begin, ending[0]) if begin is not None else ending[0]
@@ -188,11 +189,9 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
         for first, last in events:
             hard_landing = b < len(on) and (b - last) * part.dt < CRASH.dropped
             if not hard_landing and (begin is None or first < begin):
-                start, stop = part.time[first] - CRASH.before, part.time[last] + CRASH.after
+                start, stop = float(part.time[first] - CRASH.before), float(part.time[last] + CRASH.after)
                 peak = float(sudden[first : last + 1].max())
-                out.append(
-                    Phase("impact", float(start), float(stop), f"a force of {peak:.1f} weights that no rotor makes")
-                )
+                out.append(Phase("impact", start, stop, f"a force of {peak:.1f} weights that no rotor makes"))
     return _joined(out, part, on)
 
 
@@ -219,12 +218,6 @@ def spikes(part: Signals, scale: float) -> Array:
         return np.asarray(np.minimum(sudden, lengths(felt - scale * pushed)))
 
     return by_rows(least, part.felt, part.slow_felt, part.pushed)
-
-
-def _events(part: Signals, struck: Flags, a: int, b: int) -> Iterator[tuple[int, int]]:
-    """First and last sample of every impact within a stay in the air."""
-    for first, stop in runs(closed(struck[a:b], part.samples(CRASH.one_event))):
-        yield a + first, a + stop - 1
 
 
 def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:

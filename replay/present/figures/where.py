@@ -11,9 +11,8 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.errors import length
-from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
-from wrenchgap.learn.diagnose.where import Where
+from wrenchgap.learn.diagnose.where import PARTS, Source, Where
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
 

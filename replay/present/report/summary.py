@@ -7,7 +7,7 @@ from typing import Any
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
-from wrenchgap.learn.diagnose.error_grid import Grid
+from wrenchgap.learn.diagnose.failure_map import Grid
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
