@@ -15,7 +15,7 @@ import weakref
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass, replace
 from functools import cache, partial, wraps
 from pathlib import Path
@@ -54,16 +54,10 @@ def cores() -> int:
     asked = os.environ.get(CORES, "")
     if asked.isdecimal():
         found = min(found, int(asked))
-    return max(1, min(found, _allowed(found)))
-
-
-def _allowed(machine: int) -> int:
-    """Cores that a container's limit on processor time is worth."""
-    try:
+    with suppress(OSError, ValueError):  # no container, or one without a limit
         time, period = QUOTA.read_text(encoding="ascii").split()
-        return -(-int(time) // int(period))
-    except (OSError, ValueError):
-        return machine
+        found = min(found, -(-int(time) // int(period)))
+    return max(1, found)
 
 
 def one_thread(work: Callable[P, T]) -> Callable[P, T]:

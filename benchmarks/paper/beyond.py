@@ -24,8 +24,7 @@ from wrenchgap.learn.identify.learning import TORQUE, alternatives, samples
 from wrenchgap.learn.process import train
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.held_out_time import Coverage
-from wrenchgap.learn.process.sparse import Kernel
-from wrenchgap.learn.process.subsample import subsample
+from wrenchgap.learn.process.subsample import Kernel, subsample
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.trajectory import named
 

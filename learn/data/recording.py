@@ -249,8 +249,9 @@ def _roles(log: Flight) -> tuple[OdometrySeries, ReferenceSeries]:
     """The series without which there is nothing to re-simulate."""
     if log.odometry is not None and log.reference is not None:
         return log.odometry, log.reference
-    lacks = "odometry" if log.odometry is None else "reference"
-    needs = {"odometry": "starts from the recorded state", "reference": "flies along the recorded reference"}[lacks]
+    lacks, needs = "reference", "flies along the recorded reference"
+    if log.odometry is None:
+        lacks, needs = "odometry", "starts from the recorded state"
     raise LogError(
         f"{log.path}: a counterfactual {needs}, and no topic plays the role '{lacks}' (played: "
         f"{', '.join(log.series()) or 'none'}); map one with --topic {lacks}=/your/topic"

@@ -130,7 +130,7 @@ class FailureMap:
         return tuple(d for d in self.dependences if d.significant)
 
 
-def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permutations) -> FailureMap:
+def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permutations, seed: int = 0) -> FailureMap:
     """Map a residual (K, 6), measured minus predicted, of `data`."""
     found, lacking = quantities(data)
     every = [(q, _bins(q, data)) for q in found]
@@ -139,7 +139,7 @@ def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permu
     if not sorted_in:
         return FailureMap((), None, lacking)
     test = _Test(data, residual, [bins.index for _, bins in sorted_in])
-    observed, p, beyond = test.run(permutations, np.random.default_rng(0))
+    observed, p, beyond = test.run(permutations, np.random.default_rng(seed))
     dependences = [
         Dependence(
             q.name,

@@ -83,7 +83,10 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
         except LogError:
             known = None
         if known is not None and known.unit == "rad/s":
-            return _of_speeds(known, rotors, model)
+            turning, most = known.rotor_speed, model.vehicle.geometry()[1].speed_max
+            u = turning / np.where(np.isfinite(most), most, np.inf)
+            ends = (u <= ENDS.margin, u >= 1.0 - ENDS.margin) if np.isfinite(most).all() else None
+            return Thrusts(known.time, model.vehicle.geometry()[1].c_f * turning**2, rotors, ends)
     if sent.unit == "rad/s":
         return Thrusts(sent.time, sent.rotor_speed**2, rotors)
     (low, high), factor, assumed = _curve(flight, sent)
@@ -91,14 +94,6 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
     limits = None if assumed else (u <= ENDS.margin, u >= 1.0 - ENDS.margin)
     u = np.maximum(u, 0.0)  # below zero there is no thrust
     return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits)
-
-
-def _of_speeds(sent: ActuatorSeries, rotors: tuple[RotorPlace, ...], model: Model) -> Thrusts:
-    """Thrusts of speeds (N, R) [rad/s] with the limits of a model."""
-    known = model.vehicle.geometry()[1]
-    u = sent.rotor_speed / np.where(np.isfinite(known.speed_max), known.speed_max, np.inf)
-    limits = (u <= ENDS.margin, u >= 1.0 - ENDS.margin) if np.isfinite(known.speed_max).all() else None
-    return Thrusts(sent.time, known.c_f * sent.rotor_speed**2, rotors, limits)
 
 
 def _curve(flight: Flight, sent: ActuatorSeries) -> tuple[tuple[float, float], float, bool]:

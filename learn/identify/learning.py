@@ -111,17 +111,15 @@ class Learnt(Result):
     @property
     def coverage(self) -> dict[str, tuple[Coverage, Coverage]]:
         """How often sigma is right, before and after calibration, on the training flights and unseen ones."""
-        flights = {"training": self.training, "unseen": self.validation}
-        return {name: _coverage(self.gp, one) for name, one in flights.items() if one is not None}
-
-
-def _coverage(gp: GaussianProcess, flights: Comparison) -> tuple[Coverage, Coverage]:
-    """Without and with the factor of calibration."""
-    rows, last = output_indices(gp.outputs), flights.evaluations[-1]
-    error = np.concatenate([r.measured - p for r, p in zip(flights.records, last.predictions, strict=True)])[:, rows]
-    assert last.sigma is not None
-    sigma = np.concatenate(last.sigma)[:, rows]
-    return Coverage.of(error, sigma / gp.sigma_scale), Coverage.of(error, sigma)
+        out, rows = {}, output_indices(self.gp.outputs)
+        for name, flights in (("training", self.training), ("unseen", self.validation)):
+            if flights is not None:
+                last = flights.evaluations[-1]
+                error = np.concatenate([r.measured for r in flights.records]) - np.concatenate(last.predictions)
+                assert last.sigma is not None
+                error, sigma = error[:, rows], np.concatenate(last.sigma)[:, rows]
+                out[name] = Coverage.of(error, sigma / self.gp.sigma_scale), Coverage.of(error, sigma)
+        return out
 
 
 def absorption(

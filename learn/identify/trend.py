@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -183,7 +184,11 @@ def _effects(
     """
     asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
     usual = own or TRIMS
-    lacking = {name: one for name in (*asked, *usual) if (one := _lacking(name, flights, model)) is not None}
+    lacking: dict[str, LeftOut] = {}  # the first flight that does not allow an effect, and why
+    for name, one in product((*asked, *usual), flights):
+        reason = inapplicable(name, model, one.records)
+        if reason is not None:
+            lacking.setdefault(name, LeftOut(one.records[0].flight, reason))
     for name in asked:
         if name in lacking:
             raise FitError(f"{lacking[name].flight}: {lacking[name].reason}; leave it out of --fit")
@@ -195,12 +200,6 @@ def _effects(
     left_out = tuple(one for name, one in lacking.items() if name in own or not asked)
     usable = model.without(one.reason.effect for one in left_out if one.reason.effect in own)
     return chosen, replace(usable, between_flights=None), left_out
-
-
-def _lacking(name: str, flights: Sequence[OpenFlight], model: Model) -> LeftOut | None:
-    """The first flight that does not allow an effect, and why."""
-    found = ((one.records[0].flight, inapplicable(name, model, one.records)) for one in flights)
-    return next((LeftOut(flight, why) for flight, why in found if why is not None), None)
 
 
 def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTrend, ...]:

@@ -13,7 +13,7 @@ X (N, D) the training inputs, and for each output
 `mean` and its derivative are multiplied by `gain`, what held-out time supports of each output
 (`learn.process.held_out_time`).
 
-A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own
+A sparse posterior (Titsias 2009, `learn.process.subsample`) brings its own `weights` in place of alpha and its own
 `whitener` in place of C^-1; its X are the inducing inputs.
 
 Inputs are the six components of the command, and where `settings.inputs` says so the groups of
@@ -35,8 +35,7 @@ from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process.held_out_time import Decision, Verdict
-from wrenchgap.learn.process.sparse import JITTER
-from wrenchgap.learn.process.subsample import Method, Scale
+from wrenchgap.learn.process.subsample import JITTER, Method, Scale
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.mismatch import Expansion, MismatchModel, output_indices

@@ -34,7 +34,7 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.process.sparse import JITTER, Kernel
+from wrenchgap.learn.process.subsample import JITTER, Kernel
 
 NOT_DEFINITE = "the covariance of the samples is not positive definite"
 

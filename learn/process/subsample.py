@@ -1,17 +1,28 @@
-"""Representative samples of a long log: k-medoids on a thinned set.
+"""A few representative samples of a long log, and all of them behind a prediction that costs as much as those few.
 
-The medoids M minimise sum_i min_{m in M} |x_i - x_m|^2 (squared Euclidean distance between inputs, as in the paper).
-The distance matrix grows with the square of the number of samples, so the log is thinned first; memory is then
-bounded, however long the log.
+**K-medoids.** The medoids M minimise sum_i min_{m in M} |x_i - x_m|^2 (squared Euclidean distance between inputs, as in
+the paper). The distance matrix grows with the square of the number of samples, so the log is thinned first; memory is
+then bounded, however long the log.
+
+**The sparse posterior** (Titsias, "Variational learning of inducing variables in sparse Gaussian processes", AISTATS
+2009). With inducing inputs Z (M, D), all inputs X (N, D) and
+
+    A = K_zz + s_n^-2 K_zx K_xz,        mean(x) = k(x, Z) s_n^-2 A^-1 K_zx z
+                                        var(x)  = k(x, x) - k(x, Z) (K_zz^-1 - A^-1) k(Z, x)
+
+the bound on the likelihood of all N samples (`learn.process.likelihood`) is maximised over the hyperparameters; Z stays
+where it is. The time to predict depends on M alone.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array
@@ -47,7 +58,17 @@ def subsample(
     kept = thin(len(inputs), max(limit, count), seed)
     points = inputs[kept] if scale == "raw" else standardised(inputs[kept])
     distance = squared_distances(points)
-    medoids = _fasterpam(distance, count, seed) if method == "fasterpam" else _pyclustering(distance, count, seed)
+    if method == "pyclustering":
+        from pyclustering.cluster.kmedoids import kmedoids
+
+        start = _spread_out(distance, count, seed).tolist()
+        run = kmedoids(distance.astype(float), start, data_type="distance_matrix")
+        medoids = np.asarray(run.process().get_medoids(), dtype=np.intp)
+    elif count == 1:
+        medoids = np.array([np.argmin(distance.sum(axis=1))])
+    else:
+        medoids = _spread_out(distance, count, seed)
+        _swap(distance, medoids)
     return np.sort(kept[medoids])
 
 
@@ -97,15 +118,6 @@ def _check(inputs: Array, count: int, method: str, scale: str) -> None:
     for name, value, known in (("method", method, get_args(Method)), ("scale", scale, get_args(Scale))):
         if value not in known:
             raise UsageError(f"subsample: unknown {name} {value!r}; available: {', '.join(known)}")
-
-
-def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
-    """Medoids by FasterPAM from a start that `_spread_out` draws; the same seed gives the same."""
-    if count == 1:
-        return np.array([np.argmin(distance.sum(axis=1))])
-    medoids = _spread_out(distance, count, seed)
-    _swap(distance, medoids)
-    return medoids
 
 
 @njit(cache=True, nogil=True)
@@ -183,14 +195,6 @@ def _nearest_two(
     return total
 
 
-def _pyclustering(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
-    from pyclustering.cluster.kmedoids import kmedoids
-
-    start = _spread_out(distance, count, seed).tolist()
-    run = kmedoids(distance.astype(float), start, data_type="distance_matrix")
-    return np.asarray(run.process().get_medoids(), dtype=np.intp)
-
-
 def _spread_out(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
     """Initial medoids by D^2 sampling (Arthur and Vassilvitskii 2007): far from each other, distinct."""
     rng = np.random.default_rng(seed)
@@ -205,3 +209,51 @@ def _spread_out(distance: NDArray[np.float32], count: int, seed: int) -> Indices
         free[chosen[-1]] = False
         np.minimum(nearest, distance[chosen[-1]], out=nearest)
     return np.array(chosen, dtype=np.intp)
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """What is added to a diagonal, so that rounding does not make a covariance indefinite."""
+
+    noise: float = 1e-8
+    """To the noise variance of a standardised output wherever K is factored, as GPy does."""
+    inducing: float = 1e-6
+    """To K_zz, relative to the signal's variance."""
+    attempts: int = 6
+    """Factors that are tried, each with a diagonal that is ten times larger."""
+
+
+JITTER = Jitter()
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Squared exponential with one lengthscale per input (D,), and the variances of signal and noise."""
+
+    lengthscales: Array
+    signal_variance: float
+    noise_variance: float
+
+    def __call__(self, a: Array, b: Array) -> Array:
+        """k(a, b) (N, M)."""
+        p, q = a / self.lengthscales, b / self.lengthscales
+        square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1)
+        square -= 2.0 * p @ q.T
+        np.maximum(square, 0.0, out=square)
+        square *= -0.5
+        np.exp(square, out=square)
+        square *= self.signal_variance
+        return np.asarray(square)
+
+
+def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:
+    """`weights` (M,) and `whitener` (M, M): mean = k w, var = k(x, x) - |V k|^2, for k = k(Z, x)."""
+    size = len(inducing)
+    Kzz = kernel(inducing, inducing) + JITTER.inducing * kernel.signal_variance * np.eye(size)
+    Kzx = kernel(inducing, x)
+    A = Kzz + Kzx @ Kzx.T / kernel.noise_variance
+    factor = cho_factor(A, lower=True)
+    weights = cho_solve(factor, Kzx @ z) / kernel.noise_variance
+    inverse = np.linalg.inv(Kzz) - cho_solve(factor, np.eye(size))
+    values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
+    return weights, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T

@@ -18,11 +18,11 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.parallel import few_threads
-from wrenchgap.learn.process import likelihood, sparse
+from wrenchgap.learn.process import likelihood
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, MeanKind, Provenance
 from wrenchgap.learn.process.held_out_time import CALIBRATION, HeldOut, Mask, left_out, sigma_scale
-from wrenchgap.learn.process.sparse import Kernel
-from wrenchgap.learn.process.subsample import Indices, subsample, thin
+from wrenchgap.learn.process.subsample import Indices, Kernel, subsample, thin
+from wrenchgap.learn.process.subsample import posterior as sparse_posterior
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 
 Progress = Callable[[float, str], None]
@@ -222,7 +222,7 @@ class _Posterior:
         if self.settings.inference == "sparse":
             rows = self.seen[usable[self.seen]]
             x, z, inducing = self.x[rows], self.residuals[rows], self.x[points]
-            parts = [sparse.posterior(kernel, x, z[:, i], inducing) for i, kernel in enumerate(self.kernels)]
+            parts = [sparse_posterior(kernel, x, z[:, i], inducing) for i, kernel in enumerate(self.kernels)]
             found["weights"], found["whitener"] = (np.array(part) for part in zip(*parts, strict=True))
         return found
 

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import Bound, LogLikelihood, maximise
-from wrenchgap.learn.process.sparse import Kernel
+from wrenchgap.learn.process.subsample import Kernel
 from wrenchgap.learn.process.train import BOUNDS, fit
 
 

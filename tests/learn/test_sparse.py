@@ -9,7 +9,7 @@ import pytest
 from wrenchgap.learn.process import likelihood, train
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import maximise
-from wrenchgap.learn.process.sparse import Kernel, posterior
+from wrenchgap.learn.process.subsample import Kernel, posterior
 from wrenchgap.learn.process.train import BOUNDS, _Posterior, fit
 
 TORQUES = ("torque_x", "torque_y")
