@@ -58,7 +58,7 @@ class BatteryThresholds:
 
 
 BATTERY = BatteryThresholds()
-RAW = (("battery_status", "voltage_v", 1.0), ("BAT", "Volt", 1.0), ("CURR", "Volt", 1.0))
+RAW = (("battery_status", "voltage_v"), ("BAT", "Volt"), ("CURR", "Volt"))
 """Where autopilots log a voltage that plays no role because it is zero throughout."""
 
 
@@ -103,7 +103,7 @@ class Battery:
 
 def battery_of(flight: Flight, recorded: Recorded, phases: FlightPhases) -> Battery | None:
     """The battery; None where no voltage is logged."""
-    found = next((one for topic, name, _ in RAW if (one := recorded.columns(topic, name)) is not None), None)
+    found = next((one for raw in RAW if (one := recorded.columns(*raw)) is not None), None)
     if flight.battery is not None:
         time, voltage = flight.battery.time, flight.battery.voltage
     elif found is not None:

@@ -18,8 +18,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases import grounded
-from wrenchgap.learn.data.phases.ground import CONTACT
+from wrenchgap.learn.data.phases.ground import CONTACT, grounded
 from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, runs, signals_of, used_samples
 from wrenchgap.learn.health.rotors import Thrusts, is_multirotor
 

@@ -21,18 +21,8 @@ from wrenchgap.flight.flight import Array, Gap, Samples
 from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
-from wrenchgap.learn.data.phases.ground import clearance, contact, crashes, ground, spikes
-from wrenchgap.learn.data.phases.phase import (
-    SIGNALS,
-    Phase,
-    Signals,
-    closed,
-    command_scale,
-    runs,
-    signals,
-    sizes,
-    used_samples,
-)
+from wrenchgap.learn.data.phases.ground import clearance, grounded, within
+from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, closed, runs, signals, sizes, used_samples
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
@@ -58,32 +48,13 @@ def phases_of(
     found = grounded([one for one in seen if one is not None], clearance(vehicle))
     del seen  # hours of signals, which nothing needs below
     limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
-    limited = [p for p in limited if not _within(p, found)]
+    limited = [p for p in limited if not within(p, found)]
     flown = sum(used_samples(samples.time, found).sum() * samples.dt for samples, _, _ in parts)
     if sum(p.stop - p.start for p in limited if p.left_out) > mostly * flown:
         why = "for most of the flight: is vehicle.rotor.speed_max too low?"
         limited = [replace(p, why=why, left_out=False) for p in limited]
     every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
     return tuple(sorted(every, key=lambda phase: (phase.start, phase.stop)))
-
-
-def grounded(seen: Sequence[Signals], clear: float) -> list[Phase]:
-    """Contact with the ground, take-offs, landings, impacts and crashes of stretches; `clear` is of `clearance`."""
-    found: list[Phase] = []
-    if seen:
-        scale = command_scale(seen)
-        on = [contact(part, scale) for part in seen]
-        air = np.concatenate([spikes(part, scale)[~flags] for part, flags in zip(seen, on, strict=True)])
-        usual = 0.0 if len(air) == 0 else float(np.percentile(air, 25.0))
-        for part, flags in zip(seen, on, strict=True):
-            lost = crashes(part, flags, scale, usual)
-            found += [p for p in ground(part, flags, clear) if not _within(p, lost)] + lost
-    return found
-
-
-def _within(phase: Phase, others: Sequence[Phase]) -> bool:
-    """Whether a phase lies in another one that is left out."""
-    return any(o.left_out and o.start <= phase.start and phase.stop <= o.stop for o in others)
 
 
 def times_left_out(

@@ -14,23 +14,14 @@ crash.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import (
-    Flags,
-    Phase,
-    Signals,
-    by_rows,
-    carried,
-    closed,
-    contradiction,
-    runs,
-    sizes,
-)
+from wrenchgap.learn.data.phases.phase import Flags, Phase, Signals, closed, command_scale, runs, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -71,11 +62,30 @@ class ContactThresholds:
 CONTACT = ContactThresholds()
 
 
+def grounded(seen: Sequence[Signals], clear: float) -> list[Phase]:
+    """Contact with the ground, take-offs, landings, impacts and crashes of stretches; `clear` is of `clearance`."""
+    found: list[Phase] = []
+    if seen:
+        scale = command_scale(seen)
+        on = [contact(part, scale) for part in seen]
+        air = np.concatenate([part.spikes(scale)[~flags] for part, flags in zip(seen, on, strict=True)])
+        usual = 0.0 if len(air) == 0 else float(np.percentile(air, 25.0))
+        for part, flags in zip(seen, on, strict=True):
+            lost = crashes(part, flags, scale, usual)
+            found += [p for p in ground(part, flags, clear) if not within(p, lost)] + lost
+    return found
+
+
+def within(phase: Phase, others: Sequence[Phase]) -> bool:
+    """Whether a phase lies in another one that is left out."""
+    return any(o.left_out and o.start <= phase.start and phase.stop <= o.stop for o in others)
+
+
 def contact(part: Signals, scale: float) -> Flags:
     """Where (N,) the vehicle stands on the ground, lies on it, or is held."""
     if not part.vertical:  # nothing tells the ground but the commands: those that could not carry the vehicle
         return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
-    share, felt, still = carried(part, scale), sizes(part.slow_felt), stands(part)
+    share, felt, still = part.carried(scale), sizes(part.slow_felt), stands(part)
     certain = (share > CONTACT.carried) & (felt > CONTACT.rests)
     if part.speed is not None:
         certain &= part.speed < CONTACT.quick
@@ -169,8 +179,8 @@ CRASH = CrashThresholds()
 
 
 def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]:
-    """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of `spikes` in the air."""
-    sudden, doubt = spikes(part, scale), contradiction(part, scale)
+    """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of spikes in the air."""
+    sudden, doubt = part.spikes(scale), part.contradiction(scale)
     struck = (sudden > max(CRASH.spike, CRASH.outstanding * usual)) & ~on
     out = []
     for a, b in runs(~on):
@@ -208,16 +218,6 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
             start = begin
     rest = [p for p in found if p.name == "impact" and p.stop < start]
     return [*rest, Phase("crash", start, stop, crash.why)]
-
-
-def spikes(part: Signals, scale: float) -> Array:
-    """Size (N,) of what is felt and neither commanded nor lasting, in weights."""
-
-    def least(felt: Array, slow: Array, pushed: Array) -> Array:
-        sudden = lengths(felt - slow)
-        return np.asarray(np.minimum(sudden, lengths(felt - scale * pushed)))
-
-    return by_rows(least, part.felt, part.slow_felt, part.pushed)
 
 
 def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:

@@ -131,6 +131,22 @@ class Signals:
         """So many samples, one at least."""
         return max(1, round(seconds / self.dt))
 
+    def carried(self, scale: float) -> Array:
+        """Share (N,) of the felt force that the rotors do not make: what the ground, or a hand, carries."""
+        return by_rows(lambda felt, pushed: lengths(felt) - scale * lengths(pushed), self.slow_felt, self.slow_pushed)
+
+    def contradiction(self, scale: float) -> Array:
+        """Size (N,) of the slow difference between felt and commanded force, in shares of the weight."""
+        return by_rows(lambda felt, pushed: lengths(felt - scale * pushed), self.slow_felt, self.slow_pushed)
+
+    def spikes(self, scale: float) -> Array:
+        """Size (N,) of what is felt and neither commanded nor lasting, in weights."""
+
+        def least(felt: Array, slow: Array, pushed: Array) -> Array:
+            return np.asarray(np.minimum(lengths(felt - slow), lengths(felt - scale * pushed)))
+
+        return by_rows(least, self.felt, self.slow_felt, self.pushed)
+
 
 def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals | None:
     """What phases are made of; None for a stretch that is too short for a filter."""
@@ -178,20 +194,6 @@ def command_scale(parts: Sequence[Signals]) -> float:
     larges = (pushed > SIGNALS.pushing * high for high in np.percentile(pushed[busy], (50.0, 90.0)))
     found = [float(np.clip(np.median(felt[large] / pushed[large]), *SIGNALS.scales)) for large in larges]
     return min(found, key=lambda scale: abs(np.log(scale)))
-
-
-def contradiction(part: Signals, scale: float) -> Array:
-    """Size (N,) of the slow difference between felt and commanded force, in shares of the weight."""
-    return by_rows(lambda felt, pushed: lengths(felt - scale * pushed), part.slow_felt, part.slow_pushed)
-
-
-def carried(part: Signals, scale: float) -> Array:
-    """Share (N,) of the felt force that the rotors do not make: what the ground, or a hand, carries."""
-
-    def beyond(felt: Array, pushed: Array) -> Array:
-        return np.asarray(lengths(felt) - scale * lengths(pushed))
-
-    return by_rows(beyond, part.slow_felt, part.slow_pushed)
 
 
 def sizes(vectors: Array) -> Array:
