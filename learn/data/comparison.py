@@ -84,9 +84,10 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Result):
-    """Models on flights. `noise` (6,) is the sensor noise that no model can predict; `notes` are those of the flights,
-    and what was left out of which model.
-    """  # noqa: D205
+    """Models on flights. `noise` (6,) is the sensor noise that no model can predict.
+
+    `notes` are those of the flights, and what was left out of which model.
+    """
 
     flights: tuple[str, ...]
     records: tuple[Record, ...]

@@ -169,9 +169,10 @@ def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:
 
 
 def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
-    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz]: white, filtered
-    forward and backward, for torques differentiated once.
-    """  # noqa: D205
+    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz].
+
+    White, filtered forward and backward, for torques differentiated once.
+    """
     low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
     return np.stack((low_pass, low_pass * hertz**2), axis=1)
 

@@ -138,7 +138,11 @@ class _Search:
         self._applicable(names)
         data = dataset(records, self.base) if records else None
         self.effects = tuple(self._sized(n, data) for n in names)
-        self.floor = None if data is None else residual_floor(data, self.base, names, also)
+        self.floor: Array | None = None
+        if data is not None:  # what the best of the explanations leaves on a log: on the next not much less is left
+            left = [thorough(data, self.base, n, nuisances(also, names, self.base)).residual for n in names]
+            best = min(left, key=lambda r: energy(r, data.weights))
+            self.floor = np.maximum(rms(best), data.noise)
         self.screen = Screen(self.base, self.effects, nuisances(also, names, self.base), self.floor)
 
     def _path(self, duration: float, moves: Sequence[Move] = ()) -> Moves:
@@ -301,13 +305,3 @@ class _Search:
         tilt = float(so3.tilt_angle(flight.odometry.quat_EB).max())
         speed = float(np.linalg.norm(np.asarray(flight.odometry.velocity_E), axis=1).max())
         return Flown(truth.name, found, tilt, speed, rotor_use(flight, self.model), *tracking(flight, trajectory))
-
-
-def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Sequence[str] | None = None) -> Array:
-    """What the best of the explanations leaves on a log (6,), at least the sensor noise.
-
-    On the next flight of that vehicle not much less will be left.
-    """
-    left = [thorough(data, base, n, nuisances(also, names, base)).residual for n in names]
-    best = min(left, key=lambda r: energy(r, data.weights))
-    return np.asarray(np.maximum(rms(best), data.noise))

@@ -81,20 +81,17 @@ def fit(
             raise FitError(str(reason))
     with few_threads():
         problem = Problem(data, model, tuple(names), base, tick)
+        jacobian: Array | None = None
         if starts is None:
-            return _fit(problem, problem.start(start or base, near), None, iterations)
-        return _fit(problem, *_begun(problem, starts), iterations)
-
-
-def _begun(problem: Problem, starts: Starts) -> tuple[Point, Array]:
-    """Where a fit begins, and the derivatives there."""
-    if (begun := starts.pop(problem.names, None)) is not None:
-        x, residual, effects = begun
-        return Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
-    point = problem.start(None)
-    jacobian = problem.jacobian(point)
-    starts[problem.names] = point.x, point.residual, on_disk(jacobian[:, :, : problem.size].copy(), MANY)
-    return point, jacobian
+            point = problem.start(start or base, near)
+        elif (begun := starts.pop(problem.names, None)) is not None:
+            x, residual, effects = begun
+            point, jacobian = Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
+        else:
+            point = problem.start(None)
+            jacobian = problem.jacobian(point)
+            starts[problem.names] = point.x, point.residual, on_disk(jacobian[:, :, : problem.size].copy(), MANY)
+        return _fit(problem, point, jacobian, iterations)
 
 
 def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int) -> Fit:

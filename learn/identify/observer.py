@@ -73,10 +73,11 @@ OBSERVER = ObserverSettings()
 
 @dataclass(frozen=True)
 class Choice:
-    """The observer (of 0 Hz: none, because no bandwidth keeps the margins, or none is worth it), the lag [s] of the
-    loop that it was chosen for, M_s of that loop with it, and the share that the best within the margins leaves of what
-    is left without one (None where there is none).
-    """  # noqa: D205
+    """The observer, of 0 Hz where there is none, because no bandwidth keeps the margins, or none is worth it.
+
+    Also the lag [s] of the loop that it was chosen for, M_s of that loop with it (`peak`), and the share that the best
+    within the margins leaves of what is left without one (None where there is none).
+    """
 
     observer: Observer
     lag: float
