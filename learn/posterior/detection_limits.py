@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
-from wrenchgap.learn.data.measurement import Evaluator, Record
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.prediction import Evaluator
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
 from wrenchgap.learn.posterior.score import Keys, Scorer

@@ -29,7 +29,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, Learnt, OpenFlight
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.prediction import require_pose
-from wrenchgap.learn.data.zero_order_hold import commanded_otherwise
+from wrenchgap.learn.data.recording import commanded_otherwise
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.predictors import ProcessNote, predictors

@@ -15,10 +15,9 @@ from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.comparison import Stretch, worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import length, weighted, whole
-from wrenchgap.learn.diagnose.budget import Budget, Source, budget, held_out_process
-from wrenchgap.learn.diagnose.error_grid import Grid
-from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, FailureMap, failure_map
+from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, FailureMap, Grid, failure_map
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
+from wrenchgap.learn.diagnose.where import Budget, Source, budget, held_out_process
 from wrenchgap.replay.present.where import dependence_in_words
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.worker import worker_result
