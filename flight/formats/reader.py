@@ -9,6 +9,7 @@ asked for when such a file is opened (`flight.extras`). How to write one: docs/a
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -194,19 +195,30 @@ class Gatherer:
         return Batch(channel, times, payloads)
 
 
+class Nowhere(io.TextIOBase):
+    """Text that nobody reads, and that is not kept: of a damaged log a library may say a line for every byte."""
+
+    def write(self, text: str) -> int:
+        """Forget it."""
+        return len(text)
+
+
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
     """What a library and its C code print of damaged files does not reach the user; we say it in our own words."""
-    with contextlib.ExitStack() as stack:
-        nothing = stack.enter_context(Path(os.devnull).open("w", encoding="utf-8"))
-        stack.enter_context(contextlib.redirect_stdout(nothing))
-        stack.enter_context(contextlib.redirect_stderr(nothing))
-        with contextlib.suppress(OSError):  # no standard error to be silenced
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
-            os.dup2(nothing.fileno(), 2)
-        yield
+    with Nowhere() as nothing, contextlib.redirect_stdout(nothing), contextlib.redirect_stderr(nothing):
+        try:
+            kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        except OSError:  # no standard error to be silenced
+            yield
+            return
+        try:
+            os.dup2(nowhere, 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
 
 
 @contextlib.contextmanager
