@@ -13,7 +13,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
@@ -33,14 +35,26 @@ class ChangeSpectrum(Spectrum):
         filled = np.flatnonzero(np.bincount(self.band))
         self.band = np.searchsorted(filled, self.band)
         self.sensor, self.leak = sensor[filled], np.zeros((len(filled), len(self.axes)))
-        self.count = self.counted()
-        self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)], data)
+        self.count, self.flight_of_block = self.counted(), data.flight[self.starts]
+        self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)])
 
-    def _means_alone(self, answering: Sequence[int], data: Dataset) -> None:
+    def inexact(self, rows: NDArray[np.intp]) -> Array:
+        """The same without the mean over a flight: what a law is off by there is a constant wrench, a trim."""
+        out = super().inexact(rows).copy()
+        lines = self.coefficients[self.starts][:, :, rows]
+        size = np.sqrt(np.bincount(self.block).astype(float))
+        for f in np.unique(self.flight_of_block):
+            own = np.where(self.flight_of_block == f, size, 0.0)
+            own /= np.linalg.norm(own)
+            lines = lines - own[:, None, None] * np.tensordot(own, lines, 1)
+        out[0] = np.einsum("kap,kaq->apq", lines, lines) / np.maximum(self.count[0], 1.0)[:, None, None]
+        return out
+
+    def _means_alone(self, answering: Sequence[int]) -> None:
         """On these axes, of `axes`: means over flights of all but the residual, and nothing but means."""
         if not answering:
             return
-        flight = data.flight[self.starts]
+        flight = self.flight_of_block
         within = np.ones(len(self.block), dtype=bool)
         within[self.starts] = False
         for axis in answering:

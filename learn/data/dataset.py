@@ -53,7 +53,11 @@ class Dataset:
     @cached_property
     def evaluators(self) -> tuple[Evaluator, ...]:
         """One for each record; they remember what models have in common."""
-        return self.source.evaluators if self.source else tuple(Evaluator(record) for record in self.records)
+        return (
+            self.source.evaluators
+            if self.source
+            else tuple(Evaluator(record, balanced=True) for record in self.records)
+        )
 
     @cached_property
     def answer_gains(self) -> Array:

@@ -19,12 +19,13 @@ from wrenchgap.flight.memory import HOURS, give_back, on_disk
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.measurement import Record, low_pass, thinned
 from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects.effect import BodyEffect, SensorEffect
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin
 
 T = TypeVar("T")
 
@@ -45,11 +46,12 @@ class Evaluator:
 
     A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
     rotors' wrench on those, the effects on thrusts and the air, and what is geometry in it on the tilt angles; since
-    the filter is linear, each added wrench is filtered on its own.
+    the filter is linear, each added wrench is filtered on its own. Where the vehicle is `balanced`, the mean wrench
+    that a model leaves of the record acts on it, too.
     """
 
-    def __init__(self, record: Record) -> None:
-        self.record = record
+    def __init__(self, record: Record, *, balanced: bool = False) -> None:
+        self.record, self.balanced = record, balanced
         self._commands: OrderedDict[Key, Commands] = OrderedDict()
         self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
         self._added: OrderedDict[Key, Array] = OrderedDict()
@@ -76,7 +78,21 @@ class Evaluator:
             own = (key, air, item.name, item.theta.tobytes())
             made = partial(self._addition, model, item, act, rotors)
             total = total + _kept(self._added, own, 16, made)
-        return model.report(total, record.state_kept, body)
+        return self._reported(model, total, body)
+
+    def _reported(self, model: WrenchModel, wrench_B: Array, body: Body | None) -> Array:
+        """What the IMU reports (K, 6) under this wrench about O: docs/theory/measured-wrench.md.
+
+        A model without the torque that balances the vehicle predicts accelerations that never were, 20 rad/s^2 of a
+        quadrotor that hovers with a weak rotor, and its mass properties and its IMU's mounting answer to them.
+        """
+        state, believed = self.record.state_kept, body or model.vehicle.body
+        reported = model.report(wrench_B, state, body)
+        answers = any(isinstance(item.effect, BodyEffect | SensorEffect) for item in model.effects)
+        if not (self.balanced and answers):
+            return reported
+        unmodelled = np.nan_to_num(np.mean(self.record.measured - reported, axis=0, keepdims=True))
+        return model.report(wrench_B + about_origin(believed, unmodelled), state, body) - unmodelled
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)

@@ -150,6 +150,10 @@ class LinearProblem:
         which every flight has lost it by itself.
         """  # noqa: D205
 
+    def inexact(self, rows: Rows) -> Array:
+        """Products (bands, A, R, R) of some quantities as far as no trim takes up what their laws are off by."""
+        return self.products[:, :, rows[:, None], rows]
+
     def saturated(self, rounds: int = 3) -> tuple[Array, Array]:
         """What everything at once leaves, where the noise's spectrum starts: mean squares (bands, A), and the weights
         (Q,) of the quantities that leave it.

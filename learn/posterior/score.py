@@ -203,7 +203,10 @@ class SetRows:
         size = len(unknown)
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        self.products = Products(space.products, self.every, self.members, [space.columns[k].accuracy for k in keys])
+        own = [space.inexact(self.every[m]) for m in self.members]
+        self.products = Products(
+            space.products, self.every, self.members, own, [space.columns[k].accuracy for k in keys]
+        )
         self.trims, self.count = space.trims.of(self.every), space.count
         self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
         self.start = np.concatenate([*(space.columns[k].theta for k in keys), np.zeros(len(space.always))])
@@ -241,6 +244,7 @@ class Products:
         products: Array,
         rows: NDArray[np.intp],
         members: Sequence[NDArray[np.intp]],
+        own: Sequence[Array],
         accuracy: Sequence[float],
     ) -> None:
         self.shape, every = products.shape[:2], products.shape[2]
@@ -248,7 +252,7 @@ class Products:
         places = rows[self.pairs.one] * every + rows[self.pairs.other]
         self.values = products.reshape(-1, every * every).take(places, axis=1)
         self.members, self.accuracy = members, accuracy
-        self.own = [products[:, :, rows[m][:, None], rows[m]] for m in members]
+        self.own = own
 
     def mean_squares(self, weights: Array) -> tuple[Array, Array]:
         """By band and axis: what these weights leave, and what the laws of the members may be off by at most."""

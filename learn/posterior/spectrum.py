@@ -212,6 +212,8 @@ def transformed(
         part = stacked[own]
         part = part - part.mean(axis=0) if without_mean else part
         out[own] = dct(part, axis=0, norm="ortho", type=2)
+        if without_mean:
+            out[own.start] = 0.0  # and not what rounding leaves, which would be a direction like any other
     return out, block, hertz
 
 

@@ -19,6 +19,7 @@ from wrenchgap.learn.data.feedback_regressors import (
     wholly,
     within_blocks,
 )
+from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -229,3 +230,17 @@ def test_a_lag_rests_where_it_begins_and_answers_a_step_by_an_exponential(sample
 def test_without_a_lag_a_signal_stays_as_it_is():
     signal = np.random.default_rng(4).standard_normal(500)
     np.testing.assert_array_equal(lagged(signal, 0.0), signal)
+
+
+def test_where_commands_say_nothing_the_mean_of_a_flight_stays(plain, hexarotor):
+    """Commands that are snapshots in all bands answer nothing: of the torque about the axis nothing is taken out."""
+    every = np.zeros_like(plain.records[0].input_error) if plain.records[0].input_error is not None else None
+    error = np.zeros((len(EDGES) + 1, 6)) if every is None else every
+    error[:, AXIS] = 1.0
+    data = replace(plain, answering=(AXIS,), records=tuple(replace(r, input_error=error) for r in plain.records))
+    constant = np.zeros_like(plain.measured)
+    constant[:, AXIS] = 3.0
+    space = Spectrum(data, constant, [column("mass", np.ones(len(constant)))], trim_of(hexarotor))
+    assert space.silent[:, AXIS].mean() > 0.9
+    kept = np.linalg.norm(space.coefficients[:, AXIS, :2], axis=0)
+    np.testing.assert_allclose(kept, np.array([3.0, 1.0]) * np.sqrt(len(constant)), rtol=1e-6)

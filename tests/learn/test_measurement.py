@@ -255,3 +255,16 @@ def test_evaluator_of_a_vehicle_without_rotors():
     evaluate = Evaluator(record)
     for values in ({}, {"com_offset": np.array([0.01, 0, 0])}, {"command_delay": np.array([0.03])}, {}):
         assert_as_predict(evaluate, record, model_of(values, vehicle()))
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.01, 0.0), (0.01, 0.0, 0.0)])
+def test_a_torque_that_something_balances_accelerates_nothing(offset):
+    """0.3 Nm are commanded and the vehicle does not turn: with its centre of mass at r the thrust F makes -r x F more,
+    and its accelerometer, which no angular acceleration reaches, reads what it read.
+    """
+    thrust = np.array([0.0, 0.0, 2.0 * 9.81])
+    record = prepare(samples(force=WEIGHT, wrench=(*thrust, 0.3, 0.3, 0.0)), vehicle())
+    evaluate = Evaluator(record, balanced=True)
+    moved = evaluate(model_of({"com_offset": np.array(offset)}, vehicle())) - evaluate(model_of({}, vehicle()))
+    np.testing.assert_allclose(moved[:, :3], 0.0, atol=1e-4)  # 0.06 N if it turned by M over J
+    np.testing.assert_allclose(moved[:, 3:], np.broadcast_to(-np.cross(offset, thrust), (len(record), 3)), atol=1e-4)

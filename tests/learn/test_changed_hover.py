@@ -1,0 +1,77 @@
+"""A hover says little, and a rotor that lost a fifth of its thrust shows in it all the same.
+
+The flights are written down, not simulated: a quadrotor that hangs in the air, its specific force (0, 0, g), no rates,
+noise of the sensors, and rotor speeds that balance weight and torques, solved from the geometry by hand.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.flight.flight import GRAVITY, ActuatorSeries, Flight, ImuSeries, OdometrySeries
+from wrenchgap.plant import model_file
+
+MASS, ARM, C_F, KAPPA = 1.2, 0.25, 9.0e-6, 0.016
+AZIMUTH = np.radians([0.0, 90.0, 180.0, 270.0])
+SPIN = np.array([1, -1, 1, -1])
+RATE, SECONDS = 100.0, 20.0
+
+
+def quadrotor():
+    arms = "".join(
+        f"[[vehicle.arms]]\nazimuth_deg = {np.degrees(a)}\nrotors = [{{ spin = {s} }}]\n"
+        for a, s in zip(AZIMUTH, SPIN, strict=True)
+    )
+    return model_file.loads(
+        f'schema = 1\n[vehicle]\nname = "quadrotor"\nmass = {MASS}\ninertia = [0.012, 0.016, 0.025]\n[vehicle.arm]\n'
+        f"length = {ARM}\ntilts = false\n[vehicle.rotor]\nc_f = {C_F}\nkappa = {KAPPA}\nradius = 0.12\n"
+        f"speed_max = 1000.0\n{arms}"
+    )
+
+
+def hover(name, seed, lost=None):
+    """A hover in which the rotors' thrusts are those of their commands times 1 - `lost` of each."""
+    rng = np.random.default_rng(seed)
+    share = 1.0 if lost is None else 1.0 - np.asarray(lost)
+    made = np.array([np.ones(4), ARM * np.sin(AZIMUTH), -ARM * np.cos(AZIMUTH), -KAPPA * SPIN]) * share
+    thrust = np.linalg.solve(made, [MASS * GRAVITY, 0.0, 0.0, 0.0])
+    time = np.arange(0.0, SECONDS, 1.0 / RATE)
+    wander = np.cumsum(rng.normal(size=(len(time), 4)), axis=0)  # the controller's answers to air and sensors
+    wander = 0.003 * (wander - wander.mean(axis=0)) / wander.std(axis=0)
+    speed = np.sqrt(thrust * (1.0 + wander) / C_F)
+    still = np.zeros((len(time), 3))
+    force = still + [0.0, 0.0, GRAVITY]
+    return Flight(
+        name,
+        Path(f"{name}.csv"),
+        name,
+        0,
+        actuators=ActuatorSeries("/motors", time, np.zeros((len(time), 0)), speed),
+        imu=ImuSeries("/imu", time, still + 0.003 * rng.normal(size=still.shape), force + 0.03 * rng.normal(size=still.shape)),
+        odometry=OdometrySeries(
+            "/odometry", time, still + [0.0, 0.0, 2.0], np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1)), still, still
+        ),
+    )  # fmt: skip
+
+
+def changed(suspect, healthy):
+    model = quadrotor()
+    good, odd = (wg.open_flights(flights, model) for flights in (healthy, [suspect]))
+    return wg.changed(odd, good, model, jobs=1)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count):
+    healthy = [hover(f"healthy {k}", k) for k in range(count)]
+    found = changed(hover("suspect", 9, (0.0, 0.2, 0.0, 0.0)), healthy)
+    assert "rotor_thrust" in found.names
+    (lost,) = (p for p in found.parameters if p.effect == "rotor_thrust")
+    assert lost.name == "rotor_1"
+    assert -0.25 < lost.change < -0.05  # a cut propeller may lose 2.5 times as much drag torque as thrust
+
+
+def test_two_hovers_of_one_vehicle_show_no_change():
+    found = changed(hover("suspect", 9), [hover("healthy", 1)])
+    assert found.names == ()
