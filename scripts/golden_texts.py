@@ -26,13 +26,16 @@ KEPT = ROOT / "tests" / "golden" / "texts"
 TOLERANCE = 0.02
 """Of a number, relative: fits end within a fifth of that on other machines, what is shown has two or three digits."""
 
+HIDDEN = "--hide com_offset=x:-0.004,y:0.007,z:-0.005"
+HEXAROTOR, QUADROTOR = "simulate -m tilt_hexarotor --trajectory", "simulate -m asymmetric_quadrotor --trajectory"
 PREPARE = (
-    "simulate -m tilt_hexarotor --trajectory multi_axis -o train.mcap --duration 12 --excitation 1 --seed 1 --hide com_offset=x:-0.004,y:0.007,z:-0.005",
-    "simulate -m tilt_hexarotor --trajectory figure8 -o test.mcap --duration 10 --seed 1 --hide com_offset=x:-0.004,y:0.007,z:-0.005",
-    "simulate -m tilt_hexarotor --trajectory multi_axis -o ideal.mcap --duration 10 --excitation 1 --seed 1",
-    "simulate -m asymmetric_quadrotor --trajectory hover -o hover.mcap --duration 15 --seed 2",
-    "simulate -m asymmetric_quadrotor --trajectory hover -o cut.mcap --duration 15 --seed 3 --hide rotor_thrust=rotor_1:-0.2",
-)  # fmt: skip
+    f"{HEXAROTOR} multi_axis -o train.mcap --duration 12 --excitation 1 --seed 1 {HIDDEN}",
+    f"{HEXAROTOR} figure8 -o test.mcap --duration 10 --seed 1 {HIDDEN}",
+    f"{HEXAROTOR} multi_axis -o ideal.mcap --duration 10 --excitation 1 --seed 1",
+    f"{QUADROTOR} hover -o hover.mcap --duration 15 --seed 2",
+    f"{QUADROTOR} hover -o cut.mcap --duration 15 --seed 3 --hide rotor_thrust=rotor_1:-0.2",
+)
+"""Flights that are not asked about."""
 COMMANDS = {
     "check": "check hover.mcap",
     "check-two-logs": "check hover.mcap cut.mcap --details",
@@ -59,6 +62,7 @@ COMMANDS = {
     "bad-input": "explain nowhere.mcap -m tilt_hexarotor",
     "bad-option": "compare train.mcap -m tilt_hexarotor --cutoff -3",
 }
+"""By the name of the text."""
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 DECORATION = re.compile(r"[─━═┄╌┈│┃╭╮╰╯├┤┬┴┼╷╵╶╴┏┓┗┛┡┩╇╈╋╎\s-]+")

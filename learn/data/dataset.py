@@ -53,11 +53,9 @@ class Dataset:
     @cached_property
     def evaluators(self) -> tuple[Evaluator, ...]:
         """One for each record; they remember what models have in common."""
-        return (
-            self.source.evaluators
-            if self.source
-            else tuple(Evaluator(record, balanced=True) for record in self.records)
-        )
+        if self.source:
+            return self.source.evaluators
+        return tuple(Evaluator(record, balanced=True) for record in self.records)
 
     @cached_property
     def answer_gains(self) -> Array:

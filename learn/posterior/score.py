@@ -203,10 +203,8 @@ class SetRows:
         size = len(unknown)
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        own = [space.inexact(self.every[m]) for m in self.members]
-        self.products = Products(
-            space.products, self.every, self.members, own, [space.columns[k].accuracy for k in keys]
-        )
+        laws = [(m, space.inexact(self.every[m]), space.columns[k].accuracy) for k, m in zip(keys, self.members, strict=True)]
+        self.products = Products(space.products, self.every, laws)
         self.trims, self.count = space.trims.of(self.every), space.count
         self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
         self.start = np.concatenate([*(space.columns[k].theta for k in keys), np.zeros(len(space.always))])
@@ -243,22 +241,19 @@ class Products:
         self,
         products: Array,
         rows: NDArray[np.intp],
-        members: Sequence[NDArray[np.intp]],
-        own: Sequence[Array],
-        accuracy: Sequence[float],
+        laws: Sequence[tuple[NDArray[np.intp], Array, float]],
     ) -> None:
         self.shape, every = products.shape[:2], products.shape[2]
         self.pairs = _pairs(len(rows))
         places = rows[self.pairs.one] * every + rows[self.pairs.other]
         self.values = products.reshape(-1, every * every).take(places, axis=1)
-        self.members, self.accuracy = members, accuracy
-        self.own = own
+        self.laws = laws
 
     def mean_squares(self, weights: Array) -> tuple[Array, Array]:
         """By band and axis: what these weights leave, and what the laws of the members may be off by at most."""
         both = weights[self.pairs.one] * weights[self.pairs.other] * self.pairs.times
         sizes = np.zeros(self.shape)
-        for m, own, share in zip(self.members, self.own, self.accuracy, strict=True):
+        for m, own, share in self.laws:
             sizes += share * np.sqrt(np.maximum(quadratic(own, weights[m]), 0.0))
         return np.maximum((self.values @ both).reshape(self.shape), 0.0), sizes**2
 

@@ -41,19 +41,16 @@ def hover(name, seed, lost=None):
     wander = np.cumsum(rng.normal(size=(len(time), 4)), axis=0)  # the controller's answers to air and sensors
     wander = 0.003 * (wander - wander.mean(axis=0)) / wander.std(axis=0)
     speed = np.sqrt(thrust * (1.0 + wander) / C_F)
-    still = np.zeros((len(time), 3))
-    force = still + [0.0, 0.0, GRAVITY]
+    still, noise = np.zeros((len(time), 3)), rng.normal(size=(2, len(time), 3))
     return Flight(
         name,
         Path(f"{name}.csv"),
         name,
         0,
         actuators=ActuatorSeries("/motors", time, np.zeros((len(time), 0)), speed),
-        imu=ImuSeries("/imu", time, still + 0.003 * rng.normal(size=still.shape), force + 0.03 * rng.normal(size=still.shape)),
-        odometry=OdometrySeries(
-            "/odometry", time, still + [0.0, 0.0, 2.0], np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1)), still, still
-        ),
-    )  # fmt: skip
+        imu=ImuSeries("/imu", time, 0.003 * noise[0], np.array([0.0, 0.0, GRAVITY]) + 0.03 * noise[1]),
+        odometry=OdometrySeries("/odometry", time, still, np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1)), still, still),
+    )
 
 
 def changed(suspect, healthy):

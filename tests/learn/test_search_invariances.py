@@ -20,7 +20,7 @@ ARMS = ((0.0, 1), (90.0, -1), (180.0, 1), (270.0, -1))
 
 
 def quadrotor(*, turn_deg=0.0, order=(0, 1, 2, 3), inertia=(0.012, 0.016, 0.025), scale=1.0):
-    """The vehicle in a body frame turned by -`turn_deg` about z, its rotors in another order, `scale` times as heavy."""
+    """The vehicle in a body frame turned by -`turn_deg` about z, rotors in another order, `scale` times as heavy."""
     arms = "".join(
         f"[[vehicle.arms]]\nazimuth_deg = {(ARMS[k][0] + turn_deg) % 360.0}\nrotors = [{{ spin = {ARMS[k][1]} }}]\n"
         for k in order
@@ -107,17 +107,17 @@ def alone(flights):
     return found(flights[:1], quadrotor())
 
 
-def same(one, other, tolerance=1e-3):
-    """The verdict, the names, their probability and their values."""
+def same(one, other, share=1e-3):
+    """The verdict, the names, their probability, and to a `share` their values."""
     assert one[0] is other[0]
     assert one[1].keys() == other[1].keys()
     for name, (probability, values) in one[1].items():
         assert other[1][name][0] == pytest.approx(probability, abs=0.01), name
-        np.testing.assert_allclose(other[1][name][1], values, rtol=0.02, atol=tolerance, err_msg=name)
+        np.testing.assert_allclose(other[1][name][1], values, rtol=share, atol=share * 0.01, err_msg=name)
 
 
 def test_the_offset_is_found(alone):
-    verdict, members = alone
+    _, members = alone
     assert list(members) == ["com_offset"]
     np.testing.assert_allclose(members["com_offset"][1], list(OFFSET.values()), atol=1.5e-3)
 
