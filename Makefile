@@ -62,8 +62,9 @@ bench: setup ## the tables of docs/performance.md, their rows as JSON in build/b
 generated: setup ## print compensate/generated anew, after a change of compensate/kernels.py or tables.py
 	$(VENV) scripts/generate.py
 
-golden: setup ## keep the golden results of tests/golden anew, after a change that was meant
+golden: setup ## keep the golden results and texts of tests/golden anew, after a change that was meant
 	$(VENV) -m scripts.golden_replays --refresh
+	$(VENV) -m scripts.golden_texts --refresh
 
 fuzz: setup ## coverage-guided fuzzing of readers, model files and stored GPs (MINUTES=5 of processor time; atheris, Linux alone)
 	$(VENV) -m benchmarks.faults.fuzz --minutes $(or $(MINUTES),5)

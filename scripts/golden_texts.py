@@ -65,7 +65,7 @@ COMMANDS = {
 """By the name of the text."""
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-DECORATION = re.compile(r"[─━═┄╌┈│┃╭╮╰╯├┤┬┴┼╷╵╶╴┏┓┗┛┡┩╇╈╋╎\s-]+")
+DECORATION = re.compile(r"[─━═┄╌┈│┃╭╮╰╯├┤┬┴┼╷╵╶╴┏┓┗┛┡┩╇╈╋╎\s]+|-{2,}")
 PROGRESS = re.compile(r"\w+: +\d+ % ")
 """Lines of progress, which come by the clock."""
 MASKED = (
