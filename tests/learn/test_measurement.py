@@ -267,4 +267,4 @@ def test_a_torque_that_something_balances_accelerates_nothing(offset):
     evaluate = Evaluator(record, balanced=True)
     moved = evaluate(model_of({"com_offset": np.array(offset)}, vehicle())) - evaluate(model_of({}, vehicle()))
     np.testing.assert_allclose(moved[:, :3], 0.0, atol=1e-4)  # 0.06 N if it turned by M over J
-    np.testing.assert_allclose(moved[:, 3:], np.broadcast_to(-np.cross(offset, thrust), (len(record), 3)), atol=1e-4)
+    np.testing.assert_allclose(moved[:, 3:], np.broadcast_to(-np.cross(offset, thrust), (len(record), 3)), atol=1e-3)
