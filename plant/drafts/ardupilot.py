@@ -64,10 +64,11 @@ def read_parameters(path: Path) -> dict[str, float]:
         if not words:
             continue
         try:
-            found[words[0].upper()] = float(words[1])
+            found[words[0].upper()] = value = float(words[1])
         except (IndexError, ValueError):
-            got = repr(line.strip()[:80])
-            raise ModelError(f"{path}, line {number}: got {got}, expected NAME,VALUE") from None
+            value = np.nan
+        if not np.isfinite(value):
+            raise ModelError(f"{path}, line {number}: got {line.strip()[:80]!r}, expected NAME,VALUE, a finite number")
     return found
 
 

@@ -176,7 +176,8 @@ def _with_thrust(draft: Draft, mass: float) -> Draft:
     command, full = draft.command, None
     if command is not None:
         full = command.thrust_max
-        if full is None and (hover := command.hover) is not None:
+        hover = command.hover
+        if full is None and hover is not None and 0.0 < float(hover.value) <= 1.0:  # others were never learnt
             words = f"weight over {len(up)} rotors, {hover.source}"
             full = Sourced(hover_thrust / float(hover.value), words, hover.assumed)
         draft = replace(draft, command=replace(command, thrust_max=full))

@@ -64,7 +64,7 @@ def rotors_of(parameters: Parameters, where: str, arm: float | None = None) -> t
 
 def placeholders(parameters: Parameters) -> bool:
     """Whether the farthest rotor is at one metre along x and along y: ratios, not lengths."""
-    numbers = range(int(parameters.get("CA_ROTOR_COUNT", 0)))
+    numbers = range(int(parameters["CA_ROTOR_COUNT"])) if has_geometry(parameters) else ()
     return all(
         max((abs(parameters.get(f"CA_ROTOR{k}_P{axis}", 0.0)) for k in numbers), default=0.0) == 1.0 for axis in "XY"
     )

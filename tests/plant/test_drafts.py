@@ -106,6 +106,22 @@ def test_px4_with_a_model_factor_commands_shares_of_thrust():
     assert half / full == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("hover", [0.0, -5.0, 40.0])
+def test_a_throttle_at_which_nothing_hovers_says_nothing_of_the_thrust(tmp_path, hover):
+    """Never learnt, or damaged: full thrust is then the typical multiple of the weight, and assumed."""
+    text = "\n".join(x for x in ARDUPILOT.splitlines() if not x.startswith("MOT_THST_HOVER"))
+    (tmp_path / "quad.param").write_text(f"{text}\nMOT_THST_HOVER,{hover:g}\n")
+    draft = completed(draft_of_source(tmp_path / "quad.param", Given(mass=2.0, arm=0.2)))
+    for rotor in draft.rotors:
+        assert rotor.speed_max.assumed
+        assert 1.2 < rotor.c_f.value * rotor.speed_max.value**2 * len(draft.rotors) / (2.0 * GRAVITY) < 4.0
+
+
+def test_a_count_of_rotors_that_nobody_has_is_no_work():
+    """Two thousand million rotors of a damaged log kept `check` busy for an hour."""
+    assert not px4.placeholders({"CA_ROTOR_COUNT": 2.0**31 - 1.0, "CA_ROTOR0_PX": 1.0, "CA_ROTOR0_PY": 1.0})
+
+
 def test_a_rotor_without_direction_is_refused():
     with pytest.raises(ModelError, match="CA_ROTOR2_AX, _AY, _AZ are all zero"):
         iris(CA_ROTOR2_AZ=0.0)
@@ -282,17 +298,9 @@ def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_pat
             Given(mass=2.0, arm=0.2),
             "FRAME_CLASS 7 .* not known here",
         ),
-        (
-            ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,nan"),
-            Given(mass=2.0),
-            "FRAME_CLASS nan .* not known here",
-        ),
-        (
-            ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,inf"),
-            Given(mass=2.0),
-            "FRAME_CLASS inf .* not known here",
-        ),
+        (ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,nan"), Given(mass=2.0), "'FRAME_CLASS,nan', .* a finite number"),
         ("FRAME_CLASS,one\n", Given(mass=2.0), r"quad.param, line 1: got 'FRAME_CLASS,one', expected NAME,VALUE"),
+        ("RCMAP_THROTTLE,inf\n", Given(mass=2.0), r"quad.param, line 1: got 'RCMAP_THROTTLE,inf', .* a finite number"),
     ],
 )
 def test_ardupilot_says_what_is_missing(tmp_path, text, given, message):
