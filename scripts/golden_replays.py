@@ -29,6 +29,9 @@ SAMPLES = 30
 DIGITS = 8
 TOLERANCE = 1e-6
 """Relative."""
+TOLERANCE_OF_REACH = 4.0
+"""In tolerances of the search for the nearest wrench that a vehicle can make (`compensate.reach.NEAR`). Rounding, which
+differs between machines, decides in which round it ends: twice the tolerance apart, and pulled inside by as much."""
 TOLERANCE_OF_REPLAY = 2e-5
 """Relative to a value and to the largest of its series: the optimiser stops at mismatches of some 1e-6 of that."""
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
@@ -84,8 +87,8 @@ def _upset(model: Any) -> dict[str, Any]:
     for size in np.tile([0.2, 1.0, 3.0, 1e6, 1e300], 3):
         for wanted in (hover + size * rng.normal(size=6) * authority, hover):
             made = loop.step(wanted, rest)
-            rows.append([*made.wrench_cmd.tolist(), float(made.limited)])
-    return _rounded({"wrench_cmd_and_limited": rows})
+            rows.append([*(made.wrench_cmd / authority).tolist(), float(made.limited)])
+    return _rounded({"shares_of_authority_and_limited": rows})
 
 
 def results(name: str) -> dict[str, Any]:
@@ -163,11 +166,16 @@ def _rounded(value: Any) -> Any:
 
 def divergence(name: str, golden: dict[str, Any], now: dict[str, Any]) -> Divergence | None:
     """The first place where a case diverges, the replay by time, then compare; None where it does not."""
+    from wrenchgap.compensate.reach import NEAR
+
     series = sorted(_diverging(name, golden["replay"], now["replay"]), key=lambda found: found.sample or 0)
     if series:
         return series[0]
-    for where, old, new in differences(golden["upset"], now["upset"], TOLERANCE_OF_REPLAY):
-        return Divergence(name, f"upset{where}", old, new)
+    for (key, old), new in zip(golden["upset"].items(), now["upset"].values(), strict=True):
+        for k, (row, other) in enumerate(zip(old, new, strict=True)):
+            near = TOLERANCE_OF_REACH * NEAR if row[-1] else TOLERANCE_OF_REPLAY
+            if row[-1] != other[-1] or np.abs(np.subtract(row, other)).max() > near:
+                return Divergence(name, f"upset.{key}", row, other, k, float(k))
     for where, old, new in differences(golden["compare"], now["compare"], TOLERANCE):
         return Divergence(name, f"compare{where}", old, new)
     return None

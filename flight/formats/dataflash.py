@@ -20,6 +20,7 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.reader import TableReader, readable
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
@@ -54,7 +55,7 @@ class DataflashReader(TableReader):
         if strange:
             self.notes.append(f"{strange} bytes of {self.path.name} belong to no whole message: left out.")
         found = {table.topic: table for name, columns in raw.items() for table in _instances(name, columns, self.notes)}
-        dropped = int(np.max(found["DSF"].columns.get("Dp", np.zeros(1)), initial=0)) if "DSF" in found else 0
+        dropped = _most(raw.get("DSF", {}).get("Dp"))
         if dropped > 0:
             self.notes.append(f"The logger dropped {dropped} blocks of messages.")
         self.autopilot = _autopilot(raw, dropped)
@@ -76,6 +77,13 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
         return {}
     pairs = zip(names.tolist(), values.tolist(), strict=True)
     return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
+
+
+def _most(values: Array | None) -> int:
+    """The largest of these counts (N,); 0 of what a damaged log has in their place."""
+    if values is None or values.dtype.kind not in "iuf":
+        return 0
+    return int(np.max(values[np.isfinite(values)], initial=0))
 
 
 def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from wrenchgap.flight.budget import LIMITS
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
 from wrenchgap.flight.formats.standard_topics import RPM, Stamps, StandardTopic, taken
@@ -221,8 +222,13 @@ class _Known:
         if found is None or found.field == "time" or found.index in self.fields.get(found.field, {}):
             self.unknown.append(header)
             return
+        stated = self.units.setdefault(found.field, found.unit)
+        if found.field == "rotor" and stated != found.unit:  # shares, pulses and speeds are told apart by it
+            raise LogError(
+                f"column {header!r} is in {found.unit or 'no unit'}, others of {found.field} in {stated or 'no unit'}; "
+                "write one unit for all of them"
+            )
         self.fields.setdefault(found.field, {})[found.index] = values * found.factor
-        self.units.setdefault(found.field, found.unit)
 
     def whole(self, name: str, width: int) -> Array | None:
         """A vector (N, width), or None where a column is missing."""

@@ -102,7 +102,6 @@ class ParquetReader(TableReader):
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its columns' names tell."""
         with needed_for(f"{self.path}: Parquet tables", LogError):
-            import pandas as pd
             import pyarrow
             import pyarrow.parquet
 
@@ -111,10 +110,10 @@ class ParquetReader(TableReader):
                 _count(file.metadata, self.account)
                 texts = [leaf.path for leaf in _leaves(file.metadata) if leaf.physical_type == "BYTE_ARRAY"]
             table = pyarrow.parquet.read_table(self.path, read_dictionary=texts)
-            frame = _plain(table, self.account).to_pandas()
+            frame = _plain(table, self.account).to_pandas(ignore_metadata=True)  # which may say anything
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
-        return tables_of(frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index(), self)
+        return tables_of(frame.rename(columns={"__index_level_0__": "index"}), self)
 
 
 def _leaves(metadata: Any) -> list[Any]:
@@ -206,9 +205,10 @@ def _numeric(header: str, column: Any) -> tuple[Columns, int]:
 
     if column.dtype == object and len(column) and isinstance(column.iloc[0], list | tuple | np.ndarray):
         width = len(column.iloc[0])
-        if not all(np.ndim(cell) == 1 and len(cell) == width for cell in column):
+        try:
+            rows = np.array(column.tolist(), dtype=float).reshape(len(column), width)
+        except (TypeError, ValueError):  # words, or lists of several lengths
             return {}, len(column)
-        rows = np.array(column.tolist(), dtype=float)
         return {f"{header}_{i}": rows[:, i] for i in range(width)}, 0
     if isinstance(column.dtype, np.dtype) and column.dtype.kind in "iuf":
         return {header: column.to_numpy(dtype=float)}, 0

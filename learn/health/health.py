@@ -88,15 +88,19 @@ def check(
 ) -> Health:
     """Look at logs without a model, or with the rotors and topics of one.
 
-    Raises LogError for what is no log, UsageError for no log at all, and for options that are not understood.
+    Raises LogError for what is no log, UsageError for no log at all, for one log given twice, and for options that
+    are not understood.
     """
     if not logs:
         raise UsageError("check: got no logs; expected one at least")
-    found = []
+    found: list[LogHealth] = []
     for number, path in enumerate(logs):
         if progress is not None:
             progress(number / len(logs), Path(path).name)
         found.append(examined(Path(path), model, options or ReadOptions()))
+        hashes = [log.inspection.content_hash for log in found]
+        if (first := hashes.index(hashes[-1])) < number:
+            raise UsageError(f"check: {path} is the same log as {logs[first]}; name each log once")
     names = [log.name for log in found]
     named = [log.name if names.count(log.name) == 1 else str(log.inspection.path) for log in found]
     differences = parameter_differences(zip(named, (log.autopilot for log in found), strict=True))

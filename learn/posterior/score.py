@@ -203,7 +203,10 @@ class SetRows:
         size = len(unknown)
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        laws = [(m, space.inexact(self.every[m]), space.columns[k].accuracy) for k, m in zip(keys, self.members, strict=True)]
+        laws = [
+            (m, space.inexact(self.every[m]), space.columns[k].accuracy)
+            for k, m in zip(keys, self.members, strict=True)
+        ]
         self.products = Products(space.products, self.every, laws)
         self.trims, self.count = space.trims.of(self.every), space.count
         self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
@@ -233,8 +236,8 @@ class SetRows:
 class Products:
     """Products of some of the stacked quantities, those of every pair once: by band and axis they are symmetric.
 
-    `rows` (R,) are which of all (bands, axes, Q, Q). `members` are the quantities of each candidate among them, whose
-    laws are known to `accuracy`.
+    `rows` (R,) are which of all (bands, axes, Q, Q). `laws` are, of each candidate, which rows are its own, their
+    products as far as an error of its law is none of a trim (`LinearProblem.inexact`), and to what share it is known.
     """
 
     def __init__(

@@ -54,6 +54,9 @@ def console(least: int = 120, least_prose: int = 60) -> Any:
             width = max(real, least if tables else least_prose)
             super().print(*objects, **{"width": width} | options)
 
+        def on_broken_pipe(self) -> None:  # whoever reads, e.g. `head`, has seen enough: files are written all the same
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
     return Terminal(width=max(real, least), highlight=False)
 
 

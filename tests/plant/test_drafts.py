@@ -298,7 +298,11 @@ def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_pat
             Given(mass=2.0, arm=0.2),
             "FRAME_CLASS 7 .* not known here",
         ),
-        (ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,nan"), Given(mass=2.0), "'FRAME_CLASS,nan', .* a finite number"),
+        (
+            ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,nan"),
+            Given(mass=2.0),
+            "'FRAME_CLASS,nan', .* a finite number",
+        ),
         ("FRAME_CLASS,one\n", Given(mass=2.0), r"quad.param, line 1: got 'FRAME_CLASS,one', expected NAME,VALUE"),
         ("RCMAP_THROTTLE,inf\n", Given(mass=2.0), r"quad.param, line 1: got 'RCMAP_THROTTLE,inf', .* a finite number"),
     ],

@@ -166,7 +166,7 @@ def test_parameters_that_differ_are_listed_and_counters_are_not(tmp_path, run, r
     assert all(entry["reason"] for entry in found["ignored"])
     shown = run("check", one, two).stdout
     assert re.search(r"MC_ROLLRATE_P +0.15 +0.2", shown)
-    same = result_of("check", one, ulog(tmp_path / "three.ulg", Wrong(parameters={"MC_ROLLRATE_P": 0.15})))
+    same = result_of("check", one, ulog(tmp_path / "three.ulg", Wrong(parameters=other | {"MC_ROLLRATE_P": 0.15})))
     assert same["autopilot_parameters"]["differ"] == []
 
 
@@ -349,3 +349,19 @@ def test_notes_that_differ_by_names_and_numbers_alone_are_one():
     several = ["12 bytes of a.bin belong to no whole message: left out.", *damaged, "another note."]
     assert grouped(several) == [several[0], f"{damaged[0]} (39 more like it.)", "another note."]
     assert grouped(damaged[:3]) == damaged[:3]
+
+
+def test_one_log_given_twice_is_refused(run, logs):
+    done = run("check", logs.train, logs.train)
+    assert done.exit_code == 2
+    assert "is the same log as" in done.output
+
+
+def test_files_are_written_though_whoever_reads_the_output_has_seen_enough(logs, tmp_path):
+    """`wrenchgap check LOG --page FILE | head -1`."""
+    command = [sys.executable, "-m", "wrenchgap", "check", logs.train, "--page", "p.html", "--json", "p.json"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(120) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"p.html", "p.json"}

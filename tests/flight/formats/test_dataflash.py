@@ -8,7 +8,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.dataflash import parameters
+from wrenchgap.flight.formats.dataflash import _most, parameters
 
 SECONDS = 6.0
 SERVOS = {"SERVO1_FUNCTION": 34, "SERVO2_FUNCTION": 33, "SERVO3_FUNCTION": 0, "MOT_THST_EXPO": 0.65}
@@ -216,6 +216,13 @@ def test_a_message_with_a_field_that_has_no_name_is_left_out(log, autopilots, tm
     path = log.save(tmp_path / "log.bin")
     assert len(flight.load(path).imu.time) > 30
     assert "EXTR" not in {topic.topic for topic in flight.inspect(path).topics}
+
+
+@pytest.mark.parametrize("values", [[np.inf], [np.nan, 3.0], [b"x"], [], None])
+def test_a_count_of_dropped_blocks_that_is_none_is_no_count(values):
+    """Of a damaged log: infinity, text, nothing."""
+    found = _most(None if values is None else np.array(values))
+    assert found == (3 if values and values[-1] == 3.0 else 0)
 
 
 def test_without_pymavlink_one_line_names_the_extra(log, tmp_path, monkeypatch):

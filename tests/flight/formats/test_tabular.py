@@ -4,6 +4,8 @@ import warnings
 
 import numpy as np
 import pandas as pd
+import pyarrow
+import pyarrow.parquet
 import pytest
 
 from wrenchgap import flight
@@ -181,3 +183,39 @@ def test_dates_of_no_form_are_read_within_the_budget(tmp_path):
     (tmp_path / "log.csv").write_text("time,gyro_x\n" + rows)
     with pytest.raises(BudgetError, match="--budget"):
         flight.inspect(tmp_path / "log.csv", budget="0.2s")
+
+
+def test_speeds_in_two_units_are_refused(logs, time, tmp_path):
+    """Of a column in pulses beside one in rpm the pulses were speeds, and nobody said so."""
+    table = pd.DataFrame({"t": time} | {k: v for k, v in columns(logs, time).items() if not k.startswith("motor")})
+    table = table.assign(**{"motor_1 [rpm]": 5000.0, "motor_2 [us]": 1500.0})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(LogError, match=r"'motor_2 \[us\]' is in pwm, others of rotor in rpm; write one unit"):
+        flight.load(tmp_path / "log.csv")
+
+
+ODD = {
+    "empty": b"{}",
+    "list": b"[]",
+    "an index that is not there": b'{"index_columns":["nothing"],"columns":[],"column_indexes":[]}',
+    "numbers": b'{"index_columns":[],"columns":7,"column_indexes":5}',
+    "a type that is none": b'{"index_columns":[],"column_indexes":[],"columns":[{"name":"t","field_name":"t",'
+    b'"pandas_type":"spam","numpy_type":"spam","metadata":null}]}',
+}
+
+
+@pytest.mark.parametrize("words", ODD.values(), ids=list(ODD))
+def test_what_a_parquet_file_says_of_pandas_decides_nothing(logs, time, tmp_path, words):
+    table = pyarrow.table({"t": time} | columns(logs, time)).replace_schema_metadata({b"pandas": words})
+    pyarrow.parquet.write_table(table, tmp_path / "log.parquet")
+    agrees(flight.load(tmp_path / "log.parquet"), logs, time)
+
+
+def test_a_column_of_lists_of_words_holds_no_numbers(logs, time, tmp_path):
+    plain = (
+        {"t": time}
+        | columns(logs, time)
+        | {"names": [["a", "b"]] * len(time), "ragged": [[1.0]] + [[]] * (len(time) - 1)}
+    )
+    pyarrow.parquet.write_table(pyarrow.table(plain), tmp_path / "log.parquet")
+    agrees(flight.load(tmp_path / "log.parquet"), logs, time)
