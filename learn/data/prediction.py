@@ -92,7 +92,7 @@ class Evaluator:
         if not (self.balanced and answers):
             return reported
         unmodelled = np.nan_to_num(np.mean(self.record.measured - reported, axis=0, keepdims=True))
-        return model.report(wrench_B + about_origin(believed, unmodelled), state, body) - unmodelled
+        return np.asarray(model.report(wrench_B + about_origin(believed, unmodelled), state, body) - unmodelled)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)
