@@ -1,7 +1,5 @@
 """Arguments of public functions: one of another type than its annotation says is refused where it enters."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

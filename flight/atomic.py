@@ -8,8 +8,6 @@ kills the process, or fills the disk, leaves the old file or the new one, and at
 that a program makes up, in a folder that others may write to: it follows none, whenever it was put there.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

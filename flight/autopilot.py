@@ -3,8 +3,6 @@
 Parameters of logs are compared as they were at the end of each, in the precision of the autopilots, which is single.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Two thirds of `inspect` were spent here, in some ten numpy calls for every frequ
 (docs/decisions/0030-messages-where-they-lie.md).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

@@ -6,8 +6,6 @@ What cannot be written or read is not kept, and that is all that happens. Nobody
 is kept: the log may be private.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """What a check finds, and times that are left out: both travel with a flight into every result."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal

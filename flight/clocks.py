@@ -14,8 +14,6 @@ Velocities and accelerations are only right in the clock of the motion. Where th
 log's, the flight is told in the motion's clock and everything else is mapped to it; otherwise in the log's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 

@@ -3,8 +3,6 @@
 The frame of a velocity, rate or acceleration is asked of the pose, whose derivative it is (`best_frame`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ comes from where the numbers lie: the field `normalized` of an Actuators message
 `normalized`, `throttle` or `pwm` in the topic's name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ How two signals are compared is in `flight.offsets`. `shifted` moves a topic's s
 itself, and always on record.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Every message says what is wrong, where, what was found and expected, and what t
 one line and exits with code 2; a library user catches `WrenchgapError`.
 """
 
-from __future__ import annotations
-
 from wrenchgap._escaping import printable
 
 

@@ -1,7 +1,5 @@
 """Packages that one feature alone needs: the extras of pyproject.toml, imported where that feature begins."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -8,8 +8,6 @@ backward, all signals of a sample lie side by side in memory, so that the proces
 filters the same wrenches thousands of times.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

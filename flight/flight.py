@@ -5,8 +5,6 @@ role. Times are seconds since `Flight.start_ns`, strictly increasing within a se
 (inertial, z up) and B (body, x forward, y left, z up); quaternions are scalar first and take B to E.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path

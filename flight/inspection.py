@@ -5,8 +5,6 @@ A channel is one numeric field of one topic, or one column of it where it is an 
 clock: header stamps where they were filled in, else log times, brought to one clock as `flight.load` does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,8 +1,6 @@
 # Long because the way of every role from columns to its series stands here, in one builder.
 """From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -18,8 +18,6 @@ A word acts on the vectors that it suits, of all parts of the role: `odometry=/o
 into rad/s. A vector turns as v_B = R v. Of a pose the body's axes change, R_EB = R_ES R^T, and with `ned` the world's.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

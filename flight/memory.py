@@ -9,8 +9,6 @@ and `let_go` take it out of the process again, and the numbers stay in the file 
 mapping). The kernel may hold the file's pages in its cache for as long as nobody else wants that memory.
 """
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os

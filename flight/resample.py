@@ -12,8 +12,6 @@ Measurements are low-passed without phase before their rate is reduced, then int
 shortest rotation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -23,8 +23,6 @@ Columns of a vector that is taken from an array: wrench = force, torque; imu = a
 pose = position x y z, quaternion x y z w; twist and acceleration = linear, angular.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

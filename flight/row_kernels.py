@@ -5,8 +5,6 @@ an array of the same size for each comparison, and goes down the columns of a ma
 (tests/flight/test_row_kernels.py compares).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

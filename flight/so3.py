@@ -7,8 +7,6 @@ From `MANY` rows on the work is done in one compiled pass (`_..._rows`, at the e
 each. Every sum is taken in the same order, so that results are equal but for the last digit of an arctangent.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Order, gaps and pairs of time stamps, and what of a long series is worked on or shown."""
 
-from __future__ import annotations
-
 import weakref
 from bisect import bisect_left
 from collections import deque

@@ -3,8 +3,6 @@
 A namespace may be that of one of several vehicles in a log (`fleet`).
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -11,8 +11,6 @@ element 0 of the associated covariance matrix to -1" (message definition of sens
 *measured wrench* depend on it is a matter of the vehicle: `learn.data.measurement`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """Files by which processes that work together hand things to each other, in a folder that goes with its process."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import shutil

@@ -10,8 +10,6 @@ same.
 The same flight gives the same bytes. A file appears under its name when it is complete, or not at all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ search loses nothing. They stay for the next call. What is large and the same in
 `shared`: every worker reads it once, and keeps what it remembers of it.
 """
 
-from __future__ import annotations
-
 import atexit
 import importlib
 import os

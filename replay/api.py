@@ -6,8 +6,6 @@ and handed from one function to the next; a single flight may stand where severa
 where a model is expected. Results print themselves, and have `to_frame()`, `plot()` and `to_json()`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Public functions that look at logs without a model, and ask what differs; the others are in `replay.api`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Public functions that make a model or look at one; the others are in `replay.api`."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable
 from dataclasses import asdict, replace

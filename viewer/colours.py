@@ -1,7 +1,5 @@
 """The colours of the page: one meaning, one colour, in the scene, in the plots and in the legend."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 Colour = tuple[int, int, int]

@@ -1,7 +1,5 @@
 """The cursor of the page: an instant on the flight's clock, which advances while the flight plays."""
 
-from __future__ import annotations
-
 import threading
 import time as clock
 from collections.abc import Callable

@@ -7,8 +7,6 @@ Origin      is absent (no browser) or this page's own, so that no other web page
 token       256 random bits, the first part of the path: other users of the machine, or of the network, do not know it
 """
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import secrets

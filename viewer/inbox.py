@@ -6,8 +6,6 @@ message has a known type with exactly its fields, and nothing else is ever built
 a value that it offers.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 import time

@@ -1,7 +1,5 @@
 """HTML of the panels, from `templates/`, which escape all text; sizes fit a control panel."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path

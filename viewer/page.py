@@ -7,8 +7,6 @@ page.stop()
 All clients see one state: controls, cursor and scene are the server's, only the camera is each client's own.
 """
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 from typing import Any

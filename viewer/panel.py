@@ -5,8 +5,6 @@ button that it is for, and viser's buttons carry their id: every link in HTML is
 So the page needs no script of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

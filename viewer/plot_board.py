@@ -5,8 +5,6 @@ its flight changes. Zooming is therefore done here and not in the charts, which 
 (`flight.stamps.envelope`).
 """
 
-from __future__ import annotations
-
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field

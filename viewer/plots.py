@@ -1,7 +1,5 @@
 """The plots of a flight: from the quantities of a scene to titles, colours and lines."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -9,8 +9,6 @@
 /world/curve/NAME           curves that panels add
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

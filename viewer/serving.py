@@ -6,8 +6,6 @@ viser that starts otherwise, or keeps its controls elsewhere, is not served at a
 (docs/decisions/0033-who-drives-the-page.md).
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import hashlib

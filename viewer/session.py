@@ -4,8 +4,6 @@ The page knows no logs, fits or compensators. It asks a `Session` for flights th
 with every quantity in the frames of `flight.flight`. `replay` implements it; a test may do so in ten lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol

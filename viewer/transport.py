@@ -4,8 +4,6 @@ Marks A and B are two more cursors: the plots say how much each line changes bet
 the stretch that they bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -13,7 +13,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import AfterValidator, Field, create_model
 
@@ -80,7 +80,7 @@ def parse(text: str, where: str = "saved view") -> ViewState:
 
 
 _SomeNumber = Annotated[Number | None, expected("a number")]
-_KINDS: dict[str, Any] = {"bool": Flag, "str": Text, "float": Positive}
+_KINDS: dict[type, Any] = {bool: Flag, str: Text, float: Positive}
 _OWN_KINDS = {
     "hidden": Annotated[frozenset[Text], expected("a list of names")],
     "factors": Annotated[tuple[Positive, Positive, Positive], expected("three positive numbers")],
@@ -112,7 +112,7 @@ class _Document(Table):
     shown: create_model(  # type: ignore[valid-type]
         "_Shown",
         __base__=Table,
-        **{f.name: (_OWN_KINDS.get(f.name) or _KINDS[str(f.type)], f.default) for f in fields(Shown)},
+        **{f.name: (_OWN_KINDS.get(f.name) or _KINDS[get_type_hints(Shown)[f.name]], f.default) for f in fields(Shown)},
     ) = Field(default_factory=Shown)
     channels: Annotated[
         tuple[Text, ...] | None, Field(max_length=MOST_CHANNELS), expected(f"a list of at most {MOST_CHANNELS} texts")

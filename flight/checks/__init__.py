@@ -12,8 +12,6 @@ Each check looks at one way in which real logs are wrong, and says what mends it
 vehicle is in `learn.data.checks.against_model`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 

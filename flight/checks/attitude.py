@@ -1,7 +1,5 @@
 """IMU against attitude: units, axes, gravity, frames, order of the quaternion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

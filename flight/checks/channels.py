@@ -6,8 +6,6 @@ values next to it: noise and quantisation repeat those as often, at rest everyth
 logged faster than it reads repeats every value. What a flight did beyond is not in the log.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ most of the other channels go on: at rest everything stands still. A sensor of t
 of the log: there the other sensors alone are asked, because commands go on where a vehicle has landed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

@@ -9,8 +9,6 @@ U V^T of A = U S V^T (Schoenemann 1966; Wahba 1965), and what a signed permutati
 time tell how well the rotation is known.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

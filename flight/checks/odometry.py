@@ -1,7 +1,5 @@
 """An odometry against itself and against the accelerometer: rates, velocity, lengths."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

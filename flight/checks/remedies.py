@@ -1,7 +1,5 @@
 """The option that mends what a check found: the mapping as it is, with a word more."""
 
-from __future__ import annotations
-
 import shlex
 
 from wrenchgap.flight.flight import Flight

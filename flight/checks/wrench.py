@@ -1,7 +1,5 @@
 """The commanded force against the specific force, which it makes: F is about m f, whatever the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Readers of messages give batches of raw ones; `Collector` decodes them, each channel by its definition.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path

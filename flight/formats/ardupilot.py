@@ -4,8 +4,6 @@ Its body frame is forward-right-down, its world north-east-down; angles are in d
 The commands are shares of full authority and pulse widths, and the names of the topics say so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

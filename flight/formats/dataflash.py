@@ -5,8 +5,6 @@ messages of a type at once. Every message is a table under ArduPilot's own name 
 in its frames and units; what plays a role is made of them by `flight.formats.ardupilot`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ the strings and sequences before it. Messages whose counters agree have the same
 itself. Messages that a reader hands on where they lie are copied by the layout of the first (`formats.packed`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ Columns are dotted names as for ROS messages; what a message lacks is NaN. A pro
 by the rules of protobuf; a message within that was not sent is NaN.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 from abc import ABC, abstractmethod

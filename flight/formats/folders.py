@@ -3,8 +3,6 @@
 Files of one recording follow one another in time; flights do not. A folder with a metadata.yaml is what that says.
 """
 
-from __future__ import annotations
-
 import re
 import sqlite3
 import struct

@@ -6,8 +6,6 @@ known as well (`imu_gyro_x`, `ref_pos_z`), so that a payload's position is not t
 Columns whose header is known become topics that play roles.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

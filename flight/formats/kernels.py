@@ -6,8 +6,6 @@ message, is the `mcap` package's `Writer` (tests/flight/test_mcap_messages.py).
 numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

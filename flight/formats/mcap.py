@@ -5,8 +5,6 @@ A record is one byte of opcode, eight of length, then its body; a chunk's body h
 cannot be, the walk goes on at the next chunk: a chunk's lengths and compression contradict each other anywhere else.
 """
 
-from __future__ import annotations
-
 import base64
 import mmap
 import os

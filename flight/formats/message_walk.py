@@ -4,8 +4,6 @@ CDR (ROS 2; OMG CDR 1): a 4-byte header whose second byte tells the byte order, 
 size. ROS 1: little-endian, nothing aligned.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

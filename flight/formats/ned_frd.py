@@ -7,8 +7,6 @@ axis between x and y. So are their quaternions, (0, 1, 0, 0) and (0, 1, 1, 0) / 
     q_EB = (w + z, x + y, x - y, w - z) / sqrt(2)
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -8,8 +8,6 @@ Times are microseconds since the autopilot's start; `timestamp_sample` is when t
 message was sent.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

@@ -4,8 +4,6 @@ Of a whole bag the index is taken as arrays and the messages of a chunk are foun
 agree (an index entry without its message, another time, a record that cannot be), rosbags reads the bag by itself.
 """
 
-from __future__ import annotations
-
 import bz2
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@
 and files that were compressed by `ros2 bag record --compression-mode` are read as well.
 """
 
-from __future__ import annotations
-
 import sqlite3
 import tempfile
 from array import array

@@ -6,8 +6,6 @@ Nothing is bridged: beyond the ends of the source, and inside its gaps, the valu
 what asks is averaged over the interval between the stamps, so that nothing above half the new rate is folded down.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any

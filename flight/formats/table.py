@@ -1,7 +1,5 @@
 """One topic's messages as columns: what every format becomes before anything is known of flights."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -4,8 +4,6 @@ Every message becomes a table under PX4's own name, further instances under `nam
 plays a role is made of them by `flight.formats.px4`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

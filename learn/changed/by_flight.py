@@ -1,7 +1,5 @@
 """One flight at a time: signed means of what the model leaves, and values of effects on that flight alone."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ healthy flights is put into the model, and everything is linearised anew about t
 Healthy flights that are not: each is judged against the others, as if it were the suspect one (`outlier_flights`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

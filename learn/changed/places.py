@@ -4,8 +4,6 @@ Of a sparse effect (one gain per rotor) one place is likelier than several. With
 place by itself takes some of the cost off; the odds between two places are what those differ by.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

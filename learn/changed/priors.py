@@ -21,8 +21,6 @@ Source: McCormick, "Aerodynamics, Aeronautics, and Flight Mechanics", 2nd ed., c
 the equation of a direct-current motor.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

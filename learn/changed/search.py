@@ -9,8 +9,6 @@ vehicle about a centre of mass that lies elsewhere: what else there may be is mu
 everything is linearised anew on the suspect flights, beside changes that are large (`relinearised`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ scatter      what flights differ by, in this parameter: the trims free, sqrt(std
 significance |change| / hypot(scatter, std)
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ block of time, and the residual keeps what it wanders by, as the noise of that m
 What leaks from axis to axis is no concern here: healthy flights leak alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -22,8 +22,6 @@ healthy flight says nothing of its scatter: then t alone. Source: a random effec
 "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Archives of plain numbers, as numpy writes them, in files that somebody else may have made: no code, no surprise."""
 
-from __future__ import annotations
-
 import lzma
 import struct
 import tokenize

@@ -19,8 +19,6 @@ A t is judged by one of `SIGNIFICANCE`, whatever is compared. Where chance is co
 distribution instead, `SIGNIFICANCE.level` is the probability of a false alarm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

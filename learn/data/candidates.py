@@ -10,8 +10,6 @@ Of the catalogue, or of the names that a user gave, an effect is tried unless
         which the air acts is tried or in the model
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum

@@ -5,8 +5,6 @@ model (`learn.data.measurement`); a model that believes something else predicts 
 A fitted model is compared on flights that were not fitted (`validate`), with how far those went beyond the fitted ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ where the noise model is wrong). Neither is how means over blocks of time differ
 answered slowly. The mean of a flight is left in: no controller explains that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -18,8 +18,6 @@ The least of these over S is the share of error, by band of frequency and axis. 
 `INPUT_ERRORS.share` an axis says nothing of the vehicle; where the slowest band is such, it keeps the mean of a flight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

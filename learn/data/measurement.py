@@ -15,8 +15,6 @@ and an axis that comes out the same was measured (`measured_axes`). This mask de
 the other axes, `Record.measured` neither, and everything else asks those (`Record.measured_axes`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Opening logs for a model: flights, their contiguous stretches on one clock, and records ready to be compared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

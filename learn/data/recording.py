@@ -20,8 +20,6 @@ Held commands (zero-order hold): a measurement at an instant sees the command on
 that begins there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

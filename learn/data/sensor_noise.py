@@ -17,8 +17,6 @@ many. Sources: Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, for periodo
 segments are worth; Papoulis and Pillai, Probability, Random Variables and Stochastic Processes, for the rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

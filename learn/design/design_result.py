@@ -1,7 +1,5 @@
 """A designed flight: its segments, what it should separate, and how it went on the plant."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 

@@ -9,8 +9,6 @@ turn; that flight must keep the limits (else the manoeuvres are softened), and b
 which gives the separation that a user may expect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -14,8 +14,6 @@ by. `learn.design.separability` then says what the choice is worth.
 A reference is tried before it is flown (`rehearse`): open loop, by a vehicle that tracks perfectly, and on the plant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -25,8 +25,6 @@ A direction "truth A, imitated by B" does not count where B has so many paramete
 `explain` would not prefer it: both explain the flight, and the simpler one is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A log against a model: whether the vehicle weighs what the model says, and whether its actuators agree."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,8 +14,6 @@ The commanded torque is no quantity to sort by: a feedback controller answers ev
 with whatever is wrong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -27,8 +27,6 @@ newton of rotor k makes,
 all in the units in which newtons and newton metres count alike, over the axes that rotors reach and that were measured.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 

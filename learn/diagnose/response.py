@@ -23,8 +23,6 @@ loudest. A response before its command is none.
 Nothing is removed here. What a user reads is what `explain` will be offered.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal

@@ -4,8 +4,6 @@ Reported before any physics, and never acted on: whether an offset is a clock, a
 say (`--shift`) or for `explain` to weigh (`command_delay`, `servo_lag`, `motor_lag`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -16,8 +16,6 @@ not used and its part is zero: there it has learnt noise, and would do harm. It 
 much structure there is, not to fly with; `wrenchgap learn` makes better ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum

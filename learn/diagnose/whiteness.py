@@ -29,8 +29,6 @@ Why not prewhiten, as is usual in identification: behind a low-pass filter there
 inverse of it amplifies rounding. Why not shuffle blocks: lags of a second would straddle the seams of 2 s blocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Rates are those that the analyses need with their default filter. How much motio
 computed: only a model knows what its error would be (`wrenchgap design` computes it).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ over what it allows (test ratios), and its own flags of a fault. Above 1 a measu
 ratios stay below 0.5 and reach 1 at times (MAVLink's ESTIMATOR_STATUS, which PX4 and ArduPilot both send).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 A log is read once; its flight with its checks is that of `flight.inspect`, the autopilot's own messages come besides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -5,8 +5,6 @@ neighbours against the opposite two balance a centre of mass that is off; motors
 of the other balance a yaw torque; a motor alone makes up for a propeller or motor that is weak.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

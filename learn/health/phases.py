@@ -4,8 +4,6 @@
 command is its size per measured specific force while it is large: in the air the two are in proportion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

@@ -4,8 +4,6 @@ Rotors come from the model where one is given, else from the autopilot's paramet
 a command as the autopilot takes it, f u^2 + (1 - f) u, or the square of a speed; its size in newtons is not needed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

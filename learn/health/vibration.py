@@ -8,8 +8,6 @@ A peak belongs to a rotor where it lies at a multiple of a measured speed. What 
 is folded to below it, where the sensor's filter lets it through; a folded peak has no place of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

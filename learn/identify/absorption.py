@@ -13,8 +13,6 @@ least half of it and takes error off the measurement beyond chance: a paired t o
 (docs/decisions/0006-blocks.md), a smaller one where half of the error goes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

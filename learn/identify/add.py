@@ -1,7 +1,5 @@
 """Effects put into a model, fitted to flights, and what that did on time that was not fitted."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

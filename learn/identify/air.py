@@ -10,8 +10,6 @@ wrong. Trying one effect at a time finds neither, so
     in a fit       where every coefficient is zero, they start at their typical sizes (`awake`)
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ than the earlier ones did among themselves shows nothing. Source: a random effec
 "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

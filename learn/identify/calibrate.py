@@ -17,8 +17,6 @@ Standard deviations are those of the fit (`learn.identify.fit`), the scatter of 
 errors, and of the thrust the tolerance of the mass: a later flight may differ as much as these did among themselves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

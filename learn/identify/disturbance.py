@@ -19,8 +19,6 @@ body-fixed wrench: right for errors of thrust and mass, an approximation for win
 differs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar

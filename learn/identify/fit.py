@@ -29,8 +29,6 @@ Source: Gauss-Newton, Nocedal and Wright, "Numerical Optimization", 2nd ed., 10.
 Biometrika 1986.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -12,8 +12,6 @@ Gains count where e_R and e_omega explain at least 97 % of the variance that the
 every axis, and both coefficients are positive: a vehicle that follows without error shows none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@
 a verdict for each output, and an observer of what the process leaves (`learn.identify.observer`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

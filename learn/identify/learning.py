@@ -4,8 +4,6 @@ Inputs are the filtered commanded wrenches, outputs what the model leaves of the
 (`learn.identify.samples`). How much of it is believed is decided in `learn.identify.guard`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime

@@ -3,8 +3,6 @@
 What is minimised, and the sources, are in `learn.identify.fit`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

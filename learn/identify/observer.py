@@ -31,8 +31,6 @@ residual and not what the process leaves of it: of flights that the process has 
 leave, and where it is distrusted it leaves all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -18,8 +18,6 @@ quadratic in y(W_cmd); zero where that is no better than without, beyond chance 
 learns the function alone. The lag itself is not compensated: name it for that (`wrenchgap explain`, `--lead`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

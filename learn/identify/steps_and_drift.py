@@ -17,8 +17,6 @@ n - 2.
 A segment has two flights at least: one flight by itself is an outlier, no step.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise

@@ -5,8 +5,6 @@ differs is looked for. On axes where the commands of any flight answer the motio
 left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.steps_and_drift`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

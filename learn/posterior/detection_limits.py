@@ -17,8 +17,6 @@ J t + c (2 t/t0 - (t/t0)^2), J its derivative there and c what the straight line
 Whether limits hold is checked by adding effects to the flights as measured (`Injection`), and searching again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

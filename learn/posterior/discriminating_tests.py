@@ -6,8 +6,6 @@ their cost, each if it separates a pair that those before do not; where that mak
 least weight stays unsettled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product

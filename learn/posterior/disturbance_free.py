@@ -10,8 +10,6 @@ closed loop errs by the ratio of disturbance to command, and with nothing but th
 Forssell and Ljung, Automatica 35, 1999, sec. 5).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -12,8 +12,6 @@ stands beside them and is no weight: many flights show how far laws are from exa
 equal sets predicts better.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Products add up over flights; so do counts, the sensors' shapes and powers (`lea
 are eliminated (`learn.posterior.linear_problem`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

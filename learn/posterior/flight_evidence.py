@@ -11,8 +11,6 @@ Trims (`learn.identify.bias_and_trim`) are unknowns of each flight, and enter th
 (`Evidence.trimmed`).
 """
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

@@ -7,8 +7,6 @@ bends             what the heaviest sets leave without a member, as far as that 
 names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ A search solves some ten thousand least-squares problems with five to thirty unk
 tenths of their time outside arithmetic.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ Measured wrenches come from the IMU. Stamps of it that are late by d make every 
 each: what is logged has no preference between a late clock, and late commands beside an early odometry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Members of the likeliest set: what each of them takes off, and what may stand in its place."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ what they are alone: sets that come close get a few Gauss-Newton steps with deri
 which a lag is large those straight lines say little: what is late of the others changes, and the lag itself bends.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

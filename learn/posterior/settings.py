@@ -3,8 +3,6 @@
 What half and twice of each does to answers is measured: docs/search-settings.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from wrenchgap.flight.arguments import check_types

@@ -1,7 +1,5 @@
 """Every candidate by itself on top of the model: the table that a user reads, and the columns that sets are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -7,8 +7,6 @@ the Whittle likelihood with a piecewise constant spectrum. Source: Whittle, J. R
 transform in place of Fourier's for finite blocks, Ahmed, Natarajan and Rao, IEEE Trans. Comput. C-23, 1974.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from functools import cached_property

@@ -26,8 +26,6 @@ bent fit errs by what it adds. The slowest band is left out: biases, batteries a
 angular accelerations is least. Where commands answer the motion nothing is said: turbulence is open at all frequencies.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

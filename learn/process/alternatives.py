@@ -10,8 +10,6 @@ Groups of inputs are added one after the other, as long as one gains at least `C
 the other inference is tried.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 

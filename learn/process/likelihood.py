@@ -19,8 +19,6 @@ every pair of samples is twice; in the compiled passes (`exponents`, `lower`, `s
 row by row: (1, 0), (2, 0), (2, 1), (3, 0), ... (docs/decisions/0026-compiled-kernels.md).
 """
 
-from __future__ import annotations
-
 import logging
 import warnings
 from collections.abc import Iterator

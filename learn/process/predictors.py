@@ -1,7 +1,5 @@
 """What to compare on some flights: the nominal vehicle, models, a Gaussian process on what it was learnt on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@
 The same GP always gives the same bytes. `numpy.load` opens the arrays too.
 """
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import asdict

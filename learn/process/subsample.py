@@ -14,8 +14,6 @@ the bound on the likelihood of all N samples (`learn.process.likelihood`) is max
 where it is. The time to predict depends on M alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 

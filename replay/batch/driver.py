@@ -5,8 +5,6 @@ with one the cluster there; scheduling, lost workers and their logs, and the das
 in a window, so that the scheduler holds a few per worker and not all of them.
 """
 
-from __future__ import annotations
-
 import logging
 import signal
 import tempfile

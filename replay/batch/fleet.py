@@ -1,7 +1,5 @@
 """What the rows of a fleet say together: its ranking, vehicle by vehicle, and the trend over the flights of one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which logs a batch is about: folders, globs, lists and object stores, by the names that fsspec knows."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager

@@ -8,8 +8,6 @@ What is done is known from names alone, without opening a file; a folder of a fi
 store are the same to it (fsspec).
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

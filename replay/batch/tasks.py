@@ -3,8 +3,6 @@
 It reads the log, does the command and writes the row; nothing that goes wrong leaves it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import resource

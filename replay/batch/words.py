@@ -1,7 +1,5 @@
 """Batches in sentences, tables and JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

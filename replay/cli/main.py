@@ -6,8 +6,6 @@ found a log bad; 1 a fault of wrenchgap itself (the traceback goes to a file); 1
 Modules are imported when a command needs them, so that `wrenchgap --help` is quick.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 import sys

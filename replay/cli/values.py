@@ -4,8 +4,6 @@ Each `parse_` raises UsageError for what it does not understand. What needs the 
 and `--help` must be quick.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Callable, Sequence

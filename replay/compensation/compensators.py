@@ -1,7 +1,5 @@
 """The compensator that a stored process asks for: with its physics where it was learnt on top of some."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ Measured and predicted wrenches go through one filter (`learn.data.measurement`)
 where the log has no motion, in gaps and at their edges.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Which logged wrench is compensated, and when: the desired or the commanded one, at its own stamps, in the air."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal, cast, get_args
 

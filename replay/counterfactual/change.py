@@ -1,7 +1,5 @@
 """What is changed in a re-simulation, from what a user asked for in words: effects, gains, beliefs, compensation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ Statements and their order are those of the compiled tape (`plant.trace.tape`), 
 counted: what an exported step costs, operations at worst and usually, and memory.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 from collections import Counter

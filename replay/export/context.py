@@ -3,8 +3,6 @@
 The self-test repeats desired wrenches among the process's own training commands, in motion.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path

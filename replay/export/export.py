@@ -1,7 +1,5 @@
 """A compensation as a folder of C99: what can be exported, and the text of every file."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ What a record is, and how it is logged, says `wrenchgap_record.h` in the exporte
 by their first bytes and their checksum: a file of records, a topic of bytes in an MCAP or a bag, a field of a ULog.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property

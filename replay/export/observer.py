@@ -1,7 +1,5 @@
 """The observer beside an exported compensation: which one is asked for, its constants, what it costs."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 `wrenchgap_record.h` in the export writes them.
 """
 
-from __future__ import annotations
-
 import hashlib
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Effects put into a model and taken out: tables and JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

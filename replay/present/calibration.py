@@ -1,7 +1,5 @@
 """A calibration: what was trimmed, by how much, how flights differ, and what that did on held-out time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

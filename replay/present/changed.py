@@ -1,7 +1,5 @@
 """How an answer to "what changed" reads: verdict, sizes, classes, flights, and what to inspect."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """What the command line asks of a counterfactual, and what it shows and writes of one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A designed flight: the result in words, tables, JSON, and the files that are written."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from pathlib import Path

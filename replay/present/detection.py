@@ -1,7 +1,5 @@
 """What flights could have shown, in three lines, a figure and JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

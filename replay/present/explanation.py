@@ -1,7 +1,5 @@
 """What `explain` found: the verdict in sentences, tables, JSON."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A flight of an exported compensation beside what its C makes of the same states and inputs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

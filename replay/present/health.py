@@ -1,7 +1,5 @@
 """How the health of a vehicle reads: the answer in eight lines, then a row a quantity and a column a log."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A row for each quantity of the health of a vehicle: what a log says of it in a few words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from wrenchgap.learn.health.answers import NEEDS

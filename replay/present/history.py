@@ -1,7 +1,5 @@
 """The history of a model file, as tables and in plain types."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

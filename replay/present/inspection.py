@@ -1,7 +1,5 @@
 """What is in a log: topics, checks, timing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from os.path import commonpath

@@ -1,7 +1,5 @@
 """A learnt Gaussian process: prediction beside its alternatives, calibration, conditioning, cautions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A model as a sheet: mass properties, rotors, the command curve, effects, what was assumed; as JSON and as a table."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

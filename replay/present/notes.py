@@ -1,7 +1,5 @@
 """Notes as sentences: what was assumed, left out, repaired or not tried, what checks found, and what to do about it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """How a number is printed: the one place that decides digits, signs, units and per cent."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any

@@ -1,7 +1,5 @@
 """Which parameters of the autopilot differ between logs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

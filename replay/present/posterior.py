@@ -1,7 +1,5 @@
 """What a search over sets of effects found, in sentences: classes, what settles them, the nearest, the residual."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a replay has to say: a summary, a table for other tools, series for a log, and a figure."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

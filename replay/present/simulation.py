@@ -1,7 +1,5 @@
 """How a simulated flight went, for the terminal and as JSON."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

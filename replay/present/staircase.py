@@ -1,7 +1,5 @@
 """The error step by step: names of the steps, a sentence, JSON."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from wrenchgap.learn.identify.staircase import Basis, Kind, Stair, Staircase

@@ -1,7 +1,5 @@
 """What a pilot should know of a log, each in one sentence or two: what, where, how much, what to do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What one flight says by itself, as a batch keeps it for `trend` (docs/batch.md)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, Any

@@ -4,8 +4,6 @@ A text is data: what is printed of it is one line of printable characters, and n
 weights are said by `styled`. No other module makes what rich prints.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

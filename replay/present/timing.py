@@ -1,7 +1,5 @@
 """Offsets between the topics of a flight: sentences, a table, JSON, and what to do about them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

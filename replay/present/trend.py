@@ -1,7 +1,5 @@
 """Parameters over flights: what stepped or drifted in sentences, tables, JSON, a table of every value."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

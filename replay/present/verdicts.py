@@ -1,7 +1,5 @@
 """What `learn` says of each output of a process in the end, and how far a loop with it is from instability."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What to look at on the vehicle after a change was found: a sentence for each effect, in the user's names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from wrenchgap.learn.changed.changed import Changed, Verdict

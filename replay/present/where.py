@@ -1,7 +1,5 @@
 """Where a model fails: sentences, tables, JSON."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

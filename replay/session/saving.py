@@ -1,7 +1,5 @@
 """Where the page may write: the one folder that the user named when he started it, and no file but its own."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A model is never changed, it is replaced: what was there before comes back with 
 is computed from the present model is kept until the model changes.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The tab of exports: picture, table, report, and the view, which can be opened again elsewhere."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Sequence

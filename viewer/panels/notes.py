@@ -1,7 +1,5 @@
 """The tab of notes: the parts of the flight with the largest error, and the notes of the reader."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """The tab of the scene: its contents, lengths of arrows, camera, and ghost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any

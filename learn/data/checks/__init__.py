@@ -10,8 +10,6 @@
 What the log says by itself is asked in `flight.checks`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands and motion of a flight side by side, as far as checks need them: roughly, and before anything is trusted."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

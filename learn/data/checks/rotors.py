@@ -10,8 +10,6 @@ column j does. Rotor i of the model does b_i; the assignment of columns to rotor
 is found in polynomial time (Kuhn 1955; `scipy.optimize.linear_sum_assignment`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

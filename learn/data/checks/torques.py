@@ -12,8 +12,6 @@ torque or, where none is logged, that of the logged actuators. Whatever it says,
 rotors make at full speed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

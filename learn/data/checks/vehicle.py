@@ -10,8 +10,6 @@ Single commands that cannot be true are left out, and said. Of the records: weig
 with the commanded wrench.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A vehicle does what it is commanded to, about: F is m f, M is J domega + omega x
 no effect makes is a unit, or a mass or inertia that is not this vehicle's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ says what is done with them. What a user reads of them, times that are left out,
 is made here too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 

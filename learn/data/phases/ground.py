@@ -12,8 +12,6 @@ is one too. What a wrong model does, or a lost rotor with which the flight goes 
 crash.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

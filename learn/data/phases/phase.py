@@ -5,8 +5,6 @@ the mass of the model, |m f| / (m g) = |f| / g: a wrong mass does not matter, an
 throughout is measured (`command_scale`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 

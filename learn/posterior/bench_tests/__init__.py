@@ -5,8 +5,6 @@ nothing is known. Effects that no check shows are in `NO_CHECK`, with the reason
 neither: nothing is known of them here. Costs are our estimates, resolutions those of ordinary tools (docs/settle.md).
 """
 
-from __future__ import annotations
-
 from wrenchgap.learn.posterior.bench_tests import hull, rotors, wakes
 from wrenchgap.learn.posterior.bench_tests.trial import Fitted, Setup, Trial
 

@@ -3,8 +3,6 @@
 Eyes, scales, a string, a ruler, an inclinometer, a spring balance, a camera.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

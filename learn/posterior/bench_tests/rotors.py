@@ -1,7 +1,5 @@
 """Bench tests of rotors: two of them swapped, a camera, a thrust stand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

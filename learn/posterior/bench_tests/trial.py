@@ -1,7 +1,5 @@
 """What a bench check is: which effects change its reading, what they make it, and what difference it resolves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Bench tests of air and rotors: a fan, a board, the vehicle held on a force stand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

@@ -1,7 +1,5 @@
 """`wrenchgap check`, `inspect`, `compare`, `where`, `explain`, `report`: what logs say about a model."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Annotated, Any

@@ -5,8 +5,6 @@ step is a command line, run as a user would type it, on the logs alone. The clos
 steps' JSON results and speaks of the test flight only, which no step fitted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from json import dumps, loads
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`wrenchgap export`: the compensation as C99 for the vehicle."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from enum import StrEnum

@@ -3,8 +3,6 @@
 `picture` is the first of them; its axes are (7,): the error in all, then one for each axis of the wrench.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

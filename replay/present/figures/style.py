@@ -4,8 +4,6 @@ Data are drawn in SI units; where these are small (the torques of a small vehicl
 with a prefix, which the axis' label names. So whatever a user draws into the same axes is in SI as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

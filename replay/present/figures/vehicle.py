@@ -5,8 +5,6 @@ metres, the former growing to the left; so what is drawn at (y, x) sits there. R
 Parts are called as parameters call them: `rotor_2`, `arm_1`, and besides `com` and `imu`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from textwrap import fill
 from typing import Any

@@ -3,8 +3,6 @@
 `present.where.picture` puts all of them on one page; `budget_picture` and those after it are each alone.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

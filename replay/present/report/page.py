@@ -6,8 +6,6 @@ Templates (templates/) escape whatever they are given, so that nothing of a log 
 (docs/decisions/0015-report-templates.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What each section of the page shows: one function a section, its values by name for the template of that section."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A report in sentences, in plain types and as a table of pandas."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from wrenchgap.flight.flight import AXES

@@ -1,7 +1,5 @@
 """Changed: what differs between the flight shown and healthy ones, and what it does when that is in the model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Where the model fails: a map of the error that one can click into, the worst stretches, the error budget."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
