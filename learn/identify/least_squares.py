@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
@@ -202,14 +203,22 @@ class Problem:
                 return point, derivative, count
             point, cost = trial, cost - gain
             linear = abs(promised - gain) <= 0.005 * promised + 1e-4 * cost
-            blind = ~np.any(derivative != 0.0, axis=(0, 1))
+            blind = self.blind(derivative)
             if fraction == 1.0 and linear and not blind.any():
                 return point, derivative, count
             derivative = self.jacobian(point)
-            still = bool(np.all(blind == ~np.any(derivative != 0.0, axis=(0, 1))))
+            still = bool(np.all(blind == self.blind(derivative)))
             if gain <= 1e-3 * cost or (fraction == 1.0 and linear and still):
                 return point, derivative, count
         return point, derivative, iterations
+
+    def blind(self, derivative: Array, rounding: float = 1e-9) -> NDArray[np.bool_]:
+        """Unknowns that change nothing where they are: by a typical size less than `rounding`, a share of the largest
+        wrench.
+        """  # noqa: D205
+        return np.asarray(
+            np.abs(derivative).max(axis=(0, 1)) * self.scale <= rounding * np.nanmax(np.abs(self.data.measured))
+        )
 
     def cost(self, x: Array, residual: Array, weights: Array) -> float:
         """The minimised quantity."""

@@ -11,6 +11,7 @@ def texts(tmp_path_factory):
     return golden.printed(tmp_path_factory.mktemp("texts"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", golden.COMMANDS)
 def test_a_command_prints_what_it_printed(name, texts):
     kept = (golden.KEPT / f"{name}.txt").read_text(encoding="utf-8")
