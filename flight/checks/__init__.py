@@ -3,6 +3,7 @@
     channels    roles, sizes that betray a unit, channels without a reading, flat tops, gaps, jitter, clocks
     attitude    IMU against attitude: units, axes, gravity, frames
     gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
+    accelerometer_scale  the size of the specific force against gravity
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     masking     samples that cannot be true
@@ -16,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks import attitude, channels, gyroscope_scale, odometry, wrench
+from wrenchgap.flight.checks import accelerometer_scale, attitude, channels, gyroscope_scale, odometry, wrench
 from wrenchgap.flight.checks.masking import masked
 from wrenchgap.flight.checks.motion import MotionMeans, motion_means
 from wrenchgap.flight.clocks import Timing
@@ -49,6 +50,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     moved = None if stuck else motion_means(flight)
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
     found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
+    found += [] if stuck else accelerometer_scale.accelerometer_scale(flight, moved, found)
     found = wrench.behind_body_frame(found, found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 

@@ -155,7 +155,7 @@ def gyroscope_scales(flight: Flight) -> dict[str, Scale] | None:
     odometry, imu = flight.odometry, flight.imu
     if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
         return None
-    blocks = [block for span in _blocks(odometry, imu) if (block := _Block.of(flight, span)) is not None]
+    blocks = [block for span in steady_blocks(odometry, imu) if (block := _Block.of(flight, span)) is not None]
     if sum(block.parts for block in blocks) < SCALE.fewest_parts:
         return None
     shift = _delay(blocks)
@@ -166,7 +166,7 @@ def gyroscope_scales(flight: Flight) -> dict[str, Scale] | None:
     return {"xyz"[k]: Scale(tuple(_bounds(band, k) for band in seen)) for k in measured}
 
 
-def _blocks(*series: Series) -> list[Span]:
+def steady_blocks(*series: Series) -> list[Span]:
     """Start and stop [s] of blocks in which all series go on, evenly spread."""
     start, stop = max(s.time[0] for s in series), min(s.time[-1] for s in series)
     gaps = sorted((gap.start, gap.stop) for s in series for gap in s.gaps)

@@ -188,10 +188,10 @@ def best_axes(pairs: Sequence[Pair]) -> Axes | None:
     total = np.sum([cross(pair) for pair in pairs], axis=0)
     leading = cross(pairs[0])
     chosen = max(PERMUTATIONS, key=lambda p: float(np.sum(p * total)))
-    turn = _rotation(total)
+    turn = best_rotation(total)
     parts = [[np.array_split(signal, AXES_SEARCH.blocks) for signal in pair] for pair in pairs]
     blocks = [np.sum([cross((t[b], r[b])) for t, r in parts], axis=0) for b in range(AXES_SEARCH.blocks)]
-    scatter = float(np.median([angle(_rotation(block) @ turn.T) for block in blocks]))
+    scatter = float(np.median([angle(best_rotation(block) @ turn.T) for block in blocks]))
     better = sum(float(np.sum((chosen - np.eye(3)) * block)) > 0.0 for block in blocks)
     as_is = float(np.trace(leading))
     least = max(AXES_SEARCH.explains, as_is + AXES_SEARCH.better)
@@ -233,6 +233,7 @@ def rotation_words(turn: Array) -> str:
     return ",".join(words)
 
 
-def _rotation(matrix: Array) -> Array:
+def best_rotation(matrix: Array) -> Array:
+    """The rotation (3, 3) that brings readings closest to truths, of `matrix` = sum t r^T (Wahba 1965)."""
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)

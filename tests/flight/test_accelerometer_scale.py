@@ -1,0 +1,127 @@
+"""The size of the specific force against gravity: f_B = R^T (a + g e_z) of a motion in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
+from wrenchgap.flight.checks.motion import motion_means
+from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
+
+G = np.array([0.0, 0.0, 9.80665])
+
+
+def flown(
+    scale=1.0, bias=(0.0, 0.0, 0.0), *, seconds=30.0, mount=None, late=0.0, odometry_hz=100.0, velocity=True,
+    falls=False, tilt=0.3, vibration=0.3, limit=np.inf,
+):  # fmt: skip
+    """Three sinusoids of position and three angles that do not depend on it, as a fully actuated vehicle flies."""
+    rng = np.random.default_rng(3)
+    frequency, phase = rng.uniform(0.1, 0.9, (3, 3)), rng.uniform(0.0, 6.0, (3, 3))
+
+    def motion(time, order):
+        angle = 2 * np.pi * frequency[:, :, None] * time + phase[:, :, None]
+        wave = np.sin(angle + order * np.pi / 2) * (2 * np.pi * frequency[:, :, None]) ** order
+        fall = (0.5 * time**2, time, np.ones_like(time))[order]
+        return 0.1 * wave.sum(axis=1).T - float(falls) * fall[:, None] * G
+
+    def attitude(time):
+        angles = [tilt * np.sin(0.9 * time), tilt * np.sin(1.3 * time + 1.0), 0.3 * time]
+        return Rotation.from_euler("xyz", np.transpose(angles))
+
+    time = np.arange(0.0, seconds, 0.004)
+    turn = attitude(time)
+    force = turn.inv().apply(motion(time, 2) + G) + vibration * rng.standard_normal((len(time), 3))
+    ahead = attitude(time + 0.001)
+    omega = 1000.0 * (turn.inv() * ahead).as_rotvec() + 4e-3 * rng.standard_normal((len(time), 3))
+    force, omega = (v if mount is None else mount.apply(v) for v in (force, omega))
+    imu = ImuSeries("/imu", time, omega, np.clip(scale * force + bias, -limit, limit))
+    own = np.arange(0.0, seconds, 1.0 / odometry_hz)
+    place = motion(own, 0) + 1e-3 * rng.standard_normal((len(own), 3))
+    speed = motion(own, 1) + 0.02 * rng.standard_normal((len(own), 3)) if velocity else None
+    odometry = OdometrySeries("/odom", own + late, place, attitude(own).as_quat(scalar_first=True), speed)
+    return Flight("f", "f.mcap", "0" * 64, 0, imu=imu, odometry=odometry, mapping={"imu": "/imu", "pose": "/odom"})
+
+
+def said(flight):
+    return {check.name: check for check in with_checks(flight).checks}.get("accelerometer-scale")
+
+
+@pytest.mark.parametrize(("scale", "level"), [(1.06, "bad"), (0.93, "bad"), (1.03, "warn"), (0.975, "warn")])
+@pytest.mark.parametrize("velocity", [True, False])
+def test_a_scale_is_said_to_half_a_per_cent_and_its_option_mends_it(scale, level, velocity):
+    found = said(flown(scale, velocity=velocity))
+    assert found.level == level
+    assert found.mend.startswith("--topic 'imu=/imu:accel*")
+    assert float(found.mend.rpartition("*")[2].strip("'")) * scale == pytest.approx(1.0, abs=0.006)
+
+
+def test_one_axis_and_a_bias_are_said_with_what_they_make_along_the_vertical():
+    assert said(flown([1.0, 1.0, 1.06])).level == "bad"
+    found = said(flown(bias=(0.0, 0.0, 0.59), tilt=0.01, vibration=0.01))
+    assert found.level == "bad"
+    assert "scale of 1.060, or a bias of +0.59 m/s^2 along the vertical" in found.words
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"velocity": False},
+        {"vibration": 3.0},
+        {"late": 0.05},
+        {"odometry_hz": 10.0},
+        {"odometry_hz": 6.0, "tilt": 1.5},
+        {"tilt": 1.0},
+        {"mount": Rotation.from_euler("xyz", [12, -9, 5], degrees=True)},
+        {"bias": (0.4, -0.3, 0.0)},
+    ],
+    ids=lambda how: ", ".join(how) or "as it is",
+)
+def test_noise_delay_tilt_mounting_and_lateral_bias_are_no_scale(how):
+    flight = flown(**how)
+    ratio = gravity_ratio(flight, motion_means(flight))
+    assert ratio.value == pytest.approx(1.0, abs=max(0.004, 4.0 * ratio.std))
+    assert ratio.std < 0.006
+    assert said(flight).level == "ok"
+
+
+def test_the_standard_deviation_is_that_of_the_ratio_over_many_flights():
+    """A random walk of the odometry's velocity is what decides here."""
+    flight, rng, found = flown(), np.random.default_rng(0), []
+    for _ in range(30):
+        walk = np.cumsum(0.02 * rng.standard_normal((len(flight.odometry.time), 3)), axis=0)
+        drifting = replace(flight, odometry=replace(flight.odometry, velocity_E=flight.odometry.velocity_E + walk))
+        found.append(gravity_ratio(drifting, motion_means(drifting)))
+    assert np.std([ratio.value for ratio in found]) == pytest.approx(np.mean([ratio.std for ratio in found]), rel=0.5)
+
+
+def test_free_fall_no_attitude_and_a_short_log_say_nothing():
+    flight = flown(falls=True, vibration=0.05)
+    assert gravity_ratio(flight, motion_means(flight)) is None
+    assert said(flight) is None
+    assert said(replace(flown(1.06), odometry=None)) is None
+    assert said(flown(1.06, seconds=5.0)) is None
+
+
+def test_another_check_that_is_bad_is_heard_first():
+    turned = said(flown(mount=Rotation.from_euler("x", 180, degrees=True)))
+    assert turned is None
+
+
+def test_a_vehicle_that_measures_the_vertical_force_alone_is_checked_by_it():
+    flight = flown(1.06, tilt=0.1)
+    flight.imu.specific_force_B[:, :2] = np.nan
+    assert said(flight).level == "bad"
+    sound = flown(tilt=0.1)
+    sound.imu.specific_force_B[:, :2] = np.nan
+    assert said(sound).level == "ok"
+
+
+def test_a_sensor_that_is_clipped_has_no_factor():
+    found = said(flown(1.06, limit=13.0, vibration=1.0))
+    assert found.level in ("warn", "bad")
+    assert found.mend is None
