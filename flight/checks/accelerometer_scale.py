@@ -20,9 +20,10 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.gyroscope_scale import SCALE, steady_blocks
+from wrenchgap.flight.checks.gyroscope_scale import steady_blocks
 from wrenchgap.flight.checks.motion import MotionMeans, best_rotation
 from wrenchgap.flight.checks.remedies import factor, option
+from wrenchgap.flight.checks.scale_bounds import SCALE
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
 from wrenchgap.flight.row_kernels import integral, lengths
 from wrenchgap.flight.stamps import interpolated

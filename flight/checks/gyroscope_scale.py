@@ -16,7 +16,7 @@ bands differ, there is no such number and nothing is said.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,97 +24,14 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import INTERVALS
 from wrenchgap.flight.checks.remedies import factor, option, turns
+from wrenchgap.flight.checks.scale_bounds import SCALE, Scale, bounds_of, halves_of, lost_of, sizes_of
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated, spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
-
-@dataclass(frozen=True)
-class ScaleThresholds:
-    """How the scale of a gyroscope is estimated, and when it is wrong."""
-
-    windows: tuple[float, float] = (0.15, 0.6)
-    """Windows [s] over which angles are compared: up to 3 Hz and up to 0.8 Hz."""
-    block: float = 8.0
-    """Time [s] from which a bias and its slope are removed."""
-    part: float = 2.0
-    """Parts of a block [s], whose scatter says how sure the scale is."""
-    margin: float = 0.1
-    """Margin at a block's ends [s], for stamps that move."""
-    spacing: float = 0.03
-    """Time between attitudes of which angles are taken [s]: short enough for turns about changing axes to add up."""
-    most_blocks: int = 60
-    """Blocks, evenly spread over the flight, beyond which no more are taken."""
-    fewest_parts: int = 6
-    """Parts below which nothing is said."""
-    loudest: float = 75.0
-    """Percentile of the motion in the parts to which louder ones are turned down: a crash does not decide."""
-    slowest_imu: float = 0.05
-    """Period of an IMU [s] beyond which its integral misses the motion."""
-    said: float = 0.02
-    """How far from one a scale is said: mass and thrust that explain it come out wrong by about as much."""
-    stops: float = 0.05
-    """How far from one a scale stops the log."""
-    sure: float = 4.0
-    """Standard deviations that both bounds lie on one side of one: a chance of 1 % with so few parts (Student, 5)."""
-    steady: float = 0.01
-    """By which bounds and bands may differ."""
-    steady_share: float = 0.25
-    """Or by this share of how far the scale is from one."""
-    longest_delay: float = 0.1
-    """Delay [s] between the two beyond which they show no common motion."""
-
-
-SCALE = ScaleThresholds()
-
-
 Span = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Of a scale k: `low` and `high`, and the standard deviation of both."""
-
-    low: float
-    high: float
-    std: float
-
-    @property
-    def middle(self) -> float:
-        """The scale itself."""
-        return float(np.sqrt(self.low * self.high)) if self.low > 0.0 < self.high else np.nan
-
-    @property
-    def off(self) -> bool:
-        """Whether one is surely not between the bounds."""
-        return self.low - SCALE.sure * self.std > 1.0 or 0.0 < self.high + SCALE.sure * self.std < 1.0
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Of one axis or several: bounds by band."""
-
-    bounds: tuple[Bounds, ...]
-
-    @property
-    def value(self) -> float:
-        """The scale, of the band that knows it best."""
-        return min(self.bounds, key=lambda b: b.high - b.low + b.std).middle
-
-    def allows(self, value: float) -> bool:
-        """Whether the scale may be this one."""
-        slack = [SCALE.sure * b.std + SCALE.steady for b in self.bounds]
-        return all(b.low - s < value < b.high + s for b, s in zip(self.bounds, slack, strict=True))
-
-    @property
-    def off(self) -> bool:
-        """Whether all bands say that it is off, by at least `SCALE.said` and by the same."""
-        middles, beyond = [b.middle for b in self.bounds], abs(self.value - 1.0)
-        said = min(abs(m - 1.0) for m in middles) >= SCALE.said - SCALE.steady and beyond >= SCALE.said
-        apart = max(SCALE.steady, SCALE.steady_share * beyond)
-        steady = max(b.high - b.low for b in self.bounds) < apart and float(np.ptp(middles)) < apart
-        return all(b.off for b in self.bounds) and said and steady
+Angles = tuple[Array, Array, Array, Array]
 
 
 def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
@@ -127,23 +44,53 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
         yield Check("gyroscope-scale", "ok", f"Not tested: {why}.")
         return
     off = {axis: scale for axis, scale in scales.items() if scale.off}
-    if not off:
-        fast = {axis: scale.bounds[0] for axis, scale in scales.items()}
-        known_axes = {axis: np.isfinite(b.low) and b.low > 0.0 and b.high < 2.0 for axis, b in fast.items()}
-        told = (f"{b.low:.3f} to {b.high:.3f}" if known_axes[axis] else "unknown" for axis, b in fast.items())
-        listed = ", ".join(f"{axis} {words}" for axis, words in zip(fast, told, strict=True))
-        yield Check("gyroscope-scale", "ok", f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({listed}).")
-        return
+    if any(scale.lost or scale.halves for scale in scales.values()):
+        yield _unsteady(scales)
+    elif off:
+        clipped = any(c.name == "clipped" and c.words.startswith("gyroscope") for c in known)
+        yield _wrong(flight, scales, off, clipped)
+    else:
+        yield Check("gyroscope-scale", "ok", _bounds_words(scales))
+
+
+def _bounds_words(scales: dict[str, Scale]) -> str:
+    """The bounds of every axis, and of which axes they say nothing."""
+    best = {axis: scale.best for axis, scale in scales.items()}
+    told = {
+        axis: f"{axis} {b.low:.3f} to {b.high:.3f}" if 0.0 < b.low < b.high < 2.0 else axis for axis, b in best.items()
+    }
+    known = [told[axis] for axis, b in best.items() if b.width < SCALE.known]
+    unknown = [told[axis] for axis, b in best.items() if not b.width < SCALE.known]
+    words = [f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({', '.join(known)})."] if known else []
+    words += [f"Not known, for too little motion next to noise: {', '.join(unknown)}."] if unknown else []
+    return " ".join(words)
+
+
+def _unsteady(scales: dict[str, Scale]) -> Check:
+    """Of axes that have no one scale."""
+    lost = [f"{axis} shows nothing of the attitude's turns {s.lost.words}" for axis, s in scales.items() if s.lost]
+    halves = {axis: s.halves for axis, s in scales.items() if s.halves and not s.lost}
+    said = [*lost, *(f"{axis} has the scale {h.words}" for axis, h in halves.items())]
+    words = f"The gyroscope is not the attitude's rate: {'; '.join(said)}. No factor mends that: "
+    words += "one of the two failed or was set anew, or the sensor reaches the end of its range"
+    worst = max((abs(h.scales[0] - h.scales[1]) for h in halves.values()), default=0.0)
+    return Check("gyroscope-scale", "bad" if lost or worst > SCALE.stops else "warn", words)
+
+
+def _wrong(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale], clipped: bool) -> Check:
+    """Of axes `off` that have a wrong scale; what mends it is no factor where the sensor is `clipped`."""
     furthest = max(abs(scale.value - 1.0) for scale in off.values())
     said = ", ".join(f"{axis} {scale.value:.3f}" for axis, scale in off.items())
-    words = f"The gyroscope is not the attitude's rate: scale {said}, steady over time and frequency; its datasheet's "
-    words += "sensitivity, or the full-scale range that the driver assumes, may be another"
+    words = f"The gyroscope is not the attitude's rate: scale {said}, steady over time, size and frequency; its "
+    words += "datasheet's sensitivity, or the full-scale range that the driver assumes, may be another"
     common, mend = float(np.mean([scale.value for scale in off.values()])), None
-    if all(scale.allows(common) for scale in scales.values()):
+    if clipped:
+        words += ", or what it missed beyond its range (see `clipped`)"
+    elif all(scale.allows(common) for scale in scales.values()):
         mend = option(flight, f"gyro*{factor(1.0 / common)}", "imu")
     elif not turns(flight, "imu", "gyroscope"):  # else the sensor's axes are not the body's
         mend = option(flight, ",".join(f"gyro.{axis}*{factor(1.0 / s.value)}" for axis, s in off.items()), "imu")
-    yield Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
+    return Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
 
 
 BEFORE = ("gyroscope", "body-frame", "inertial-frame", "clock-unit")
@@ -162,8 +109,16 @@ def gyroscope_scales(flight: Flight) -> dict[str, Scale] | None:
     if shift is None:
         return None
     seen = [[block.angles(window, shift) for block in blocks] for window in SCALE.windows]
-    measured = [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]
-    return {"xyz"[k]: Scale(tuple(_bounds(band, k) for band in seen)) for k in measured}
+    when = np.concatenate([block.time[0] + SCALE.part * np.arange(block.parts) for block in blocks])
+    found = {}
+    for k in [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]:
+        bands = [_sums(band, k, blocks) for band in seen]
+        scale = Scale(tuple(bounds_of(sums) for sums in bands), halves_of(bands), lost_of(bands[0], when))
+        if scale.off and scale.halves is None:
+            turned, known = (np.concatenate([angles[side][:, k] for angles in seen[0]]) for side in (0, 1))
+            scale = replace(scale, halves=sizes_of(turned, known))
+        found["xyz"[k]] = scale
+    return found
 
 
 def steady_blocks(*series: Series) -> list[Span]:
@@ -210,7 +165,7 @@ class _Block:
         """Whole parts of `SCALE.part`."""
         return max(1, round(float(self.time[-1] - self.time[0]) / SCALE.part))
 
-    def angles(self, window: float, shift: float) -> tuple[Array, Array, Array, Array]:
+    def angles(self, window: float, shift: float) -> Angles:
         """Angles of attitude and gyroscope over windows (K, 3), the latter's change with `shift`, parts (K,)."""
         period = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         width = max(1, round(window / period))
@@ -249,19 +204,11 @@ def _delay(blocks: Sequence[_Block]) -> float | None:
     return shift
 
 
-def _bounds(band: Sequence[tuple[Array, Array, Array, Array]], axis: int) -> Bounds:
-    """Bounds on the scale of one axis in one band; standard deviation from the parts of all blocks."""
-    sums = []
-    for turned, known, _, part in band:
+def _sums(band: Sequence[Angles], axis: int, blocks: Sequence[_Block]) -> Array:
+    """Sums (3, P) of T^2, T R and R^2 of one axis in one band, by part in the order of time; loud parts turned down."""
+    parts = []
+    for (turned, known, _, part), block in zip(band, blocks, strict=True):
         t, r = turned[:, axis], known[:, axis]
-        sums += [np.bincount(part, weights=w) for w in (t * t, t * r, r * r)]
-    tt, tr, rr = (np.concatenate(sums[k::3]) for k in range(3))
-    weight = np.minimum(1.0, np.percentile(tt, SCALE.loudest) / np.maximum(tt, 1e-30))
-    tt, tr, rr = weight * tt, weight * tr, weight * rr
-    total = [float(np.sum(v)) for v in (tt, tr, rr)]
-    if total[0] <= 0.0 or total[1] <= 0.0:
-        return Bounds(-np.inf, np.inf, np.inf)
-    low, high = total[1] / total[0], total[2] / total[1]
-    count = len(tt)
-    scatter = [np.sqrt(np.sum(e**2) * count / (count - 1)) for e in (tr - low * tt, rr - high * tr)]
-    return Bounds(low, high, float(max(scatter[0] / total[0], scatter[1] / total[1])))
+        parts.append([np.bincount(part, weights=w, minlength=block.parts) for w in (t * t, t * r, r * r)])
+    sums = np.concatenate(parts, axis=1)
+    return np.asarray(sums * np.minimum(1.0, np.percentile(sums[0], SCALE.loudest) / np.maximum(sums[0], 1e-30)))
