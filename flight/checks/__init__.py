@@ -51,7 +51,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
     found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
     found += [] if stuck else accelerometer_scale.accelerometer_scale(flight, moved, found)
-    found = wrench.behind_body_frame(found, found)
+    found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 
 

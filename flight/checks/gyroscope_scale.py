@@ -36,21 +36,33 @@ Angles = tuple[Array, Array, Array, Array]
 
 def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
     """Scale of the gyroscope against the attitude; nothing where `known` says that it is another quantity."""
-    if flight.imu is None or any(c.level == "bad" and c.name in BEFORE for c in known):
+    bad = {c.name for c in known if c.level == "bad"}
+    if flight.imu is None or not bad.isdisjoint(BEFORE):
         return
     scales = gyroscope_scales(flight)
-    if scales is None:
+    if scales is not None and any(scale.lost or scale.halves for scale in scales.values()):
+        yield _unsteady(scales)
+    elif "gyroscope" in bad:
+        return
+    elif scales is None:
         why = "no attitude is logged" if flight.odometry is None else "attitude or IMU come too slowly or too briefly"
         yield Check("gyroscope-scale", "ok", f"Not tested: {why}.")
-        return
-    off = {axis: scale for axis, scale in scales.items() if scale.off}
-    if any(scale.lost or scale.halves for scale in scales.values()):
-        yield _unsteady(scales)
-    elif off:
-        clipped = any(c.name == "clipped" and c.words.startswith("gyroscope") for c in known)
-        yield _wrong(flight, scales, off, clipped)
+    elif off := {axis: scale for axis, scale in scales.items() if scale.off}:
+        yield _wrong(flight, scales, off, _is_clipped(known))
     else:
         yield Check("gyroscope-scale", "ok", _bounds_words(scales))
+
+
+def without_factor(found: Sequence[Check]) -> list[Check]:
+    """The checks; of a gyroscope that is clipped, or has no one scale, none offers a factor."""
+    unsteady = any(c.name == "gyroscope-scale" and c.level != "ok" and c.mend is None for c in found)
+    if not unsteady and not _is_clipped(found):
+        return [*found]
+    return [replace(c, mend=None) if c.name == "gyroscope" and "unit or scale" in c.words else c for c in found]
+
+
+def _is_clipped(found: Sequence[Check]) -> bool:
+    return any(c.name == "clipped" and c.words.startswith("gyroscope") for c in found)
 
 
 def _bounds_words(scales: dict[str, Scale]) -> str:
@@ -73,7 +85,7 @@ def _unsteady(scales: dict[str, Scale]) -> Check:
     said = [*lost, *(f"{axis} has the scale {h.words}" for axis, h in halves.items())]
     words = f"The gyroscope is not the attitude's rate: {'; '.join(said)}. No factor mends that: "
     words += "one of the two failed or was set anew, or the sensor reaches the end of its range"
-    worst = max((abs(h.scales[0] - h.scales[1]) for h in halves.values()), default=0.0)
+    worst = max((1.0 - min(h.scales) / max(h.scales) for h in halves.values()), default=0.0)
     return Check("gyroscope-scale", "bad" if lost or worst > SCALE.stops else "warn", words)
 
 
@@ -93,7 +105,7 @@ def _wrong(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale], clip
     return Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
 
 
-BEFORE = ("gyroscope", "body-frame", "inertial-frame", "clock-unit")
+BEFORE = ("body-frame", "inertial-frame", "clock-unit")
 """Checks that leave no scale to speak of where they are bad."""
 
 
@@ -114,9 +126,9 @@ def gyroscope_scales(flight: Flight) -> dict[str, Scale] | None:
     for k in [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]:
         bands = [_sums(band, k, blocks) for band in seen]
         scale = Scale(tuple(bounds_of(sums) for sums in bands), halves_of(bands), lost_of(bands[0], when))
-        if scale.off and scale.halves is None:
+        if scale.halves is None:
             turned, known = (np.concatenate([angles[side][:, k] for angles in seen[0]]) for side in (0, 1))
-            scale = replace(scale, halves=sizes_of(turned, known))
+            scale = replace(scale, halves=sizes_of(turned, known, scale))
         found["xyz"[k]] = scale
     return found
 

@@ -3,8 +3,9 @@
 A spike is beyond what is physically possible *and* far beyond everything else on its channel: a channel in another unit
 is large throughout, and has no spikes. A channel has frozen where one that otherwise changes with every sample repeats
 itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those), while
-most of the other channels go on: at rest everything stands still. A sensor of the IMU may also have died, until the end
-of the log: there the other sensors alone are asked, because commands go on where a vehicle has landed.
+most of the other channels go on: at rest everything stands still. A sensor of the IMU, or the odometry, may also have
+died, until the end of the log: there the other sensors alone are asked, because commands go on where a vehicle has
+landed. Of an odometry that stands still the IMU is asked in means, which its noise at rest does not move.
 """
 
 from collections.abc import Iterator
@@ -128,7 +129,8 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """Role, start and stop [s] and channel of every run of repeated values that nothing explains.
 
     A command may rest at its limit: rotors at full speed hold every torque, in the wrench as well. A channel of the IMU
-    has died where most channels of the odometry and of the IMU's other sensor go on to the end.
+    has died where most channels of the odometry and of the IMU's other sensor go on to the end, one of the odometry
+    where most of the IMU do.
     """
     series = {role: s for role, s in flight.series().items() if role in WATCHED}
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
@@ -142,21 +144,21 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         for name, values, longest in channels:
             if longest < MASKING.frozen_samples:
                 continue
-            for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role == "imu"):
+            for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role in sensors):
                 limited = (r for r in LIMITED if r in series)
                 if role in LIMITED and not jumps and any(at_limit(r, start, stop) for r in limited):
                     continue
                 ends = stop == series[role].time[-1]
+                lost = ends and role == "odometry"
                 witnesses = sensors
                 if not ends and sensors == {role} == {"imu"}:
                     witnesses = {*series} - {role}  # motors idle on the ground
                 others = []
                 for other in lively.keys() & (witnesses | {role}):
                     for label, column, _ in lively[other]:
-                        own = other == role and (
-                            label.partition(" ")[0] == name.partition(" ")[0] if ends else label == name
-                        )
-                        moving = None if own else _moves(series[other].time, column, start, stop)
+                        alike = label.partition(" ")[0] == name.partition(" ")[0] if ends else label == name
+                        own = other == role and (alike or lost)
+                        moving = None if own else _moves(*_means(series[other], column, lost), start, stop)
                         others += [] if moving is None else [moving]
                 if len(others) >= 2 and np.mean(others) > (MASKING.alive if ends else 0.25):
                     yield role, start, stop, name
@@ -205,6 +207,13 @@ def _runs(time: Array, column: Array, *, limited: bool, dies: bool) -> Iterator[
             at_limit = limited and column[first] in (column.min(), column.max())
         if jumps or not at_limit:
             yield float(time[first]), float(time[last]), bool(jumps)
+
+
+def _means(series: Series, column: Array, averaged: bool) -> tuple[Array, Array]:
+    """Times and means of a channel over `MASKING.frozen_seconds`; its own samples without `averaged`."""
+    each = max(1, round(MASKING.frozen_seconds / series.period)) if averaged else 1
+    whole = len(column) // each * each
+    return series.time[:whole:each], column[:whole].reshape(-1, each).mean(axis=1)
 
 
 def _moves(time: Array, column: Array, start: float, stop: float) -> bool | None:

@@ -186,13 +186,18 @@ def halves_of(bands: Sequence[Array]) -> Halves | None:
     return None
 
 
-def sizes_of(turned: Array, known: Array) -> Halves | None:
-    """Scales of the smaller and the larger turns (K,), where they differ as no one scale does."""
-    ordered = [np.array_split(np.sort(np.abs(v)), 2) for v in (turned, known)]
-    small, large = (float(np.sqrt(np.sum(r**2) / max(np.sum(t**2), 1e-30))) for t, r in zip(*ordered, strict=True))
-    beyond = abs(np.log(np.sum(known**2) / max(np.sum(turned**2), 1e-30))) / 2.0
-    apart = abs(np.log(max(small, 1e-9) / max(large, 1e-9))) > max(SCALE.steady, SCALE.steady_share * beyond)
-    return Halves(IN_SIZE, (small, large)) if apart else None
+def sizes_of(turned: Array, known: Array, scale: Scale) -> Halves | None:
+    """Scales of the smaller and the larger turns (K,), where they differ as no one scale, and no noise, does.
+
+    The noise of either is at most the share of its power by which the bounds of `scale` are apart.
+    """
+    parts = [[float(np.sum(half)) for half in np.array_split(np.sort(v**2), 2)] for v in (turned, known)]
+    if min(part for halves in parts for part in halves) <= 0.0 or not scale.bounds[0].low > 0.0:
+        return None
+    small, large = (float(np.sqrt(r / t)) for t, r in zip(*parts, strict=True))
+    noise = np.log1p(0.5 * (scale.bounds[0].high / scale.bounds[0].low - 1.0) * max(sum(p) / p[0] for p in parts)) / 2.0
+    least = max(SCALE.steady, SCALE.steady_share * abs(np.log(scale.value))) if scale.off else SCALE.known
+    return Halves(IN_SIZE, (small, large)) if abs(np.log(small / large)) > least + noise else None
 
 
 def lost_of(sums: Array, when: Array) -> Lost | None:

@@ -125,6 +125,44 @@ def test_rest_after_a_landing_is_no_dead_sensor():
     assert "frozen" not in found_in(replace(landed, odometry=replace(landed.odometry, quat_EB=quat)))
 
 
+def stopped(flight, start, *, attitude):
+    """With an odometry that repeats its row at `start` until the end."""
+    odometry, still = flight.odometry, slice(start, None)
+    velocity = np.gradient(odometry.position_E, odometry.time, axis=0)
+    position, quat = odometry.position_E.copy(), odometry.quat_EB.copy()
+    position[still], velocity[still] = position[start], 0.0
+    if attitude:
+        quat[still] = quat[start]
+    return replace(flight, odometry=replace(odometry, position_E=position, quat_EB=quat, velocity_E=velocity))
+
+
+@pytest.mark.parametrize("attitude", [False, True])
+def test_an_odometry_that_stops_while_the_imu_flies_on_is_left_out_to_the_end(attitude):
+    one = with_checks(stopped(moving(), 800, attitude=attitude))
+    found = {c.name: c for c in one.checks}["frozen"]
+    assert found.level == "warn"
+    assert "odometry (position_E 0" in found.words
+    assert "at 8.00 s, to the end of the log" in found.words
+    assert one.odometry.time[-1] == pytest.approx(8.0)
+    half = found_in(stopped(moving(), 400, attitude=attitude))["frozen"]
+    assert half.level == "bad"
+    assert half.mend == "--topic odometry=none"
+
+
+def test_an_odometry_at_rest_with_an_imu_that_only_has_noise_is_no_dead_one():
+    """A landing in a simulator: the pose is exact, the IMU has its noise to the end."""
+    rng = np.random.default_rng(2)
+
+    def landed(name, values):
+        if name in ("omega", "force"):
+            values = values.copy()
+            values[:800] += np.sin(np.outer(np.arange(800) / 100.0, [2.0, 3.0, 4.0]))
+            values[800:] = (name == "force") * np.array([0.0, 0.0, 9.81]) + white(rng, len(values) - 800, 0.05)
+        return values
+
+    assert "frozen" not in found_in(stopped(moving(change=landed), 800, attitude=True))
+
+
 @pytest.mark.parametrize(("noise", "level"), [(0.1, "ok"), (1.0, "warn")])
 def test_rates_that_an_attitude_shows_by_half_do_not_agree(noise, level):
     """Noise of the attitude as large as its motion: a factor of 0.6 is not "ok", and the causes are named."""

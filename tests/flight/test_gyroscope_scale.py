@@ -1,5 +1,6 @@
 """The gyroscope's scale against an attitude that is integrated here from known rates: scales, lags, filters, noise."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -24,12 +25,13 @@ def wander(rng, time, size):
 
 def flown(
     scale=1.0, *, seed=0, size=0.5, seconds=20.0, gyro_noise=4e-3, attitude_noise=8e-4, late=0.0, odometry_hz=100.0,
-    lag=None, smoothed=None, tumbling=False,
+    lag=None, smoothed=None, tumbling=False, bursts=False, lands=np.inf,
 ):  # fmt: skip
     """A flight at 1 kHz, integrated sample by sample: the truth is in the attitude, `scale` (1 or 3) in the rates."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 1.0 / RATE)
     omega = wander(rng, time, size)
+    omega *= np.where(bursts & (time % 16.0 < 8.0), 0.3, 1.0)[:, None] * (time < lands)[:, None]
     crash = tumbling & (time > 15.0) & (time < 15.8)
     omega[crash] *= 6.0
     steps = Rotation.from_rotvec(omega / RATE)
@@ -145,3 +147,85 @@ def test_a_crash_does_not_decide():
 def test_an_axis_of_a_sensor_that_is_turned_has_no_option():
     flight = replace(flown([1.0, 0.95, 1.0]), mapping={"imu": "/imu:frd", "pose": "/odom"})
     assert said(flight).mend is None
+
+
+def reading(flight, change):
+    """With what its gyroscope reads changed: `change` of time (N,) and rates (N, 3)."""
+    imu = flight.imu
+    return replace(flight, imu=replace(imu, omega_B=change(imu.time, imu.omega_B.copy())))
+
+
+@pytest.mark.parametrize("seconds", [16.0, 32.0])
+def test_a_scale_that_changes_in_flight_has_two_numbers_and_no_factor(seconds):
+    late = reading(flown(seconds=seconds), lambda t, w: w * np.where(t > seconds / 2, 0.8, 1.0)[:, None])
+    found = said(late)
+    assert found.level == "bad"
+    assert found.mend is None
+    numbers = re.search(
+        r"x has the scale ([\d.]+) in the first half of the flight, ([\d.]+) in the second", found.words
+    )
+    assert [float(n) for n in numbers.groups()] == pytest.approx([1.0, 0.8], abs=0.02)
+
+
+def test_a_scale_that_depends_on_the_motion_has_two_numbers_and_no_factor():
+    """Calm and lively parts by turns, the lively ones beyond a soft end of the range."""
+
+    def soft(time, omega):
+        return np.where((time % 16.0 > 8.0)[:, None], 0.9, 1.0) * omega
+
+    lively = flown(seconds=32.0, gyro_noise=1e-3, bursts=True)
+    assert said(lively).level == "ok"
+    found = said(reading(lively, soft))
+    assert found.mend is None
+    numbers = re.search(
+        r"x has the scale ([\d.]+) in the calmer half of the flight, ([\d.]+) in the livel", found.words
+    )
+    assert [float(n) for n in numbers.groups()] == pytest.approx([1.0, 0.9], abs=0.03)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_a_clipped_gyroscope_has_no_factor(noise):
+    """Flat tops at 0.4 rad/s of 0.5 rms, with and without noise on them: all parts of the flight are alike."""
+    rng = np.random.default_rng(9)
+    flight = reading(flown(), lambda t, w: np.clip(w, -0.4, 0.4) + noise * rng.standard_normal(w.shape))
+    for factor in (1.0, 1.4):  # as it is, and with the factor that brings it to the right size in the mean
+        found = {c.name: c for c in with_checks(reading(flight, lambda t, w, k=factor: k * w)).checks}
+        assert found["gyroscope-scale"].level == "bad"
+        assert found["gyroscope-scale"].mend is found["gyroscope"].mend is None
+
+
+def test_a_scale_beside_a_few_flat_tops_has_no_factor():
+    found = said(reading(flown(0.9), lambda t, w: np.clip(w, -1.15, 1.15)))
+    assert found.level == "bad"
+    assert found.mend is None
+    assert "x 0.9" in found.words
+
+
+@pytest.mark.parametrize("axes", [slice(0, 3), 2])
+@pytest.mark.parametrize("first", [False, True])
+def test_axes_that_show_noise_alone_in_part_of_the_flight_are_said(axes, first):
+    rng = np.random.default_rng(1)
+
+    def dead(time, omega):
+        rows = (time < 14.0) if first else (time > 18.0)
+        omega[rows, axes] = 4e-3 * rng.standard_normal(omega[rows, axes].shape)
+        return omega
+
+    found = said(reading(flown(seconds=32.0), dead))
+    assert found.level == "bad"
+    assert found.mend is None
+    when = "until 14 s" if first else "from 18 s on"
+    assert f"z shows nothing of the attitude's turns {when} (correlation" in found.words
+    assert ("x shows nothing" in found.words) == (axes != 2)
+
+
+def test_a_landing_is_no_dead_gyroscope():
+    """The attitude's noise goes on, and shows nothing of the gyroscope's."""
+    assert said(flown(seconds=32.0, attitude_noise=3e-3, lands=18.0)).level == "ok"
+
+
+def test_an_axis_with_bounds_far_apart_is_not_known():
+    found = said(flown(size=np.array([[0.5, 0.5, 0.004]]), seconds=20.0, attitude_noise=2e-3))
+    assert found.level == "ok"
+    assert "beyond doubt (x " in found.words
+    assert "Not known, for too little motion next to noise: z" in found.words
