@@ -297,6 +297,7 @@ def _wxyz(quat: Array) -> Array:
 FAULTS: tuple[Fault, ...] = (
     Fault("accelerometer in g", ("accelerometer-unit",), partial(_imu, accel=1 / GRAVITY)),
     Fault("accelerometer without gravity", ("accelerometer-unit",), _without_gravity),
+    Fault("accelerometer scaled by 1.06", ("accelerometer-scale",), partial(_imu, accel=1.06)),
     Fault("gyroscope in deg/s", ("gyroscope",), partial(_imu, gyro=180 / np.pi)),
     Fault("gyroscope in deg/s, IMU and wrench alone", ("gyroscope",), _wrench_alone(partial(_imu, gyro=180 / np.pi))),
     Fault("gyroscope in deg/s, IMU and actuators alone", ("gyroscope",), _alone(partial(_imu, gyro=180 / np.pi))),

@@ -36,7 +36,7 @@ def _biased(flight: Flight) -> Flight:
     imu = flight.imu
     assert imu is not None
     bias = np.array([0.05, -0.04, 0.06])
-    omega, force = imu.omega_B + bias, imu.specific_force_B + 10.0 * bias
+    omega, force = imu.omega_B + bias, imu.specific_force_B + 2.0 * bias
     return replace(flight, imu=replace(imu, omega_B=omega, specific_force_B=force))
 
 

@@ -83,9 +83,13 @@ def _unsteady(scales: dict[str, Scale]) -> Check:
     lost = [f"{axis} shows nothing of the attitude's turns {s.lost.words}" for axis, s in scales.items() if s.lost]
     halves = {axis: s.halves for axis, s in scales.items() if s.halves and not s.lost}
     said = [*lost, *(f"{axis} has the scale {h.words}" for axis, h in halves.items())]
+    off = {axis: s.value for axis, s in scales.items() if s.off and not (s.lost or s.halves)}
+    said += [f"{axis} has the scale {k:.3f}" for axis, k in off.items()]
     words = f"The gyroscope is not the attitude's rate: {'; '.join(said)}. No factor mends that: "
     words += "one of the two failed or was set anew, or the sensor reaches the end of its range"
-    worst = max((1.0 - min(h.scales) / max(h.scales) for h in halves.values()), default=0.0)
+    worst = max(
+        [0.0] + [1.0 - min(h.scales) / max(h.scales) for h in halves.values()] + [abs(k - 1.0) for k in off.values()]
+    )
     return Check("gyroscope-scale", "bad" if lost or worst > SCALE.stops else "warn", words)
 
 
