@@ -54,7 +54,7 @@ class Settings:
     filter_uncertain  False switches the uncertainty filter off: the correction is the optimum
     decay_time        tau_d, time constant with which a distrusted correction dies out [s]
     sigma_threshold   standard deviation at which half of the optimum is taken
-    kappa             rapidness of the change around the threshold [1/sigma]
+    kappa             gate slope: how sharply the correction fades around the threshold [1 over the unit of sigma]
     normalise         whether sigma is the maximum of normalised outputs (see `compensate.uncertainty`)
     solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
                       compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what

@@ -48,7 +48,7 @@ NAMES: dict[str, str] = {
     "saturation": "commands beyond the limits of the model file",
     "model": "whether the log can be used with the model at all",
 }
-"""Every check, in the spelling of `--accept`, and what it looks at; docs/checks.md has a heading for each."""
+"""Every check, in the spelling of `--accept`, and what it looks at; docs/checks.md has a row for each."""
 
 UNPOWERED = "this log holds no powered flight."
 """How a reader ends its note of a log whose motors never turned."""

@@ -3,7 +3,7 @@
 A serialised message has no table of offsets: where a field lies follows from the definition and from the counters of
 the strings and sequences before it. Messages whose counters agree have the same layout, so their bytes, stacked to
 (N, length), are cut in columns. Where a counter differs, the messages are parted by its value and each part is read by
-itself. Messages that a reader hands on where they lie are copied by the layout of the first (`formats.packed`).
+itself. Messages that a reader hands on where they lie are copied by the layout of the first.
 """
 
 import re
