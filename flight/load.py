@@ -86,7 +86,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     sources = assignment.sources
     used = {source.topic: log.tables[source.topic] for source in sources.values()}
     for source in sources.values():
-        header, unit = used[source.topic].header_ns, source.meaning.stamp
+        header, unit = log.tables[source.topic].header_ns, source.meaning.stamp  # as logged: a topic may play two parts
         if header is not None and unit != 1.0:  # the user said in which unit its stamps are
             scaled = np.round(header * unit)
             if np.any(np.abs(scaled) >= 2.0**63):
