@@ -113,7 +113,10 @@ def inspect(
 
     Example: `wrenchgap batch inspect flights/ -o inspected`
     """
-    from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("batches", extra="batch"):
+        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
 
     _batch(Plan("inspect", models_by_vehicle(model or []), reading.options.to_json()), logs, output, where, run)
 
@@ -138,7 +141,10 @@ def compare(
 
     Example: `wrenchgap batch compare 'flights/*/*.mcap' -m my_quadrotor -o compared`
     """
-    from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("batches", extra="batch"):
+        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
 
     plan = Plan("compare", models_by_vehicle(model), reading.options.to_json(), parse_effects(fit))
     _batch(plan, logs, output, where, run)
@@ -173,7 +179,10 @@ def explain(
     Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
     tcp://10.0.0.1:8786`
     """
-    from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("batches", extra="batch"):
+        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
 
     names = parse_effects(effects_only)
     plan = Plan("explain", models_by_vehicle(model), reading.options.to_json(), names, each=each)
@@ -196,7 +205,10 @@ def changed(
     Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
     """
     from wrenchgap.replay.batch.sources import logs_named
-    from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
+    from wrenchgap.flight.extras import needed_for
+
+    with needed_for("batches", extra="batch"):
+        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
 
     good = tuple(one.url for one in logs_named(healthy))
     names = parse_effects(effects_only)
