@@ -204,8 +204,8 @@ def changed(
 
     Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
     """
-    from wrenchgap.replay.batch.sources import logs_named
     from wrenchgap.flight.extras import needed_for
+    from wrenchgap.replay.batch.sources import logs_named
 
     with needed_for("batches", extra="batch"):
         from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
