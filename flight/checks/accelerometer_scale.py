@@ -1,14 +1,14 @@
-"""The size of the specific force: its mean along gravity against g and the odometry's mean acceleration.
+"""The size of the specific force: its mean against gravity and the odometry's mean acceleration.
 
 Newton: the mean of R_EB f is g e_z plus the mean acceleration. Means are weighted by hats w of half-width h about
 t_k, for which the acceleration is that of three positions alone (a velocity is integrated to one), and add up to the
 whole flight:
 
-    a_k = (p(t_k + h) - 2 p(t_k) + p(t_k - h)) / h^2,    ratio = sum <w (R_EB M f)_z> / sum (g + a_k,z).
+    a_k = (p(t_k + h) - 2 p(t_k) + p(t_k - h)) / h^2,    ratio = sum |<w R_EB f>| / sum |g e_z + a_k|.
 
-The body-fixed rotation M brings the readings closest to what the odometry says (Wahba 1965): a mounting error is no
-error of size. The ratio is that of scale, or of a bias along the vertical: near hover these are the same. Its standard
-deviation is that of the hats, in which noise of the positions at their ends counts as well.
+Lengths, so that a mounting error, which turns all readings alike, is no error of size. The ratio is that of scale, or
+of a bias along the vertical: near hover these are the same. Its standard deviation is that of the hats, in which noise
+of the positions at their ends counts as well.
 """
 
 from __future__ import annotations
@@ -21,31 +21,23 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.gyroscope_scale import steady_blocks
-from wrenchgap.flight.checks.motion import MotionMeans, best_rotation
+from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.checks.scale_bounds import SCALE
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
-from wrenchgap.flight.row_kernels import integral, lengths
+from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 
 @dataclass(frozen=True)
 class GravityThresholds:
-    """How the size of the specific force is estimated, and when it is wrong."""
+    """How the size of the specific force is estimated; when it is wrong stands in `SCALE`, with the gyroscope's."""
 
     half: float = 1.0
     """Half-width of a hat [s]: a position that is off by 1 cm makes 0.25 % of g, and 8 s of flight are enough."""
     least: float = 0.5
-    """Specific force along gravity over g below which a hat is not used: in free fall there is nothing to scale."""
-    fewest: int = 6
-    """Hats below which nothing is said."""
-    said: float = 0.02
-    """How far from one a ratio is said: mass and thrust that explain it come out wrong by as much."""
-    stops: float = 0.05
-    """How far from one a ratio stops the log."""
-    sure: float = 4.0
-    """Standard deviations beyond one: a chance of 1 % with so few hats (Student, 5)."""
+    """Expected specific force over g below which a hat is not used: in free fall there is nothing to scale."""
 
 
 HATS = GravityThresholds()
@@ -53,7 +45,7 @@ HATS = GravityThresholds()
 
 @dataclass(frozen=True)
 class GravityRatio:
-    """Mean specific force along gravity over what it should be; its standard deviation, and what it should be."""
+    """Size of the mean specific force over what it should be; its standard deviation, and what it should be."""
 
     value: float
     std: float
@@ -69,16 +61,15 @@ def accelerometer_scale(flight: Flight, seen: MotionMeans | None, known: Sequenc
         return
     said = f"{ratio.value:.3f} +- {ratio.std:.3f} times that of gravity and the odometry's acceleration"
     off = abs(ratio.value - 1.0)
-    if off < max(HATS.said, HATS.sure * ratio.std):
-        yield Check("accelerometer-scale", "ok", f"The mean specific force along gravity is {said}.")
+    if off < max(SCALE.said, SCALE.sure * ratio.std):
+        yield Check("accelerometer-scale", "ok", f"The mean specific force is {said}.")
         return
     bias = (ratio.value - 1.0) * ratio.expected
-    words = f"The mean specific force along gravity is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
+    words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical; calibrate it"
     clipped = any(c.name == "clipped" and c.words.startswith("accelerometer") for c in known)
     mend = None if clipped else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
-    stops = off > HATS.stops and ratio.std < HATS.said  # a fall that the odometry misses leaves a ratio not well known
-    yield Check("accelerometer-scale", "bad" if stops else "warn", words, mend)
+    yield Check("accelerometer-scale", "bad" if off > SCALE.stops else "warn", words, mend)
 
 
 BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odometry-scale", "clock-unit")
@@ -88,32 +79,25 @@ BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odo
 def gravity_ratio(flight: Flight, seen: MotionMeans | None) -> GravityRatio | None:
     """The ratio; None without odometry or accelerometer, or where too little gravity is in the specific force."""
     odometry, imu, absent = flight.odometry, flight.imu, unmeasured_axes(flight)
-    if seen is None or seen.accel is None or odometry is None or imu is None or "force_z" in absent:
+    if seen is None or odometry is None or imu is None or imu.period > SCALE.slowest_imu or "force_z" in absent:
         return None
-    if imu.period > SCALE.slowest_imu:
-        return None
-    measured = np.array([axis not in absent for axis in AXES[:3]])
-    mounting = best_rotation(seen.force().T @ seen.accel) if all(measured) else np.eye(3)
+    measured = [k for k, axis in enumerate(AXES[:3]) if axis not in absent]
     place = odometry.position_E if odometry.velocity_E is None else integral(odometry.time, odometry.velocity_E)
-    turned, hats = so3.continuous(odometry.quat_EB), []
+    hats = []
     for start, stop in steady_blocks(odometry, imu):
         rows = slice(*np.searchsorted(imu.time, (start, stop)))
-        time, force = imu.time[rows], imu.specific_force_B[rows]
-        quat = interpolated(time, odometry.time, turned)
-        quat /= lengths(quat)[:, None]
-        up = so3.rotate_inverse(quat, np.tile([0.0, 0.0, 1.0], (len(time), 1))) * measured
-        read = np.sum(up * (np.where(measured, force, 0.0) @ mounting.T), axis=1)
-        seen_E = so3.rotate(quat, up)
+        time = imu.time[rows]
+        axes_E = so3.matrix(so3.interpolate(time, odometry.time, odometry.quat_EB))[:, :, measured]
         for middle in np.arange(start + HATS.half, stop - HATS.half, HATS.half):
             weight = np.maximum(0.0, 1.0 - np.abs(time - middle) / HATS.half) * np.gradient(time)
             before, at, after = interpolated(middle + HATS.half * np.array([-1.0, 0.0, 1.0]), odometry.time, place)
-            expected = (after - 2.0 * at + before) / HATS.half**2 + np.array([0.0, 0.0, GRAVITY])
-            hats.append(np.array([weight @ read, weight @ seen_E @ expected]) / np.sum(weight))
+            expected_E = (after - 2.0 * at + before) / HATS.half**2 + np.array([0.0, 0.0, GRAVITY])
+            forces = imu.specific_force_B[rows][:, measured], expected_E @ axes_E  # read, and what there was to read
+            hats.append([np.linalg.norm(np.einsum("k,kea,ka", weight, axes_E, f)) / np.sum(weight) for f in forces])
     hats = [hat for hat in hats if hat[1] > HATS.least * GRAVITY]
-    count = len(hats)
-    if count < HATS.fewest:
+    if len(hats) < SCALE.fewest_parts:
         return None
     read, expected = np.transpose(hats)
-    value = float(np.sum(read) / np.sum(expected))
+    value, count = float(np.sum(read) / np.sum(expected)), len(hats)
     scatter = float(np.sqrt(np.sum((read - value * expected) ** 2) * count / (count - 1)))
     return GravityRatio(value, scatter / float(np.sum(expected)), float(np.mean(expected)))

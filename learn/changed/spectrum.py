@@ -39,8 +39,8 @@ class ChangeSpectrum(Spectrum):
     def inexact(self, rows: NDArray[np.intp]) -> Array:
         """The same without the mean over a flight: what a law is off by there is a constant wrench, a trim."""
         out = super().inexact(rows).copy()
-        lines = self.coefficients[self.starts][:, :, rows]
-        size = np.sqrt(np.bincount(self.block).astype(float))
+        lines = self.coefficients[self.starts[:, None], :, rows].transpose(0, 2, 1)
+        size = self.factors * np.sqrt(np.bincount(self.block))
         for f in np.unique(self.flight_of_block):
             own = np.where(self.flight_of_block == f, size, 0.0)
             own /= np.linalg.norm(own)

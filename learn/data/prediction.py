@@ -19,7 +19,6 @@ from wrenchgap.flight.memory import HOURS, give_back, on_disk
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.measurement import Record, low_pass, thinned
 from wrenchgap.plant.actuation import actuation
-from wrenchgap.plant.effects.effect import BodyEffect, SensorEffect
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
 from wrenchgap.plant.model import Model
@@ -88,8 +87,7 @@ class Evaluator:
         """
         state, believed = self.record.state_kept, body or model.vehicle.body
         reported = model.report(wrench_B, state, body)
-        answers = any(isinstance(item.effect, BodyEffect | SensorEffect) for item in model.effects)
-        if not (self.balanced and answers):
+        if not self.balanced or not any(item.effect.place in ("body", "sensor") for item in model.effects):
             return reported
         unmodelled = np.nan_to_num(np.mean(self.record.measured - reported, axis=0, keepdims=True))
         return np.asarray(model.report(wrench_B + about_origin(believed, unmodelled), state, body) - unmodelled)

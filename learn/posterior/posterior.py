@@ -194,8 +194,8 @@ class WeighedSets:
             replace(p, theta=np.concatenate([changes[n] for n in p.names])) if set(p.names) <= set(changes) else p
             for p in best.scored_set.parts
         ]
-        new = replace(best, scored_set=replace(best.scored_set, parts=tuple(parts)))
-        return self.each(lambda sets: tuple(new if set(s.names) == set(best.names) else s for s in sets))
+        new, names = replace(best.scored_set, parts=tuple(parts)), set(best.names)
+        return self.each(lambda sets: tuple(replace(s, scored_set=new) if set(s.names) == names else s for s in sets))
 
 
 def merged_by_names(scored_sets: Sequence[ScoredSet], share: Sequence[float]) -> tuple[NamedSet, ...]:

@@ -1,19 +1,15 @@
 """`wrenchgap batch`: one command over thousands of logs, here or on a Dask cluster (docs/batch.md)."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Run
 from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_error
-
-if TYPE_CHECKING:
-    from wrenchgap.replay.batch.tasks import Plan
 
 Sources = Annotated[
     list[str],
@@ -75,15 +71,33 @@ class Where:
             raise usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
 
 
-def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> None:
-    """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
+def _batch(
+    command: str,
+    logs: list[str],
+    models: list[str],
+    output: str,
+    *,
+    reading: o.Reading,
+    where: Where,
+    run: Run,
+    healthy: Sequence[str] = (),
+    passes: int = 1,
+    **asked: Any,
+) -> None:
+    """One command over logs: do it, print and write what came of it; raises UsageError where every log failed.
+
+    `asked` are further fields of the plan (`replay.batch.tasks.Plan`).
+    """
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.flight.extras import needed_for
 
     with needed_for("batches", extra="batch"):
         from wrenchgap.replay.batch import driver, sources, words
         from wrenchgap.replay.batch.store import Store
+        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
 
+    asked["healthy"] = tuple(one.url for one in sources.logs_named(healthy)) if healthy else ()
+    plan = Plan(command, models_by_vehicle(models), reading.options.to_json(), **asked)
     if run.own:
         raise UsageError("--effects: workers have the effects of the catalogue only; leave the option out")
     run.claim({})
@@ -113,12 +127,7 @@ def inspect(
 
     Example: `wrenchgap batch inspect flights/ -o inspected`
     """
-    from wrenchgap.flight.extras import needed_for
-
-    with needed_for("batches", extra="batch"):
-        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
-
-    _batch(Plan("inspect", models_by_vehicle(model or []), reading.options.to_json()), logs, output, where, run)
+    _batch("inspect", logs, model or [], output, reading=reading, where=where, run=run)
 
 
 def compare(
@@ -141,13 +150,7 @@ def compare(
 
     Example: `wrenchgap batch compare 'flights/*/*.mcap' -m my_quadrotor -o compared`
     """
-    from wrenchgap.flight.extras import needed_for
-
-    with needed_for("batches", extra="batch"):
-        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
-
-    plan = Plan("compare", models_by_vehicle(model), reading.options.to_json(), parse_effects(fit))
-    _batch(plan, logs, output, where, run)
+    _batch("compare", logs, model, output, reading=reading, where=where, run=run, names=parse_effects(fit))
 
 
 def explain(
@@ -179,14 +182,8 @@ def explain(
     Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
     tcp://10.0.0.1:8786`
     """
-    from wrenchgap.flight.extras import needed_for
-
-    with needed_for("batches", extra="batch"):
-        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
-
-    names = parse_effects(effects_only)
-    plan = Plan("explain", models_by_vehicle(model), reading.options.to_json(), names, each=each)
-    _batch(plan, logs, output, where, run, passes)
+    asked = {"names": parse_effects(effects_only), "each": each, "passes": passes}
+    _batch("explain", logs, model, output, reading=reading, where=where, run=run, **asked)
 
 
 def changed(
@@ -204,13 +201,5 @@ def changed(
 
     Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
     """
-    from wrenchgap.flight.extras import needed_for
-    from wrenchgap.replay.batch.sources import logs_named
-
-    with needed_for("batches", extra="batch"):
-        from wrenchgap.replay.batch.tasks import Plan, models_by_vehicle
-
-    good = tuple(one.url for one in logs_named(healthy))
-    names = parse_effects(effects_only)
-    plan = Plan("changed", models_by_vehicle(model), reading.options.to_json(), names, good)
-    _batch(plan, [*logs], output, where, run)
+    asked = {"names": parse_effects(effects_only), "healthy": healthy}
+    _batch("changed", logs, model, output, reading=reading, where=where, run=run, **asked)
