@@ -70,6 +70,7 @@ PROGRESS = re.compile(r"\w+: +\d+ % ")
 """Lines of progress, which come by the clock."""
 MASKED = (
     (re.compile(r"\b\d+(?:\.\d+)? ?(?:ms|s) (?:a step|of processor time)"), "TIME"),
+    (re.compile(r"(?<=solve time mean / p99 / max) .* ms(?=,)"), "TIME"),
     (re.compile(r"\b20\d\d-\d\d-\d\d(?:[T ][\d:.]+Z?)?"), "DATE"),
     (re.compile(r"\b[0-9a-f]{12,64}\b"), "HASH"),
 )
