@@ -20,6 +20,7 @@ With --pairs or --page, `explain` is fitted on each flight and tested on each ot
 
 import argparse
 import json
+import re
 import time
 from itertools import permutations
 from pathlib import Path
@@ -32,10 +33,12 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.filters import smooth
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.timing import timing_of
+from wrenchgap.plant import model_file
 from wrenchgap.replay.present.documents import plain
 from wrenchgap.replay.present.timing import sentences, warnings
 
 PAYLOAD = 0.005  # kg
+BELIEVED = 0.0419  # kg: what the logs' controller assumes
 PAYLOAD_TOPIC = "/payload/state_estimate"
 GRAVITY = 9.80665
 WINDOW = 0.3  # s, of the cubics that differentiate a position recorded to the millimetre
@@ -281,7 +284,8 @@ def main():
     }
     if not logs:
         parser.error(f"{options.folder}: no crazyflie-payload-*.mcap there")
-    model = load_model("crazyflie")
+    shipped = load_model("crazyflie").text
+    model = model_file.loads(re.sub(r"(?m)^mass = \{.*?\}", f"mass = {BELIEVED}", shipped))
     flights = {name: one(path, model) for name, path in logs.items()}
     for name, r in flights.items():
         print_one(name, r)

@@ -18,6 +18,8 @@ from wrenchgap.replay.present.numbers import by_reason, direction, number, share
 LEVELS = ("bad", "warn", "ok")
 LOST = 0.01
 """Share of a log that its logger lost, which is worth a word: what is left is enough for any analysis."""
+LEFT_OUT = 0.1
+"""Share of a role's samples that the reader left out, which is worth a word: a wrong reading or a damaged file."""
 LONG_GAP = 0.5
 """Gap of commands or IMU [s] that is worth a word: stretches between gaps are analysed each by itself."""
 SHAKES = 1.0
@@ -85,6 +87,16 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         if check.level == "bad" and (check.accepted or check.name == "roles"):
             words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."
             yield Statement("warn", "log", f"check {check.name}", words)
+    series = {} if log.inspection.flight is None else log.inspection.flight.series()
+    lost = {
+        role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time)) for role, one in series.items()
+    }
+    worst = max(lost, key=lambda role: lost[role], default="")
+    if worst and lost[worst] > LEFT_OUT:
+        words = (
+            f"{share(lost[worst])} of the samples of {worst} are no possible readings and were left out; the notes of"
+        )
+        yield Statement("warn", "log", "samples left out", f"{words} `wrenchgap inspect` say why.")
 
 
 def _motors(log: LogHealth) -> Iterator[Statement]:

@@ -60,7 +60,7 @@ def test_the_sign_of_kappa_belongs_into_spin():
 @pytest.mark.parametrize(("unit", "square"), [("rpm^2", (np.pi / 30.0) ** 2), ("revolutions", (2.0 * np.pi) ** 2)])
 def test_a_c_f_per_another_speed_is_no_thrust_coefficient_and_the_right_one_is_said(name, unit, square):
     """T = c_f Omega^2: with Omega in another unit c_f is its square as large; C_T = c_f / (rho pi R^4) has no unit."""
-    model = wg.load_model(name)
+    model = replace(wg.load_model(name), command=None)  # with one, c_f is a name for its thrust
     c_f = model.vehicle.rotors.c_f
     (check,) = [c for c in vehicle_checks(with_rotors(model, c_f=c_f * square)) if c.name == "thrust-coefficient"]
     assert check.level == "warn"

@@ -134,7 +134,7 @@ def test_hidden_values_add_to_what_the_model_has():
 
 def test_time_on_the_ground_is_left_out(tmp_path):
     """Two seconds with idle rotors before the flight say nothing about the model."""
-    weight = 0.0419 * 9.81
+    weight = 0.033 * 9.81
     time = np.arange(0, 8, 0.004)
     wrench = np.zeros((len(time), 6))
     wrench[:, 2] = np.where(time < 2.0, 0.02, weight)
