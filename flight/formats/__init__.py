@@ -15,6 +15,7 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import ardupilot, px4
+from wrenchgap.flight.formats.blackbox import BlackboxReader
 from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
@@ -38,6 +39,7 @@ READERS: tuple[type[Reader], ...] = (
     Rosbag2SqliteReader,
     UlogReader,
     DataflashReader,
+    BlackboxReader,
     ParquetReader,
     CsvReader,
 )

@@ -101,6 +101,11 @@ class _Known:
                 self._replace("rotor", found[0], found[1])
                 words = "pulses in us" if found[1] == "pwm" else "DSHOT, of 48 to 2047: read as shares of full throttle"
             self.notes.append(f"motor: by its smallest and largest values {words}.")
+        if any(header.startswith("eRPM") for header in self.unknown):
+            self.notes.append(
+                "eRPM counts 100 electrical turns a minute. With N magnets in a motor's bell these are rotor speeds: "
+                "--topic rotor_speed=/table.eRPM*F, where F is 20.944 / N (14 magnets: 1.496)."
+            )
         gyro, acc = self.whole("gyro", 3), self.whole("acc", 3)
         if gyro is not None and not self.units["gyro"]:
             self._rate(gyro)

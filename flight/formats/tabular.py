@@ -82,6 +82,7 @@ class CsvReader(TableReader):
                 f"{self.path}: no header line; expected the names of the columns in the first line, as in time,gyro_x"
             )
         options: dict[str, Any] = {"sep": delimiter, "decimal": decimal, "skiprows": skipped, "on_bad_lines": "skip"}
+        options["skipinitialspace"] = True  # blackbox_decode writes a space behind each comma
         try:
             frame = pd.read_csv(self.path, encoding="utf-8-sig", encoding_errors="replace", low_memory=False, **options)
         except (ValueError, pd.errors.ParserError, OSError) as error:
