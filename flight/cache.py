@@ -93,7 +93,9 @@ def _packed(found: Flight) -> dict[str, Any]:
         arrays |= {f"{role}.{name}": value for name, value in own.items() if isinstance(value, np.ndarray)}
         roles[role] = {name: own[name] for name in ("topic", "gaps", "dropped", "unit") if name in own}
     about = {name: getattr(found, name) for name in ("name", "content_hash", "start_ns", "mapping", "notes")}
-    about |= {name: getattr(found, name) for name in ("unmeasured", "checks", "left_out", "autopilot")}
+    about |= {
+        name: getattr(found, name) for name in ("unmeasured", "checks", "left_out", "autopilot", "command_option")
+    }
     text = json.dumps(about | {"roles": roles}, default=asdict)
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
 

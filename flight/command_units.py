@@ -3,17 +3,21 @@
 Autopilots command shares of full throttle and of the largest torque (-1 to 1), or pulse widths. Such numbers follow the
 wrench but are none: a log alone does not say how many newtons full throttle is. A series says so in its `unit`, which
 comes from where the numbers lie: the field `normalized` of an Actuators message, or the words `normalised`,
-`normalized`, `throttle` or `pwm` in the topic's name.
+`normalized`, `throttle` or `pwm` in the topic's name or behind it (`flight.mapping_units`).
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Flight, SpeedUnit, WrenchSeries
+from wrenchgap.flight.flight import Array, Flight, SpeedUnit, WrenchSeries
+from wrenchgap.flight.formats import Table
+from wrenchgap.flight.formats.headers import meaning
 from wrenchgap.flight.roles import Source
-from wrenchgap.flight.topic_names import name_words
+from wrenchgap.flight.topic_names import ROTOR, name_words
 
 NORMALISED = frozenset({"normalised", "normalized", "throttle"})
 ROTOR_WORDS = {"normalised": "normalised (shares of full throttle)", "pwm": "pulse widths in us"}
@@ -28,7 +32,9 @@ REMEDY = (
 
 
 def unit_of(source: Source) -> SpeedUnit:
-    """What rotor commands from `source` are, by the names of topic and field."""
+    """What rotor commands from `source` are, by a word behind it or by the names of topic and field."""
+    if source.meaning.command is not None:
+        return source.meaning.command
     words = name_words(source.topic) | name_words(source.field)
     return "pwm" if "pwm" in words else "normalised" if words & NORMALISED else "rad/s"
 
@@ -48,6 +54,28 @@ def with_units(flight: Flight, sources: Mapping[str, Source]) -> Flight:
             changed[role] = replace(series, unit="normalised")
             notes.append(f"{sources[role]}: the {role} wrench is {WRENCH_WORDS}, not N and Nm.")
     return replace(flight, notes=(*flight.notes, *notes), **changed) if changed else flight
+
+
+def option_for(table: Table | None) -> str | None:
+    """How numbered columns of a table would be read as rotor commands: `rotor_speed=/table.u:throttle`; None without.
+
+    Those that sound like rotors first, then those that come in fours; their sizes say which unit they may have.
+    """
+    arrays = {} if table is None or table.type != "table" else table.columns
+    found: dict[str, Array] = {}
+    for name, values in arrays.items():
+        numbered = values.ndim == 2 and 2 < values.shape[1] <= 12 and name != "data"
+        if numbered and not {f"{name}_x", f"{name}x"} & arrays.keys() and meaning(f"{name}_1") is None:
+            found[name] = values
+    if not found:
+        return None
+    name = min(found, key=lambda one: (not name_words(one) & ROTOR, found[one].shape[1] not in (4, 6, 8), one))
+    known = found[name][np.isfinite(found[name])]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    word = ":throttle" if low >= -1.0 and high <= 1.0 else ":pwm" if low >= 700.0 and high <= 2300.0 else ""
+    if not word and low >= 0.0 and 3500.0 < high <= 65535.0:
+        word = ":pwm=0..65535"
+    return f"rotor_speed={table.topic}.{name}{word}" if table is not None else None
 
 
 def in_si(flight: Flight) -> Flight:

@@ -160,7 +160,8 @@ class Flight:
     (`flight.compared_signals.shifted`). `unmeasured` are axes that were not measured, with the reason
     (`flight.unmeasured`). `mapping` is where each part comes from, as in an override (`flight.roles`), empty where no
     file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
-    times without samples that can be true; `autopilot` is None where none wrote the log.
+    times without samples that can be true; `autopilot` is None where none wrote the log. `command_option` is the value
+    of `--topic` that maps commands which were not recognised.
     """
 
     name: str
@@ -181,6 +182,7 @@ class Flight:
     left_out: tuple[TimeLeftOut, ...] = ()
     unmeasured: dict[str, str] = field(default_factory=dict)
     autopilot: Autopilot | None = None
+    command_option: str = "commanded=/your/topic"
 
     def __repr__(self) -> str:
         roles = ", ".join(f"{role} {len(series.time):,}" for role, series in self.series().items())

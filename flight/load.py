@@ -15,7 +15,7 @@ from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.columns import Rows, Slope, best_frame, empty_columns, in_other_axes, slope_of, sound_rows, vector
-from wrenchgap.flight.command_units import with_units
+from wrenchgap.flight.command_units import option_for, with_units
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.filters import angular_velocity, smooth
 from wrenchgap.flight.flight import (
@@ -77,11 +77,12 @@ def assigned(
 
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
+    option = option_for(log.tables.get("/table"))
     if not assignment.sources:
         found = listed([f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items()], 240)
         raise LogError(
-            f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic imu=/your/topic, and see "
-            "`wrenchgap inspect`"
+            f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic {option or 'imu=/your/topic'}, "
+            "and see `wrenchgap inspect`"
         )
     sources = assignment.sources
     used = {source.topic: log.tables[source.topic] for source in sources.values()}
@@ -115,6 +116,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     give_back(max((len(series.time) for series in flight.series().values()), default=0))
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
+    flight = replace(flight, command_option=option or flight.command_option)
     return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing
 
 

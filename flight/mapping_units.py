@@ -7,6 +7,8 @@
     imu=/imu:axes=-yxz                new x is minus the logged y, new y the logged x, new z the logged z
     imu=/imu:gyro.axes=x-yz           the same for one of the vectors of a topic
     rotor_speed=/esc.rpm*0.10472      a factor on everything
+    rotor_speed=/table.m:pwm=0..65535 commands from no to full throttle, read as shares of it
+    rotor_speed=/table.u:throttle     shares of full throttle; `pwm`: pulse widths [us]; `rpm`: speeds
     commanded=/wrench:Nmm             torques in Nmm
     commanded=/wrench:torque*0.4      a factor on one of the vectors
     imu=/imu:gyro.x*1.05              a factor on one axis of the sensor, before it is turned
@@ -23,13 +25,14 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, SpeedUnit
 
 VECTORS_OF: dict[str, dict[str, slice]] = {
     "wrench": {"force": slice(0, 3), "torque": slice(3, 6)},
@@ -59,6 +62,8 @@ UNITS: dict[str, tuple[float, tuple[str, ...]]] = {
     "mV": (1e-3, ("voltage",)),
 }
 """Factor to SI, and the vectors that come in this unit."""
+COMMANDS: dict[str, SpeedUnit] = {"rpm": "rad/s", "throttle": "normalised", "pwm": "pwm"}
+"""Words that say what rotor commands are, whatever their topic is called."""
 STAMPS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Factor to seconds of stamps that count something else."""
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -67,7 +72,7 @@ FRD = np.diag([1.0, -1.0, -1.0])
 """From forward-right-down to forward-left-up."""
 TURNING = ("force", "torque", "gyro", "accel", "attitude", "velocity", "rate")
 """Vectors that have the body's axes."""
-ALL_UNITS = ", ".join([*UNITS, *STAMPS])
+ALL_UNITS = ", ".join([*UNITS, *STAMPS, "throttle", "pwm", "pwm=LOW..HIGH"])
 EXPECTED = (
     "expected words out of frd, ned, wxyz, inverse, axes=-yxz, roll=DEG, pitch=DEG, yaw=DEG, VECTOR*FACTOR, "
     f"VECTOR.x*FACTOR, {ALL_UNITS}"
@@ -81,20 +86,31 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 @dataclass(frozen=True)
 class Word:
-    """What a word does to its `vectors`: a factor, factors by axis, or a turn (3, 3); `stamp` is a factor of stamps."""
+    """What a word does to its `vectors`: a factor, factors by axis, or a turn (3, 3); `stamp` is a factor of stamps.
+
+    `zero` is subtracted before. `unit` is what rotor commands are then; empty where the word does not say it.
+    """
 
     vectors: tuple[str, ...]
     scale: float = 1.0
     axis_scales: tuple[float, ...] = (1.0, 1.0, 1.0)
     turn: Array | None = None
     stamp: float = 1.0
+    zero: float = 0.0
+    unit: SpeedUnit | Literal[""] = ""
 
 
 @lru_cache(maxsize=256)
 def known_word(word: str) -> Word | None:
     """What a word means; None for what is no word."""
-    if word in UNITS:
-        return Word(UNITS[word][1], scale=UNITS[word][0])
+    if word in UNITS or word in COMMANDS:
+        scale, vectors = UNITS.get(word, (1.0, ("speed",)))
+        return Word(vectors, scale=scale, unit=COMMANDS.get(word, ""))
+    if ends := re.fullmatch(rf"pwm=({NUMBER})\.\.({NUMBER})", word):
+        low, high = float(ends[1]), float(ends[2])
+        if not 0.0 < high - low < MOST:
+            return None
+        return Word(("speed",), scale=1.0 / (high - low), zero=low, unit="normalised")
     if word in STAMPS:
         return Word((), stamp=STAMPS[word])
     if word in ("flu", "enu", "xyzw", "ned"):
@@ -171,7 +187,12 @@ class Meaning:
     @property
     def turns(self) -> bool:
         """Whether the log's axes are not the body's."""
-        return any(word == "frd" or "=" in word for word in self.words)
+        return any(word.turn is not None for word in self.known)
+
+    @cached_property
+    def command(self) -> SpeedUnit | None:
+        """What rotor commands are, where a word says it."""
+        return next((word.unit for word in self.known if word.unit), None)
 
     def axis_scales(self, vector: str) -> Array:
         """Factors (3,) of the axes of one of the vectors, besides `scale`."""
@@ -194,6 +215,7 @@ class Meaning:
             if vector == "attitude":
                 out[:, columns] = self._attitude(out[:, columns])
                 continue
+            out[:, columns] -= sum(word.zero for word in self.known if vector in word.vectors)
             out[:, columns] *= self.scale(vector)
             if vector in TURNING:
                 out[:, columns] *= self.axis_scales(vector)

@@ -74,7 +74,7 @@ _TRUTH = frozenset(
     {"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"}
 )
 _TILT = frozenset({"tilt", "tilts", "alpha", "servo", "servos", "angle", "angles", "arm", "arms"})
-_ROTOR = frozenset(
+ROTOR = frozenset(
     {"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"}
 )
 _BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
@@ -120,7 +120,7 @@ def _score_actuators(part: str, words: frozenset[str], kind: str, asked: bool) -
         return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
     if part == "rotor_speed" and kind not in TYPES:
         return 2.0 + asked  # a custom type with a field of that name
-    own, other = (_TILT, _ROTOR - {"speed"}) if part == "tilt" else (_ROTOR, _TILT)
+    own, other = (_TILT, ROTOR - {"speed"}) if part == "tilt" else (ROTOR, _TILT)
     return 2.0 * bool(words & own) + asked - 3.0 * bool(words & other) - (2.0 if "JointState" in kind else 0.5)
 
 

@@ -27,7 +27,7 @@ def roles(flight: Flight) -> Iterator[Check]:
     played = flight.series()
     if "commanded" not in played and "actuators" not in played:
         words = "Neither a commanded wrench nor actuators: there is no model to compare with."
-        yield Check("roles", "bad", f"{words} Map one with --topic commanded=/your/topic.")
+        yield Check("roles", "bad", f"{words} Map one with --topic {flight.command_option}.")
     if "imu" not in played:
         instead = "rates and forces come from the odometry" if "odometry" in played else "map one with --topic imu=..."
         yield Check("roles", "warn" if "odometry" in played else "bad", f"No IMU: {instead}.")

@@ -184,7 +184,7 @@ def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
         return replace(found, commanded=found.desired), [note]
     raise LogError(
         f"{found.path.name}: no topic plays the role 'commanded' or 'actuators', so there is nothing to compare "
-        "the measurement with; map one with --topic commanded=/your/topic"
+        f"the measurement with; map one with --topic {found.command_option}"
     )
 
 

@@ -165,3 +165,48 @@ def test_every_permutation_has_a_word_that_does_it():
         word = axes_word(matrix)
         turned = meaning(word, 1.0, "t", ["accelerometer"]).applied("accelerometer", v)
         assert np.allclose(turned, v @ matrix.T), word
+
+
+def test_commands_from_no_to_full_throttle_are_shares(logs, tmp_path):
+    time = np.arange(0, 4.0, 0.01)
+    columns = {"t": time} | {f"u_{i}": np.full(len(time), 10000.0 * i) for i in (1, 2, 3, 4)}
+    columns |= {f"gyro_{axis}": 0.1 * np.sin(time) for axis in "xyz"}
+    lines = [",".join(columns), *(",".join(f"{v:g}" for v in row) for row in zip(*columns.values(), strict=True))]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    plain = flight.load(path)
+    assert plain.actuators is None
+    assert plain.command_option == "rotor_speed=/table.u:pwm=0..65535"
+    found = flight.load(path, {"rotor_speed": plain.command_option.partition("=")[2]})
+    assert found.actuators.unit == "normalised"
+    np.testing.assert_allclose(found.actuators.rotor_speed[0], np.array([1, 2, 3, 4]) * 10000 / 65535)
+    raised = flight.load(path, {"rotor_speed": "/table.u:pwm=10000..50000"}).actuators
+    np.testing.assert_allclose(raised.rotor_speed[0], [0.0, 0.25, 0.5, 0.75])
+    for word, unit, factor in (("throttle", "normalised", 1.0), ("pwm", "pwm", 1.0), ("rpm", "rad/s", np.pi / 30)):
+        said = flight.load(path, {"rotor_speed": f"/table.u*0.001:{word}"}).actuators
+        assert said.unit == unit
+        np.testing.assert_allclose(said.rotor_speed[0], np.array([10, 20, 30, 40]) * factor)
+        assert flight.load(path, found.mapping).actuators.unit == "normalised"
+
+
+def test_a_table_of_unknown_columns_is_told_which_may_be_commands(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "t,b_0,b_1,b_2,b_3,thrust_cmd_0,thrust_cmd_1,thrust_cmd_2,thrust_cmd_3\n0,1,2,3,4,0,0.1,1,0\n0.1,1,2,3,4,0,0.1,1,0\n"
+    )
+    with pytest.raises(LogError, match=r"--topic rotor_speed=/table\.b, "):
+        flight.load(path)
+    path.write_text(path.read_text(encoding="utf-8").replace("thrust_cmd", "rotor_cmd"), encoding="utf-8")
+    with pytest.raises(LogError, match=r"--topic rotor_speed=/table\.rotor_cmd:throttle, "):
+        flight.load(path)
+
+
+@pytest.mark.parametrize("word", ["pwm=0", "pwm=5..5", "pwm=9..1", "pwm=a..b", "pwm=0..1e400", "throttle=1"])
+def test_ends_of_a_command_that_are_none_are_refused_in_one_line(word):
+    with pytest.raises(UsageError, match=r"means nothing.*pwm=LOW\.\.HIGH"):
+        meaning(word, 1.0, f"/table.u:{word}", ["rotor_speed"])
+
+
+def test_a_command_word_is_not_for_an_imu():
+    with pytest.raises(UsageError, match="is about speed"):
+        meaning("throttle", 1.0, "/imu:throttle", ["imu"])
