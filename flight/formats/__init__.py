@@ -16,6 +16,7 @@ from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import ardupilot, px4
 from wrenchgap.flight.formats.blackbox import BlackboxReader
+from wrenchgap.flight.formats.crazyflie_usd import CrazyflieUsdReader
 from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
@@ -40,6 +41,7 @@ READERS: tuple[type[Reader], ...] = (
     UlogReader,
     DataflashReader,
     BlackboxReader,
+    CrazyflieUsdReader,
     ParquetReader,
     CsvReader,
 )

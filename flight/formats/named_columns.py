@@ -7,10 +7,12 @@ by what the firmware logs whose names these are, else taken as SI; each is said.
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
 from wrenchgap.flight.formats import unit_evidence
@@ -18,7 +20,27 @@ from wrenchgap.flight.formats.header_names import BLACKBOX, CRAZYFLIE, UNITS
 from wrenchgap.flight.formats.headers import Meaning, listed, meaning
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
 from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, taken
-from wrenchgap.flight.formats.table import Table
+from wrenchgap.flight.formats.table import Columns, Table
+
+
+def tables_of_columns(topic: str, columns: Columns, stamps: Stamps) -> tuple[dict[str, Table], list[str]]:
+    """A table of columns (N,) at `stamps` (N,) [ns] as a `topic`, with those that its headers make, and what to say."""
+    made, words = from_columns(columns, stamps)
+    return {topic: Table(topic, "table", stamps, stamps, _fields(columns))} | made, words
+
+
+def _fields(columns: Columns) -> Columns:
+    """Columns under names that a mapping can spell, series of columns as arrays, and all of them as `data`."""
+    out: Columns = {}
+    series: dict[str, list[Any]] = {}
+    for header, values in columns.items():
+        name = re.sub(r"\W+", "_", header).strip("_")
+        out[name] = values
+        if len(name) <= LIMITS.header_letters and (match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name)):
+            series.setdefault(match[1], []).append(values)
+    arrays = {name: np.stack(parts, 1) for name, parts in series.items() if len(parts) > 1 and name not in out}
+    everything = {"data": np.stack(list(columns.values()), 1)} if columns else {}
+    return out | arrays | everything
 
 
 def from_columns(columns: Mapping[str, Array], stamps: Stamps) -> tuple[dict[str, Table], list[str]]:

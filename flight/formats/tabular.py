@@ -22,7 +22,7 @@ from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.header_names import UNITS
 from wrenchgap.flight.formats.headers import listed, meaning
-from wrenchgap.flight.formats.named_columns import from_columns
+from wrenchgap.flight.formats.named_columns import tables_of_columns
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.standard_topics import Stamps
 from wrenchgap.flight.formats.table import Columns, Selection, Table
@@ -186,9 +186,9 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     columns, stamps = {name: values[order] for name, values in columns.items()}, stamps[order]
     if not len(stamps):
         return {}
-    made, words = from_columns(columns, stamps)
+    made, words = tables_of_columns("/table", columns, stamps)
     notes += words
-    return {"/table": Table("/table", "table", stamps, stamps, _fields(columns))} | made
+    return made
 
 
 def _short_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
@@ -281,20 +281,6 @@ def _unit_of(values: Array) -> str:
             return unit
     step = float(np.median(np.abs(np.diff(values)))) if len(values) > 1 else 0.0
     return next((unit for limit, unit in STEPS if step < limit), "ns")
-
-
-def _fields(columns: Columns) -> Columns:
-    """Columns under names that a mapping can spell, series of columns as arrays, and all of them as `data`."""
-    out: Columns = {}
-    series: dict[str, list[Any]] = {}
-    for header, values in columns.items():
-        name = re.sub(r"\W+", "_", header).strip("_")
-        out[name] = values
-        if len(name) <= LIMITS.header_letters and (match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name)):
-            series.setdefault(match[1], []).append(values)
-    arrays = {name: np.stack(parts, 1) for name, parts in series.items() if len(parts) > 1 and name not in out}
-    everything = {"data": np.stack(list(columns.values()), 1)} if columns else {}
-    return out | arrays | everything
 
 
 def _is_number(cell: str) -> bool:
