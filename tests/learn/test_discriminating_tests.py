@@ -68,7 +68,7 @@ def test_the_numbers_are_mass_plus_what_was_added(checks):
 def test_a_small_vehicle_is_weighed_in_grams(checks):
     crazyflie = model_file.load("crazyflie").vehicle
     (weigh, *_) = checks({"mass": {"added": 0.005}}, {"thrust_scale": None}, on=crazyflie)
-    assert "46.90 g if mass; 41.90 g if not" in weigh.what
+    assert "38.00 g if mass; 33.00 g if not" in weigh.what
 
 
 @pytest.mark.parametrize(("added", "offered"), [(0.007, False), (0.010, True)])
