@@ -38,7 +38,7 @@ KINDS = {
 }
 HEADER = 4 + 8 + 4 + 10
 """Bytes of a CDR message's beginning: its own header, the stamp, the length and text of "base_link"."""
-MASS, INERTIA = 0.0419, 16.6e-6  # those of the model crazyflie
+MASS, INERTIA = 0.033, 16.6e-6  # those of the model crazyflie
 SWAY, SWAY_RATE = 0.1, 2.0
 """Tangent of the largest roll, and how fast it comes and goes [rad/s]."""
 
