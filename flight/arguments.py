@@ -36,7 +36,10 @@ def check_arguments(function: F) -> F:
 
 
 def check_types(of: Any, values: Mapping[str, Any]) -> None:
-    """Raise UsageError for the first value that does not fit what a function or a dataclass annotates by its name."""
+    """Raise UsageError for the first value that does not fit what a function or a dataclass annotates by its name.
+
+    Whole numbers are counts and seeds here: none is negative.
+    """
     hints = get_type_hints(of)
     for name, value in values.items():
         hint = hints.get(name, Any)
@@ -46,6 +49,8 @@ def check_types(of: Any, values: Mapping[str, Any]) -> None:
                 words = re.sub(r"[\w.]+\.(?=\w)", "", inspect.formatannotation(hint)).replace("NoneType", "None")
                 got = f"{type(one).__name__} {one!r:.60}"
                 raise UsageError(f"{of.__name__}: {name}: got {got}; expected {words} (docs/api.md)")
+            if hint in (int, int | None) and one is not None and one < 0:
+                raise UsageError(f"{of.__name__}: {name}: got {one}; expected a whole number that is not negative")
 
 
 def _fits(value: Any, hint: Any) -> bool:
@@ -65,4 +70,6 @@ def _fits(value: Any, hint: Any) -> bool:
         return isinstance(value, Mapping) and all(_fits(v, parts[1]) for v in value.values())
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return False
+    if kind is tuple and Ellipsis not in parts and isinstance(value, list | tuple):
+        return len(value) == len(parts) and all(map(_fits, value, parts))
     return not isinstance(value, list | tuple) or all(_fits(one, parts[0]) for one in value)

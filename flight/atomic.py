@@ -37,7 +37,7 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     UsageError where the file system does not let it be written, and for what is no ordinary file:
     a device or a pipe would be gone.
     """
-    target = path.resolve()
+    target = resolved(path)
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
     stem, suffix = _short(target)
@@ -56,6 +56,16 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # of a folder that is gone; what was wrong there is said already
             partial.unlink()
+
+
+def resolved(path: Path) -> Path:
+    """The absolute path, with links followed. Raises UsageError for links in a circle, and for what is no name."""
+    try:
+        return path.resolve()
+    except (RuntimeError, OSError):  # which of them depends on Python's version
+        raise UsageError(f"{path}: is a link that leads back to itself; remove it") from None
+    except ValueError:
+        raise UsageError(f"{path}: is no name that a file can have; choose another") from None
 
 
 def _short(path: Path) -> tuple[str, str]:

@@ -105,9 +105,7 @@ def compare(
     flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
 ) -> Comparison:
     """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`."""
-    opened, base, names = listed(flights), model_of(model), labels(model, *others)
-    if not opened:
-        raise UsageError("compare: got no flights; expected one at least, see open_flights")
+    opened, base, names = listed(flights, "compare"), model_of(model), labels(model, *others)
     found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
     return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))
@@ -118,7 +116,7 @@ def where(
     flights: Flights, model: Model | Addition, *, gp: GaussianProcess | None = None, progress: Progress | None = None
 ) -> Where:
     """Where a model fails: error budget, the conditions that its error depends on, whiteness, relevant inputs."""
-    return examine(listed(flights), model_of(model), gp, progress)
+    return examine(listed(flights, "where"), model_of(model), gp, progress)
 
 
 @check_arguments
@@ -180,7 +178,7 @@ def learn_gp(
     say otherwise. With `guard` it is compared with other inputs and with every effect of the catalogue.
     """
     return learning.learn(
-        listed(flights),
+        listed(flights, "learn_gp"),
         model_of(model),
         tuple(outputs),
         settings,

@@ -4,6 +4,8 @@ Readers of messages give batches of raw ones; `Collector` decodes them, each cha
 """
 
 import hashlib
+import os
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitio
 from wrenchgap.flight.formats.encodings import Encoded, encoded
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.message_walk import Definitions
-from wrenchgap.flight.formats.reader import Batch, Channel, DoubtfulError, Places, Reader, TableReader
+from wrenchgap.flight.formats.reader import REPLACED, Batch, Channel, DoubtfulError, Places, Reader, TableReader
 from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
 from wrenchgap.flight.formats.table import Columns
@@ -91,7 +93,8 @@ def read_log(path: Path, selection: Selection, budget: Budget | str | None = Non
     """
     reader = reader_of(path)
     files = reader.data_files()
-    size = sum(file.stat().st_size for file in files)
+    before = [file.stat() for file in files]
+    size = sum(file.st_size for file in before)
     reader.account = Budget.of(budget).account(path, size)
     tables, notes = _tables(reader, selection)
     if not tables:
@@ -103,9 +106,18 @@ def read_log(path: Path, selection: Selection, budget: Budget | str | None = Non
         tables, notes = tables | made, notes + said
     tables = dict(sorted(tables.items()))
     give_back(max(map(len, tables.values())))
-    if (after := sum(file.stat().st_size for file in files)) != size:
+    if (after := sum(_grown(*pair).st_size for pair in zip(files, before, strict=True))) != size:
         notes.append(f"{path.name} grew from {size} to {after} bytes while it was read: its end is missing here.")
     return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes), autopilot)
+
+
+def _grown(path: Path, before: os.stat_result) -> os.stat_result:
+    """A file that was read, as it is now. Raises LogError where another one has its name, or it is shorter or gone."""
+    with suppress(OSError):
+        after = path.stat()
+        if (after.st_dev, after.st_ino) == (before.st_dev, before.st_ino) and after.st_size >= before.st_size:
+            return after
+    raise LogError(f"{path}: {REPLACED}")
 
 
 def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], list[str]]:

@@ -30,6 +30,7 @@ from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.kernels import BROKEN, FULL, LAST_TIME, OTHER, grouped, walked
 from wrenchgap.flight.formats.reader import (
+    REPLACED,
     Batch,
     Channel,
     Gatherer,
@@ -118,6 +119,8 @@ class McapReader(Reader):
                     yield opcode, file.read(length)
                 position = file.seek(stop)
                 continue
+            if os.fstat(file.fileno()).st_size < size:
+                raise LogError(f"{self.path}: {REPLACED}")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 following = min(_next_chunk(data, start), size)
             if following < size:

@@ -27,6 +27,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+REPLACED = "was replaced, cut or removed while it was read; read it again"
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,13 @@ class Rosbag2SqliteReader(Reader):
                     "tables topics and messages"
                 ) from error
             self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
+        recent = self.path.with_name(f"{self.path.name}-wal")
+        if recent.is_file() and recent.stat().st_size:
+            self.notes.append(
+                f"{recent.name} holds rows that the recorder, which still writes or was killed, had not moved to "
+                f"{self.path.name}: they are missing here; `sqlite3 {self.path.name} 'PRAGMA wal_checkpoint'` moves "
+                "them."
+            )
         if self._broken:
             self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()

@@ -10,7 +10,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import with_checks
-from wrenchgap.flight.errors import FitError, LogError
+from wrenchgap.flight.errors import FitError, LogError, UsageError
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
@@ -73,9 +73,12 @@ class OpenFlight:
 Flights = OpenFlight | Sequence[OpenFlight]
 
 
-def listed(flights: Flights) -> list[OpenFlight]:
-    """One flight or several, as a list."""
-    return [flights] if isinstance(flights, OpenFlight) else list(flights)
+def listed(flights: Flights, needed_by: str = "") -> list[OpenFlight]:
+    """One flight or several, as a list. Raises UsageError for none, where something is `needed_by` a function."""
+    found = [flights] if isinstance(flights, OpenFlight) else list(flights)
+    if needed_by and not found:
+        raise UsageError(f"{needed_by}: got no flights; expected one at least, see open_flights")
+    return found
 
 
 def open_flight(log: str | Path | Flight, model: Model, options: ReadOptions | None = None, **more: Any) -> OpenFlight:

@@ -161,8 +161,10 @@ def learn(
 def learnable_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> tuple[str, ...]:
     """Those of the axes that these flights measured and of whose commands they say more than the mean.
 
-    On others there is nothing to learn. FitError where none is left.
+    On others there is nothing to learn. FitError where none is left, UsageError for what is no axis.
     """
+    if wrong := [axis for axis in outputs if axis not in AXES]:
+        raise UsageError(f"--outputs: {wrong[0]!r} is no axis; expected names out of {', '.join(AXES)}")
     records = [r for f in flights for r in f.records]
     known = np.all([r.measured_axes for r in records], axis=0)
     listed = ", ".join(dict.fromkeys(f.flight.name for f in flights))

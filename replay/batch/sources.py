@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path, PurePosixPath
 from typing import Any
+from urllib.parse import quote
 
 from wrenchgap.flight import LogError, UsageError, WrenchgapError, work_files
+from wrenchgap.flight.atomic import resolved
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.formats.folders import SINGLE, storage
@@ -20,6 +22,8 @@ CHAINED = ("reference", "filecache", "simplecache", "blockcache", "cached")
 """Kinds of addresses of fsspec that stand for others."""
 ETAGS = ("ETag", "etag", "md5Hash", "content_md5")
 """Names under which object stores tell what identifies a content."""
+LONGEST = 255
+"""Bytes that file systems take for a name."""
 LISTS = (".txt", ".lst")
 """Endings of files with the name of one log in each line."""
 
@@ -56,7 +60,17 @@ def logs_named(names: Sequence[str], vehicle: str | None = None) -> list[Source]
                 "glob of them, or a list (.txt) with one in each line"
             )
         out |= {one.url: one for one in some}
+    for one in out.values():
+        if len(folder_of(one.vehicle)) > LONGEST:
+            raise UsageError(
+                f"{one.url}: its vehicle's name is too long for a folder; say a shorter one, --vehicle NAME"
+            )
     return sorted(out.values(), key=lambda one: one.url)
+
+
+def folder_of(vehicle: str) -> str:
+    """The name of the folder of a vehicle's rows; a name in another encoding than UTF-8 keeps its bytes."""
+    return f"vehicle={quote(vehicle, safe='', errors='surrogateescape')}"
 
 
 def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Source]:
@@ -66,9 +80,9 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
         return
     path = Path(name)
     if path.suffix.lower() in LISTS or path.is_dir():
-        if path.resolve() in seen:
+        if resolved(path) in seen:
             return
-        seen.add(path.resolve())
+        seen.add(resolved(path))
     if path.suffix.lower() in LISTS and path.is_file():
         lines = (line.strip() for line in text_of(path, "as a list of logs", UsageError).splitlines())
         for line in lines:
@@ -93,8 +107,11 @@ def _matching(pattern: Path) -> list[Path]:
     parts = pattern.parts
     first = next(k for k, part in enumerate(parts) if has_magic(part))
     base = Path(*parts[:first])
-    found = base.glob(str(Path(*parts[first:])))
-    return sorted(one for one in found if not any(p.startswith(".") for p in one.relative_to(base).parts))
+    try:
+        found = sorted(base.glob(str(Path(*parts[first:]))))
+    except ValueError as error:
+        raise UsageError(f"{pattern}: {error}; expected one such as logs/**/*.ulg") from None
+    return [one for one in found if not any(p.startswith(".") for p in one.relative_to(base).parts)]
 
 
 def is_log(path: Path | PurePosixPath) -> bool:

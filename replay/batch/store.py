@@ -18,7 +18,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -29,7 +29,7 @@ from wrenchgap.flight.budget import default_memory
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.work_files import lock
 from wrenchgap.learn.posterior.flight_evidence import unpacked
-from wrenchgap.replay.batch.sources import opened, reached
+from wrenchgap.replay.batch.sources import folder_of, opened, reached
 from wrenchgap.replay.present.stored_fit import from_fit_json
 
 SCHEMA = pa.schema(
@@ -161,7 +161,7 @@ class Store:
         if start is not None and start > EPOCH:
             date = datetime.fromtimestamp(start * 1e-9, UTC).strftime("%Y-%m-%d")
         name = f"{row['key']}{FAILED if row['status'] == 'failed' else ''}.parquet"
-        path = f"{root}/rows/pass={number}/vehicle={quote(vehicle, safe='')}/date={date}/{name}"
+        path = f"{root}/rows/pass={number}/{folder_of(vehicle)}/date={date}/{name}"
         cells = {c: storable(v) if isinstance(v := row.get(c), str) else v for c in SCHEMA.names}
         table = pa.Table.from_pylist([cells], schema=SCHEMA)
         sink = pa.BufferOutputStream()
@@ -225,7 +225,7 @@ class Store:
                 f"{path}: is no row of a batch, or a damaged one ({_cut(said)}); to do its log again, run the same "
                 "`wrenchgap batch` with --again"
             ) from None
-        return {**row, "vehicle": unquote(place[1]), "date": unquote(place[2])}
+        return {**row, "vehicle": unquote(place[1], errors="surrogateescape"), "date": unquote(place[2])}
 
     def evidence(self, keys: Sequence[str], number: int = 1) -> Iterator[tuple[str, bytes | None]]:
         """Path and evidence of these rows, one after the other."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from wrenchgap.flight.atomic import check_writable, flush
+from wrenchgap.flight.atomic import check_writable, flush, resolved
 from wrenchgap.flight.errors import UsageError
 
 HERE, EXCHANGE = -100, 2
@@ -23,11 +23,12 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
     Raises UsageError where it exists and `force` is not given, is a file, the working folder or one that cannot be
     written to, holds files that are not ours, or where its parent does not exist.
     """
+    target = resolved(folder)
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise UsageError(f"--output {folder}: is no folder; choose another name")
-    if not folder.resolve().parent.is_dir():
+    if not target.parent.is_dir():
         raise UsageError(f"--output {folder}: the folder {folder.parent} does not exist; create it first")
-    check_writable(folder.resolve().parent, f"--output {folder}")
+    check_writable(target.parent, f"--output {folder}")
     if not folder.exists():
         return
     if not force:
@@ -35,7 +36,7 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
     if folder.samefile("."):
         raise UsageError(
             f"--output {folder}: is the working folder, and --force replaces the whole folder; run the command from "
-            f"{folder.resolve().parent} with --output {folder.resolve().name}"
+            f"{target.parent} with --output {target.name}"
         )
     check_writable(folder, f"--output {folder}")
     ours = {*names, "selftest"}

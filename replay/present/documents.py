@@ -17,7 +17,7 @@ import numpy as np
 
 from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
-from wrenchgap.flight.atomic import atomic, check_writable
+from wrenchgap.flight.atomic import atomic, check_writable, resolved
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.model_file import tool_version
 
@@ -62,7 +62,7 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
     Raises UsageError for a file that exists (unless `force`), a folder that does not, an output that is a folder, is
     named twice, is one of the inputs or stands in a folder of them, and for a picture that is not called so.
     """
-    read = {Path(p).resolve() for p in inputs}
+    read = {resolved(Path(p)) for p in inputs}
     folders = {p for p in read if p.is_dir()}
     seen: dict[Path, str] = {}
     for option, path in outputs.items():
@@ -70,12 +70,12 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
             continue
         if str(path) == "-":
             raise UsageError(f"{option} -: --json alone writes to standard output; expected the name of a file")
-        resolved, exists = path.resolve(), path.exists()
+        target, exists = resolved(path), path.exists()
         suffix, page = path.suffix.lower(), option == "--page"
-        own = read & {resolved} or (exists and folders & set(resolved.parents))
+        own = read & {target} or (exists and folders & set(target.parents))
         checks = (
             (own, "is one of the inputs; choose another name"),
-            (resolved in seen, f"is already the file of {seen.get(resolved)}; choose another name"),
+            (target in seen, f"is already the file of {seen.get(target)}; choose another name"),
             (path.is_dir(), "is a folder; expected the name of a file"),
             (exists and not path.is_file(), "is no ordinary file; expected the name of a file to write"),
             (path.is_symlink() and not exists, "is a link to nothing; choose another name"),
@@ -87,7 +87,7 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
         for wrong, words in checks:
             if wrong:
                 raise UsageError(f"{option} {path}: {words}")
-        seen[resolved] = option
+        seen[target] = option
         check_writable(path.parent, f"{option} {path}")
 
 

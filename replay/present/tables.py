@@ -46,7 +46,12 @@ class Table(rich_table.Table):
 
     def add_row(self, *cells: Any, **options: Any) -> None:
         """A row of cells."""
-        super().add_row(*(cell if isinstance(cell, Text) else styled(str(cell)) for cell in cells), **options)
+        super().add_row(*(cell if isinstance(cell, Text) else _cell(str(cell)) for cell in cells), **options)
+
+
+def _cell(text: str, longest: int = 1000) -> Text:
+    """A text in a table, of so many characters: a topic's name of 10 MB was laid out for minutes."""
+    return styled(text if len(text) <= longest else f"{text[:longest]}...")
 
 
 Part = Table | Line
@@ -72,7 +77,7 @@ def table(title: str, *heads: str | Sequence[str], left: int = 1, texts: Sequenc
     look: dict[str, Any] = {"title_justify": "left", "title_style": "bold"}
     out = Table(title=styled(title) if title else None, box=box.SIMPLE_HEAD, pad_edge=False, **look)
     for index, head in enumerate(heads):
-        lines = [styled(line) for line in ([head] if isinstance(head, str) else head)]
+        lines = [_cell(line) for line in ([head] if isinstance(head, str) else head)]
         out.add_column(Text("\n").join(lines), justify="left" if index in named else "right", overflow="fold")
     return out
 

@@ -109,6 +109,19 @@ def test_a_place_where_nobody_can_write(tmp_path):
         write(Path("/proc/wrenchgap.json"))
 
 
+@pytest.mark.parametrize("name", ["a\0b.toml", "\ud800.toml"])
+def test_what_no_file_can_be_called_is_refused(name, tmp_path):
+    with pytest.raises(UsageError, match=r"is no name that a file can have"):
+        write(tmp_path / name)
+
+
+def test_a_link_that_leads_back_to_itself_is_refused(tmp_path):
+    (tmp_path / "a.toml").symlink_to("b.toml")
+    (tmp_path / "b.toml").symlink_to("a.toml")
+    with pytest.raises(UsageError, match=r"a.toml: is a link that leads back to itself"):
+        write(tmp_path / "a.toml")
+
+
 def test_a_link_stays_a_link(path):
     link = path.with_name("link.bin")
     link.symlink_to(path.name)

@@ -157,6 +157,24 @@ def test_lists_and_links_that_lead_back_are_followed_once(logs, tmp_path, monkey
     assert {s.name for s in sources.logs_named([f"{folder}/**/*.mcap"])} == {"one.mcap"}
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("a**b/*.mcap", r"^a\*\*b/\*.mcap: "),
+        ("a\0b.txt", "is no name that a file can have"),
+        ("LONG", "one.mcap: its vehicle's name is too long for a folder; say a shorter one, --vehicle NAME"),
+    ],
+)
+def test_a_line_of_a_list_that_names_nothing_is_one_line(line, said, tmp_path):
+    """The last one ended a batch where its first row was written."""
+    folder = tmp_path / ("\u00e4" * 100)
+    folder.mkdir()
+    (folder / "one.mcap").write_bytes(b"x")
+    (tmp_path / "flights.txt").write_text(line.replace("LONG", str(folder)), encoding="utf-8")
+    with pytest.raises(UsageError, match=said):
+        sources.logs_named([str(tmp_path / "flights.txt")])
+
+
 def test_an_etag_stands_for_the_content():
     tagged = sources.Source("s3://bucket/a/b.mcap", "a", 10, "abc")
     assert sources.identity(tagged) == "etag:abc"

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 
 import numpy as np
 import pyarrow as pa
@@ -43,6 +44,20 @@ def rows(done, tmp_path):
     """The rows of `batch compare`, to be damaged."""
     shutil.copytree(done / "compare", tmp_path / "out")
     return sorted((tmp_path / "out").rglob("*.parquet"))
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="its file system takes UTF-8 alone")
+def test_vehicles_whose_names_are_no_utf8_are_kept_apart(done, tmp_path):
+    """Every log of them failed: its row could not be written."""
+    for name in (b"v\xff", b"v\xfe"):
+        (tmp_path / os.fsdecode(name)).mkdir()
+        shutil.copy(done / "alpha" / "flight0.mcap", tmp_path / os.fsdecode(name))
+    plan, out = Plan("inspect", {}), str(tmp_path / "out")
+    Store(out).claim(plan.identity)
+    named = [s for s in sources.logs_named([str(tmp_path)]) if s.name.endswith(".mcap")]
+    for source in named:
+        work(Task(source, "", plan.key("", source.vehicle)), plan, out)
+    assert [os.fsencode(row["vehicle"]) for row in Store(out).rows()] == [b"v\xfe", b"v\xff"]
 
 
 def changed(path, **cells):

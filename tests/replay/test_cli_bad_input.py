@@ -56,6 +56,10 @@ CASES = {
     "add com_offset HEXA --from LOG -o kept.html": "kept.html | --force",
     "compare LOG HEXA --json kept.html": "kept.html | --force",
     "learn LOG HEXA -o LOG --force": "one of the inputs",
+    "compare LOG -m @round.toml": "round.toml | leads back to itself",
+    "add mass HEXA --from LOG -o @round.toml --force": "round.toml | leads back to itself",
+    "inspect LOG --json @round.toml --force": "round.toml | leads back to itself",
+    "export -m MODEL -o @round.toml --force": "round.toml | leads back to itself",
     "inspect LOG -m @logs/tuned.toml --json @logs/tuned.toml --force": "one of the inputs",
     "simulate -m @logs/tuned.toml -t hover -o s.mcap --json @logs/tuned.toml --force": "one of the inputs",
     "simulate HEXA -t hover -o s.mcap --hide mass=0.1 --truth s.mcap": "--truth s.mcap",
@@ -165,6 +169,7 @@ def spoilt(logs, tmp_path_factory):
     folder = tmp_path_factory.mktemp("spoilt")
     (folder / "empty.mcap").write_bytes(b"")
     (folder / "cut.mcap").write_bytes(logs.train.read_bytes()[:300])
+    (folder / "round.toml").symlink_to("round.toml")
     for name, text in (("notes.txt", "flew well\n"), ("notes.mcap", "flew well\n" * 100), ("bad.json", "{")):
         (folder / name).write_text(text)
     tilt = TrajectoryFile("tilt", Moves(4.0, (0.0, 0.0, 1.0), (Tilt(0.0, 4.0, np.radians(20.0), ramp=1.0),)))

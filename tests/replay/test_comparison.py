@@ -70,8 +70,9 @@ def test_a_heavier_model_predicts_less_measured_force(logs):
 
 
 def test_no_flight_is_refused():
-    with pytest.raises(UsageError, match="got no flights"):
-        wg.compare([], MODEL)
+    for function in (wg.compare, wg.where, wg.learn_gp):
+        with pytest.raises(UsageError, match=f"{function.__name__}: got no flights"):
+            function([], MODEL)
 
 
 def test_models_of_another_shape_cannot_be_compared():

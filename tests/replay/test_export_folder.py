@@ -21,6 +21,12 @@ def folder(tmp_path):
     return write_folder(tmp_path / "made", OLD)
 
 
+@pytest.mark.parametrize("name", ["a\0b", "\ud800"])
+def test_what_no_folder_can_be_called_is_refused(name, tmp_path):
+    with pytest.raises(UsageError, match=r"is no name that a file can have"):
+        write_folder(tmp_path / name, NEW)
+
+
 def content(folder):
     return {p.name: p.read_text(encoding="utf-8") for p in folder.iterdir()}
 

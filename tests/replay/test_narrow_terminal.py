@@ -33,6 +33,13 @@ def test_a_command_to_copy_stays_in_one_piece(lines):
     assert lines(Line(COMMAND), 70) == [COMMAND]
 
 
+@pytest.mark.timeout(10)
+@pytest.mark.parametrize("name", ["/" + "a" * 10**7, "/" + "a" * 500 + " b" * 10**6])
+def test_of_a_name_of_megabytes_a_table_shows_the_beginning(lines, name):
+    found = "".join(lines(plain("", [("topic in", name), "messages"], [[name, 1]]), 100))
+    assert 1400 < found.count("a") + found.count("b") < 2100
+
+
 def test_numbers_of_a_table_are_not_broken(lines):
     heads = [f"column {k} [Nm]" for k in range(8)]
     rows = [["0.123 +- 0.001"] * 8]

@@ -65,11 +65,12 @@ def export(
     """
     # Long because typer reads the options from the signature, one a line.
     from wrenchgap.compensate import Settings
+    from wrenchgap.flight.atomic import resolved
     from wrenchgap.replay.export.export import export_compensator
 
     run.claim({}, model, gp)
     for path in (model, gp):
-        if path is not None and output.resolve() in Path(path).resolve().parents:
+        if path is not None and resolved(output) in Path(path).resolve().parents:
             raise usage_error(f"--output {output}: holds {path}, which is read; choose another folder")
     base, process = run.model(model), run.gp(gp)
     settings = Settings(

@@ -1,9 +1,11 @@
 """Faults that damaged files showed (benchmarks/faults): what can be read is read and counted, the rest is one line."""
 
+import os
 import sqlite3
 import struct
 import time
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,6 +112,46 @@ def test_a_file_that_grows_while_it_is_read_is_what_it_was_at_the_beginning(form
         assert len(log.tables[topic]) == len(whole.tables[topic])
     assert not grown or any("grew from" in note for note in log.notes)
     assert bool(grown) == (form not in ("ulog", "csv"))  # of those the library reads all before anybody asks
+
+
+def replaced(path):
+    other = path.with_name("other")
+    other.write_bytes(path.read_bytes() * 2)
+    other.replace(path)
+
+
+def becomes_a_pipe(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("change", [replaced, becomes_a_pipe, Path.unlink, lambda path: os.truncate(path, 0)])
+@pytest.mark.parametrize("form", ["mcap-none", "db3"])
+def test_a_file_that_another_one_replaces_while_it_is_read_is_refused(form, change, tmp_path):
+    """Its SHA-256 was that of the other one, and a pipe was waited for."""
+    path, asked = FORMS[form](tmp_path), []
+
+    def changing(topic, kind, fields):
+        if not asked:
+            asked.append(change(path))
+        return True
+
+    with pytest.raises(LogError, match="was replaced, cut or removed while it was read"):
+        read_log(path, changing)
+
+
+def test_rows_that_only_the_write_ahead_log_of_a_bag_has_are_said_to_be_missing(tmp_path):
+    """A recorder that was killed leaves them there; they were left out in silence."""
+    path = FORMS["db3"](tmp_path)
+    recorder = sqlite3.connect(path)
+    recorder.execute("PRAGMA journal_mode = WAL")
+    recorder.execute("INSERT INTO messages (topic_id, timestamp, data) SELECT topic_id, timestamp, data FROM messages")
+    recorder.commit()
+    notes = read_log(path, everything).notes
+    recorder.close()  # which moves the rows, and removes the other file
+    assert any("log.db3-wal holds rows" in note and "wal_checkpoint" in note for note in notes), notes
+    assert not any("-wal" in note for note in read_log(path, everything).notes)
 
 
 def test_a_message_that_unfolds_to_gigabytes_is_no_message():
