@@ -139,6 +139,6 @@ class CrazyflieUsdReader(TableReader):
         columns: Columns = {
             name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)
         }
-        made, notes = tables_of_columns(f"/{event.name or 'event'}", columns, stamps[order])
+        made, notes = tables_of_columns(f"/{event.name or 'event'}", columns, stamps[order], self.path)
         self.notes += notes
         return made

@@ -23,9 +23,17 @@ from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, take
 from wrenchgap.flight.formats.table import Columns, Table
 
 
-def tables_of_columns(topic: str, columns: Columns, stamps: Stamps) -> tuple[dict[str, Table], list[str]]:
-    """A table of columns (N,) at `stamps` (N,) [ns] as a `topic`, with those that its headers make, and what to say."""
-    made, words = from_columns(columns, stamps)
+def tables_of_columns(
+    topic: str, columns: Columns, stamps: Stamps, where: object
+) -> tuple[dict[str, Table], list[str]]:
+    """A table of columns (N,) at `stamps` (N,) [ns] as a `topic`, with those that its headers make, and what to say.
+
+    Raises LogError, of the file `where`, for columns that contradict one another.
+    """
+    try:
+        made, words = from_columns(columns, stamps)
+    except LogError as error:
+        raise LogError(f"{where}: {error}") from error
     return {topic: Table(topic, "table", stamps, stamps, _fields(columns))} | made, words
 
 
@@ -61,6 +69,13 @@ def from_columns(columns: Mapping[str, Array], stamps: Stamps) -> tuple[dict[str
         if len(some) > 1:
             made[some.topic] = some
     return made, known.words() if made or known.unknown else []
+
+
+THROUGHOUT = 0.95
+"""Share of a motor's running samples beyond its range from which on its unit is another: a file that was extrapolated
+behind its end has a flight before."""
+NO_SPEED = 3500.0
+"""Speed [rad/s] that no rotor of a Crazyflie reaches: they end at 2800."""
 
 
 @dataclass
@@ -111,6 +126,11 @@ class _Known:
 
     def settle(self) -> None:
         """Decide units that no header states, and leave out rows that cannot be."""
+        rotors = self.numbered("rotor")
+        largest = 0.0 if rotors is None else float(np.nanmax(rotors, initial=0.0))
+        if rotors is not None and not self.units["rotor"] and CRAZYFLIE in self.usual.values() and largest > NO_SPEED:
+            self._replace("rotor", rotors, "of 65535")
+            self.notes.append("m1 ... are read as the PWM of motor.m1 ...: beside a Crazyflie's names, and no speeds.")
         if self.units.get("rotor") == "of 65535":
             self._pwm_of_16_bits()
         rotors = self.numbered("rotor")
@@ -153,11 +173,14 @@ class _Known:
         values = np.stack([parts[i] for i in sorted(parts)], axis=1)
         self.beyond = beyond = unit_evidence.rows_beyond(values, largest)
         sent = int(np.isfinite(values).any(axis=1).sum())
-        if beyond.sum() == sent > 0:
-            raise LogError(
-                f"motor.m{min(tops)}: no row holds PWM of 0 to 65535, as a Crazyflie logs it (largest value "
-                f"{np.nanmax(values):.6g}); write the unit into the header, as in motor_m{min(tops)}_rpm"
-            )
+        for i, column in zip(sorted(parts), values.T, strict=True):
+            if np.sum(column > largest) > THROUGHOUT * np.sum(
+                column > 0.0
+            ):  # all of a flight, and not the end of a file
+                raise LogError(
+                    f"motor.m{i} is beyond 65535, where the PWM of a Crazyflie ends, in nearly all rows (largest value "
+                    f"{np.nanmax(column):.6g}); write its unit into the header, as in motor_m{i}_rpm"
+                )
         if beyond.any():
             self.notes.append(
                 f"{beyond.sum()} of {sent} rows ({100 * beyond.sum() / sent:.0f} %) hold PWM that no Crazyflie sends "

@@ -186,7 +186,7 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     columns, stamps = {name: values[order] for name, values in columns.items()}, stamps[order]
     if not len(stamps):
         return {}
-    made, words = tables_of_columns("/table", columns, stamps)
+    made, words = tables_of_columns("/table", columns, stamps, path)
     notes += words
     return made
 

@@ -99,17 +99,27 @@ def test_rows_with_impossible_pwm_are_left_out_everywhere_and_counted(logs, tmp_
     assert any(check.name == "left-out" for check in found.checks)
 
 
-def test_pwm_that_is_impossible_throughout_stops_in_one_line(logs, tmp_path):
+@pytest.mark.parametrize("values", [np.full(len(TIME), 1e6), np.where(TIME < 2.0, 0.0, 4e6)])
+def test_a_motor_that_is_beyond_pwm_throughout_stops_in_one_line(logs, tmp_path, values):
     columns = crazyflie(logs)
-    columns["motor.m3"] = np.full(len(TIME), 1e6)
-    with pytest.raises(LogError, match=r"0 to 65535.*1e\+06.*motor_m1_rpm"):
+    columns["motor.m3"] = values
+    with pytest.raises(LogError, match=r"log\.csv: motor\.m3 is beyond 65535.*motor_m3_rpm"):
         load(tmp_path, columns)
+
+
+def test_m1_beside_a_crazyflies_names_is_its_pwm(logs, tmp_path):
+    columns = {name.removeprefix("motor."): values for name, values in crazyflie(logs).items()}
+    found = load(tmp_path, columns)
+    np.testing.assert_allclose(found.actuators.rotor_speed[0], np.array([1, 2, 3, 4]) * 10000 / 65535)
+    assert "read as the PWM" in said(found)
+    slow = {name: values / 50.0 if name in ("m1", "m2", "m3", "m4") else values for name, values in columns.items()}
+    assert load(tmp_path, slow).actuators.unit == "rad/s"  # up to 800: speeds, as nothing says otherwise
 
 
 def test_motors_in_two_units_stop_in_one_line(logs, tmp_path):
     columns = crazyflie(logs)
     columns["motor.m3"] = np.full(len(TIME), 0.5)
-    with pytest.raises(LogError, match=r"motor\.m3 never exceeds 1"):
+    with pytest.raises(LogError, match=r"log\.csv: motor\.m3 never exceeds 1"):
         load(tmp_path, columns)
 
 
