@@ -260,7 +260,7 @@ class _Known:
         rotors, tilt = self.numbered("rotor"), self.numbered("tilt")
         if rotors is not None or tilt is not None:
             yield self._actuators(rotors, tilt)
-        for prefix, topic in (("", "/odometry"), ("est ", "/state_estimate"), ("ref ", "/reference")):
+        for prefix, topic in (("", "/odometry"), ("est ", "/estimator"), ("ref ", "/reference")):
             place, quat = self.whole(f"{prefix}position", 3), self._attitude(prefix)
             velocity = self.whole(f"{prefix}velocity", 3)
             if place is not None and quat is not None:

@@ -67,6 +67,15 @@ def test_names_that_an_exporter_doubled_and_motion_capture_beside_the_estimate(l
     assert "acc is read in g" in said(found)
 
 
+def test_motion_capture_at_a_lower_rate_is_preferred_to_the_estimate(logs, tmp_path):
+    motion, columns = logs.Motion(TIME), crazyflie(logs)
+    seen = np.where(np.arange(len(TIME)) % 4, np.nan, 1.0)
+    columns |= {f"p{axis}": seen * motion.position_E[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"q{axis}": seen * motion.quat_EB[:, i] for i, axis in enumerate("wxyz")}
+    found = load(tmp_path, columns)
+    assert (found.odometry.topic, len(found.odometry.time)) == ("/odometry", 200)
+
+
 def test_the_pitch_of_the_estimate_rises_with_the_nose(logs, tmp_path):
     motion, columns = logs.Motion(TIME), crazyflie(logs)
     for axis in "wxyz":
