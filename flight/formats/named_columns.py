@@ -174,12 +174,12 @@ class _Known:
         self.beyond = beyond = unit_evidence.rows_beyond(values, largest)
         sent = int(np.isfinite(values).any(axis=1).sum())
         for i, column in zip(sorted(parts), values.T, strict=True):
-            if np.sum(column > largest) > THROUGHOUT * np.sum(
-                column > 0.0
-            ):  # all of a flight, and not the end of a file
+            wrong, running = (column > largest) | (column < 0.0), (column != 0.0) & ~np.isnan(column)
+            if wrong.sum() > THROUGHOUT * running.sum():  # all of a flight, and not the end of a file
                 raise LogError(
-                    f"motor.m{i} is beyond 65535, where the PWM of a Crazyflie ends, in nearly all rows (largest value "
-                    f"{np.nanmax(column):.6g}); write its unit into the header, as in motor_m{i}_rpm"
+                    f"motor.m{i} is outside of 0 to 65535, the PWM of a Crazyflie, in nearly all rows "
+                    f"({np.nanmin(column):.6g} to {np.nanmax(column):.6g}); write its unit into the header, as in "
+                    f"motor_m{i}_rpm"
                 )
         if beyond.any():
             self.notes.append(

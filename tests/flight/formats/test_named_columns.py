@@ -108,11 +108,11 @@ def test_rows_with_impossible_pwm_are_left_out_everywhere_and_counted(logs, tmp_
     assert any(check.name == "left-out" for check in found.checks)
 
 
-@pytest.mark.parametrize("values", [np.full(len(TIME), 1e6), np.where(TIME < 2.0, 0.0, 4e6)])
+@pytest.mark.parametrize("values", [np.full(len(TIME), 1e6), np.where(TIME < 2.0, 0.0, 4e6), np.full(len(TIME), -5.0)])
 def test_a_motor_that_is_beyond_pwm_throughout_stops_in_one_line(logs, tmp_path, values):
     columns = crazyflie(logs)
     columns["motor.m3"] = values
-    with pytest.raises(LogError, match=r"log\.csv: motor\.m3 is beyond 65535.*motor_m3_rpm"):
+    with pytest.raises(LogError, match=r"log\.csv: motor\.m3 is outside of 0 to 65535.*motor_m3_rpm"):
         load(tmp_path, columns)
 
 
