@@ -6,6 +6,9 @@ What half and twice of each does to answers is measured: docs/search-settings.md
 from dataclasses import dataclass
 
 from wrenchgap.flight.arguments import check_types
+from wrenchgap.flight.errors import UsageError
+
+SHARES = ("leak", "doubt", "fit_counts", "firm", "otherwise", "certain", "at_limit", "rough")
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,10 @@ class SearchSettings:
 
     def __post_init__(self) -> None:
         check_types(type(self), vars(self))
+        for name, value in vars(self).items():
+            most = 1.0 if name in SHARES else 1e12  # beyond which squares are no numbers
+            if not 0.0 < value <= most:
+                raise UsageError(f"SearchSettings: {name}: got {value:g}; expected more than 0 and at most {most:g}")
 
 
 DEFAULT = SearchSettings()

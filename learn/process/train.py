@@ -250,8 +250,9 @@ def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitS
     output_indices(tuple(names))
     if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
         raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
-    if settings.points < 2 or settings.restarts < 0:
-        raise UsageError(f"fit: got {settings.points} points, {settings.restarts} restarts; expected >= 2 and >= 0")
+    if settings.points < 2 or settings.restarts < 0 or settings.pre_thin < 1:
+        got = f"{settings.points} points, {settings.restarts} restarts, thinned to {settings.pre_thin} samples"
+        raise UsageError(f"fit: got {got}; expected >= 2, >= 0 and >= 1")
     if len(inputs) < 2 * inputs.shape[1]:
         raise FitError(f"fit: {len(inputs)} samples, expected at least {2 * inputs.shape[1]}; use a longer log")
     for what, array in (("inputs", inputs), ("outputs", outputs)):

@@ -99,6 +99,22 @@ def test_settings_look_at_their_fields(settings, name):
         settings(**{name: "1"})
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("firm", float("nan"), "firm: got nan; expected more than 0 and at most 1"),
+        ("otherwise", 1.5, "otherwise: got 1.5"),
+        ("block", 0.0, "block: got 0; expected more than 0 and at most 1e"),
+        ("structure", float("inf"), "structure: got inf"),
+        ("beam", 0, "beam: got 0"),
+    ],
+)
+def test_a_search_decides_by_positive_numbers(name, value, said):
+    """With others, an answer was given all the same, or the error of a formula."""
+    with pytest.raises(UsageError, match=f"SearchSettings: {said}"):
+        SearchSettings(**{name: value})
+
+
 def test_a_mean_that_there_is_not_is_refused_with_those_that_there_are():
     with pytest.raises(
         UsageError, match=r"FitSettings: mean: got str 'cubic'; expected .*'zero', 'constant', 'linear'"
