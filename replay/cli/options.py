@@ -82,6 +82,7 @@ JsonFile = Annotated[
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
+Details = Annotated[bool, typer.Option("--details", help="All tables and notes behind the answer.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 LogOut = Annotated[Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).")]
 GpOption = Annotated[

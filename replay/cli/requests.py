@@ -204,10 +204,12 @@ class Run:
                 show(self._console, part)
 
     def result(self, result: Any, **how: Any) -> None:
-        """Print a result; `how` as `parts` of its module in `replay.present` has it."""
+        """Print a result; `how` as `replay.present.parts` and that of its module have it."""
         from wrenchgap.replay.present import parts
 
         self.show(*parts(result, **how))
+        if not how.get("details", True):
+            self.line("tables and notes: --details", "dim")
 
     def line(self, text: str = "", style: str = "") -> None:
         """Print one text as it is, without markup."""
@@ -279,7 +281,7 @@ class Run:
 
     def command_line(self) -> str:
         """The command that is running, as a user would type it; without options that do not change its result."""
-        words = self.given(lambda name: name not in ("json", "force", "quiet")).values()
+        words = self.given(lambda name: name not in ("json", "force", "quiet", "details")).values()
         return shlex.join(["wrenchgap", *self.ctx.command_path.split()[1:], *chain(*words)])
 
     def common_options(self, *without: str) -> str:

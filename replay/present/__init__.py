@@ -8,14 +8,16 @@
     figures/     how pictures look
     report/      the HTML page
 
-and one module for each kind of result, with `parts` (what is printed), `to_json`, `frame` (of what `to_frame` makes its
-table), `picture` (panels, size, what is drawn), and where they say something `brief` (the parts that give the answer),
-`of_axes` (arrays (6,) by name) and `of_parameters` (a row for each), of which `by_axis` and `by_parameter` are made.
+and one module for each kind of result, with `parts` (all that is printed, the answer first), `to_json`, `frame` (of
+what `to_frame` makes its table), `picture` (panels, size, what is drawn), and where they say something `brief` (the
+answer in at most `tables.ANSWER_LINES` lines, and the one table that it rests on), `of_axes` (arrays (6,) by name) and
+`of_parameters` (a row for each), of which `by_axis` and `by_parameter` are made.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -50,13 +52,10 @@ def text(result: Any) -> str:
 
 def brief(result: Any, lines: int = 32) -> str:
     """A result on one screen: all of it, or its answer and as many of its parts as fit so many `lines`."""
-    from wrenchgap.replay.present.notes import banner
-
     whole = text(result)
     if whole.count("\n") < lines:
         return whole
-    module = _module(result)
-    some = [*banner(result), *module.brief(result)] if hasattr(module, "brief") else parts(result)
+    some = parts(result, details=False)
     fitting = [k for k in range(1, len(some)) if _printed(some[:k]).count("\n") < lines - 2]
     return f"{_printed(some[: max(fitting, default=1)])}\n\nThat is the answer; print() shows all of it."
 
@@ -113,11 +112,18 @@ def _printed(some: Any, width: int = 132) -> str:
     return printed.rstrip()
 
 
-def parts(result: Any, **how: Any) -> Any:
-    """The lines and tables of a printed result, with options of its module; what its checks say stands above."""
-    from wrenchgap.replay.present.notes import banner
+def parts(result: Any, *, details: bool = True, **how: Any) -> Any:
+    """The lines and tables of a printed result, with options of its module: the answer, what its checks say, tables.
 
-    return [*banner(result), *_module(result).parts(result, **how)]
+    Without `details` the answer and its one table, where there is more than that.
+    """
+    from wrenchgap.replay.present.notes import banner
+    from wrenchgap.replay.present.tables import Line
+
+    module = _module(result)
+    some = module.parts(result, **how) if details or not hasattr(module, "brief") else module.brief(result)
+    answer = list(takewhile(lambda part: isinstance(part, Line) and part.text, some))
+    return [*answer, *banner(result), *some[len(answer) :]]
 
 
 def to_json(result: Any) -> dict[str, Any]:

@@ -16,14 +16,13 @@ from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_
 
 
 def parts(added: Addition) -> list[Part]:
-    """What was fitted together, its values, the error before and after."""
-    out: list[Part] = []
+    """The answer, what was fitted together, its values, the error before and after."""
+    out = brief(added)
     if added.refitted:
         out.append(Line(f"already in {added.given.name}, fitted anew: {', '.join(added.refitted)}"))
     if added.together:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
-    fitted = parameters(added.fit.snapshot, f"effects of {added.model.name}", added.model.vehicle)
-    out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
+    out += [Line(INTERVAL_LEGEND, "dim"), Line()]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
     if (trial := added.trial) is None:
         title = f"on the fitted logs, {behind}"
@@ -31,8 +30,21 @@ def parts(added: Addition) -> list[Part]:
     else:
         title = f"on held-out time of these logs, {behind}"
         out.append(before_after(title, trial.before, trial.after, trial.rms_reduction, trial.noise))
-        out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
-    return [*out, *note_lines(limits(added), "warning"), *note_lines([*mixed(added), *notes(added)])]
+    return [*out, *note_lines(notes(added))]
+
+
+def brief(added: Addition) -> list[Part]:
+    """What was added and what it does on held-out time, values at their limits, and the values."""
+    names = " and ".join(e.name for e in added.model.effects if e.name not in added.together)
+    trial = added.trial
+    title = f"effects of {added.model.name}"
+    if trial is None:
+        first = Line(f"Added {names}, fitted on all of the logs: nothing was held out to judge it by.", "bold")
+    else:
+        look = "bold yellow" if trial.outcome is Outcome.WORSE else "bold"
+        first = Line(f"Added {names}. On held-out time {verdict(trial)}.", look)
+    warned = note_lines([*limits(added), *mixed(added)], "warning")
+    return [first, *warned, Line(), parameters(added.fit.snapshot, title, added.model.vehicle)]
 
 
 OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "no significant change"}

@@ -29,14 +29,14 @@ LEGEND = (
 
 
 def parts(found: Calibration) -> list[Part]:
-    """The summary, what was considered, values, the error before and after, notes."""
+    """The summary, values, what was considered, the error before and after, notes."""
     rows = [
         (t.effect, FATES[t.fate] + (f": {t.reason.reason}" if t.reason else ""), number(t.t, 2)) for t in found.tried
     ]
     considered = plain("what was considered", ("effect", "", "t"), rows, left=2)
-    out: list[Part] = [*(Line(text, "bold") for text in summary(found)), Line(), considered]
+    out = [*brief(found), considered]
     if found.added is not None:
-        out += [values(found), Line(LEGEND, "dim"), Line()]
+        out += [Line(LEGEND, "dim"), Line()]
         if (trial := found.added.trial) is not None:
             title = f"on held-out time of these flights, filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
             out.append(before_after(title, trial.before, trial.after, trial.rms_reduction, trial.noise))
@@ -45,8 +45,15 @@ def parts(found: Calibration) -> list[Part]:
         if found.unseen:
             names, before, after = zip(*found.unseen, strict=True)
             out.append(by_flight("flights that were not fitted", names, np.array(before), np.array(after)))
-        out += note_lines(limits(found.added), "warning")
     return [*out, *note_lines(notes(found))]
+
+
+def brief(found: Calibration) -> list[Part]:
+    """The summary, values at their limits, and the values."""
+    lines = [Line(text, "bold") for text in summary(found)]
+    if found.added is None:
+        return [*lines, Line()]
+    return [*lines, *note_lines(limits(found.added), "warning"), Line(), values(found)]
 
 
 def summary(found: Calibration) -> list[str]:

@@ -28,7 +28,7 @@ from wrenchgap.replay.present.numbers import (
     unmeasured,
 )
 from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
-from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
+from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, plain, table
 
 SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
@@ -43,12 +43,11 @@ ALONE_LEGEND = (
 
 
 def parts(found: Changed) -> list[Part]:
-    """Verdict, sizes, classes, each change by itself, flights, what cannot be compared, what to inspect."""
-    out: list[Part] = [Line(summary(found), "bold"), Line()]
-    out += note_lines([*outliers(found), *other_recordings(found)], "warning")
-    out += note_lines([baseline(found), *feedback(found)])
+    """The answer, sizes, classes, each change by itself, flights, what cannot be compared."""
+    out = brief(found)
     if found.parameters and found.verdict is not Verdict.NOTHING:
-        out += [plain("changes", SIZE_HEADS, sizes(found), left=3), Line(SIZES_LEGEND, "dim"), Line()]
+        out += [Line(SIZES_LEGEND, "dim"), Line()]
+    out += note_lines([baseline(found), *feedback(found)])
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
     out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
     out += [plain("each change by itself", ALONE_HEADS, alone(found), left=3), Line(ALONE_LEGEND, "dim"), Line()]
@@ -57,8 +56,7 @@ def parts(found: Changed) -> list[Part]:
         heads, rows, left = by_flight(found)
         out.append(plain("what changed, on each flight by itself", heads, rows, left))
     out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
-    out += parameters.parts(parameters.of_flights(found.flights))
-    return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
+    return [*out, *parameters.parts(parameters.of_flights(found.flights))]
 
 
 def outliers(found: Changed, given: str = "given") -> list[str]:
@@ -281,11 +279,13 @@ def _parameter(p: Size) -> dict[str, Any]:
 
 
 def brief(found: Changed) -> list[Part]:
-    """The verdict, sizes, and what to inspect."""
+    """The verdict, what to inspect, what else it may be, what the flights could have shown, and sizes."""
     named = found.parameters and found.verdict is not Verdict.NOTHING
     table = [plain("changes", SIZE_HEADS, sizes(found), left=3)] if named else []
-    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found))]
-    return [*said, Line(), *table, *map(Line, classes_in_words(found.classes))]
+    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:3])]
+    said += note_lines([*outliers(found), *other_recordings(found)][:1], "warning")
+    room = ANSWER_LINES - len(said)
+    return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *table]
 
 
 def of_axes(found: Changed) -> dict[str, Any]:

@@ -13,17 +13,37 @@ from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, unmeasured
-from wrenchgap.replay.present.tables import Part, Table, note_lines, reductions, styled, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
-    """Errors, by flight where there are several, and where the last model is worst; `signed`: with means by flight."""
-    several = [by_flight(result, signed=signed)] if signed or len(result.flights) > 1 else []
+    """The answer, errors, by flight where there are several, and where the last model is worst; `signed`: with means by
+    flight.
+    """  # noqa: D205
+    several = [by_flight(result, signed=True)] if signed else []
+    several = several or ([by_flight(result, signed=False)] if len(result.flights) > 1 else [])
     last = result.evaluations[-1]
-    return [errors(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
+    return [*brief(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
+
+
+def brief(result: Comparison) -> list[Part]:
+    """What the last model leaves of force and torque beside the first one and the sensors, and the errors by axis."""
+    first, last = result.evaluations[0], result.evaluations[-1]
+    (force, torque), noise = force_and_torque(last.pooled.rms), force_and_torque(result.noise)
+    sizes = f"{number(force)} N and {number(torque)} Nm rms (sensors: {number(noise[0])} N, {number(noise[1])} Nm)"
+    than = ""
+    if last is not first:
+        parts_of = force_and_torque(first.pooled.rms)
+        falls = reductions(np.array([1.0 - force / parts_of[0], 1.0 - torque / parts_of[1]]))
+        than = f", {falls[0]} and {falls[1]} against {first.name}"
+    out = [Line(f"On {_where(result)} {last.name} leaves {sizes}{than}.", "bold")]
+    if last.worst:
+        one = last.worst[0]
+        out.append(Line(f"Worst in {one.flight} at {one.start:.1f} s: {stretch_in_words(one)}."))
+    return [*out, Line(), errors(result)]
 
 
 def errors(comparison: Comparison) -> Table:

@@ -32,20 +32,17 @@ from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
+from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, plain, reductions, table
 from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
 
 
 def notes(result: Counterfactual) -> tuple[str, ...]:
-    """What a reader must know before relying on the numbers, of the flight, the GP, and the result."""
+    """What a reader must know before relying on the numbers, of the result, the GP, and the flight."""
     log, model = result.inference.recording.flight, result.inference.model
-    found = [
-        *sentences(result.inference.recording.notes),
-        *(_sentence(one, log.name, model.name) for one in result.caveats),
-    ]
+    found = [_sentence(one, log.name, model.name) for one in result.caveats]
     if (process := result.change.process) is not None:
         found += learning.of_process(compensating.caveats(process, model, log))
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys((*found, *sentences(result.inference.recording.notes))))
 
 
 def _sentence(caveat: Caveat, flight: str, model: str) -> str:
@@ -81,7 +78,7 @@ _WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}
 
 
 def parts(result: Counterfactual) -> list[Part]:
-    """The null run, the disturbance, and the tracking errors."""
+    """The tracking errors, the null run, the disturbance."""
     null, size = result.null_run, result.inference.size
     off = [
         ("attitude [deg]", f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}"),
@@ -92,7 +89,14 @@ def parts(result: Counterfactual) -> list[Part]:
     disturbance = [(f"disturbance, {name}", *row(values)) for name, values in sizes.items()]
     explained = ("command explained by the control law", *(share(float(s)) for s in result.inference.explained))
     second = plain("what the model does not explain", ("", *UNIT_HEADS), [*disturbance, explained])
+    checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
+    process = result.change.process
+    checked += [Line(words) for words in [observer_in_words(process)] if words] if process is not None else []
+    return [*brief(result), first, second, *checked, *note_lines(notes(result)[NOTES:])]
 
+
+def brief(result: Counterfactual) -> list[Part]:
+    """The attitude error with and without the change, what the null run bounds, notes, and the tracking errors."""
     words = "; ".join(result.change.words)
     names = {"recorded": "recorded", "null_run": "null run", "counterfactual": words}
     if result.uncompensated is not result.null:
@@ -108,10 +112,18 @@ def parts(result: Counterfactual) -> list[Part]:
         least = np.repeat([WORSE_DEG, 0.0], (6, 2))  # of an axis that hardly errs any change is large in per cent
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > least, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
-    checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
-    process = result.change.process
-    checked += [Line(words) for words in [observer_in_words(process)] if words] if process is not None else []
-    return [first, second, third, *checked, *note_lines(notes(result))]
+    norms = {key: float(np.linalg.norm(one[:3])) for key, one in errors.items()}
+    said = (
+        [
+            f"{words[:1].upper()}{words[1:]}: attitude error {norms[before]:.2f} to {norms['counterfactual']:.2f} deg "
+            "(norm of the axes' means)."
+        ]
+        if words
+        else []
+    )
+    said.append(null_run_in_words(result))
+    lines = [Line(text, "bold" if k == 0 else "") for k, text in enumerate(said)]
+    return [*lines, *note_lines(notes(result)[:NOTES]), Line(), third]
 
 
 def _errors(one: Tracking) -> Array:

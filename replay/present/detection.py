@@ -48,6 +48,11 @@ def sentences(
     return [*said, *_checked(found.recoveries, vehicle)]
 
 
+def in_short(found: Explanation | Changed) -> list[str]:
+    """The first three of `sentences`, each with fewer effects."""
+    return sentences(found, 4, 3, 2)[:3]
+
+
 def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimit]]:
     """Limits of each effect, that first of which the smallest part of what is plausible would have been shown."""
     found: dict[str, list[DetectionLimit]] = {}

@@ -6,11 +6,12 @@ from typing import Any
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Validation
+from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
-from wrenchgap.replay.present import comparison, detection, posterior, timing
+from wrenchgap.replay.present import comparison, detection, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -18,12 +19,14 @@ from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     by_axis,
     entries,
+    number,
     parameter_rows,
     parameters_in_words,
     share,
     unmeasured,
 )
 from wrenchgap.replay.present.tables import (
+    ANSWER_LINES,
     INTERVAL_LEGEND,
     Line,
     Part,
@@ -38,15 +41,13 @@ from wrenchgap.replay.present.tables import (
 
 
 def parts(found: Explanation) -> list[Part]:
-    """Timing, verdict, members, classes, candidates, errors before and after."""
-    out: list[Part] = []
+    """The answer, timing, members, classes, candidates, errors before and after."""
+    out = brief(found)
+    if found.members:
+        out += [Line(MEMBERS_LEGEND, "dim"), Line()]
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
         out += note_lines(timing.warnings(one), "warning")
-    out += note_lines(short(found), "warning")
-    out += [Line(summary(found), "bold"), Line()]
-    if found.members:
-        out += [members(found), Line(MEMBERS_LEGEND, "dim"), Line()]
     out += [Line(words) for words in open_in_words(found)] + [Line()]
     out += [*detection.lines(found), Line()]
     out.append(ranking(found))
@@ -60,7 +61,7 @@ def parts(found: Explanation) -> list[Part]:
     if tested := found.validation:
         title = f"unseen: {', '.join(tested.comparison.flights)}"
         out.append(before_after(title, tested.before, tested.after, tested.reduction))
-        out += note_lines(validation_warnings(tested), "warning")
+        out += note_lines(validation_warnings(tested)[1:], "warning")
     return [*out, *not_tried_lines(found.untried), *note_lines(of_flights(found.flights))]
 
 
@@ -239,9 +240,16 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 
 def brief(found: Explanation) -> list[Part]:
-    """The verdict, the members, and the best candidates."""
-    named = [members(found)] if found.members else []
-    return [Line(summary(found), "bold"), Line(), *named, *map(Line, open_in_words(found)), Line(), ranking(found, 3)]
+    """The verdict, what to inspect, unseen flights, warnings, what the flights could have shown, and the members."""
+    said: list[Part] = [Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:2])]
+    if tested := found.validation:
+        before, after = force_and_torque(tested.before), force_and_torque(tested.after)
+        sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]
+        said.append(Line(f"On flights it never saw ({', '.join(tested.comparison.flights)}): {', '.join(sizes)} rms."))
+        said += note_lines(validation_warnings(tested)[:1], "warning")
+    said += note_lines([*short(found), *timing.in_short(found.timing)][:1], "warning")
+    said += map(Line, detection.in_short(found)[: ANSWER_LINES - len(said)])
+    return [*said, Line(), *([members(found)] if found.members else [])]
 
 
 def of_axes(found: Explanation) -> dict[str, Any]:

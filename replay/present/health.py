@@ -15,31 +15,32 @@ from wrenchgap.replay.present.health_rows import ROWS
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, styled
+from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, note_lines, plain, styled
 
-LINES = 8
-"""Lines of the answer, all told."""
 LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 
-def parts(found: Health, details: bool = False) -> list[Part]:
-    """The answer, the table, which parameters differ; with `details` the long tables."""
-    out: list[Part] = [Line(text, look) for text, look in answer(found)]
-    out += [Line(), overview(found), *parameters.parts(found.parameters, None if details else 12)]
-    for log in found.logs if details else ():
-        out += _details(log, several=len(found.logs) > 1)
-    return out
+def parts(found: Health) -> list[Part]:
+    """The answer, the table, which parameters differ, the long tables."""
+    long = (part for log in found.logs for part in _details(log, several=len(found.logs) > 1))
+    return [*brief(found, None), *long]
+
+
+def brief(found: Health, most_parameters: int | None = 12) -> list[Part]:
+    """The answer, the table, and which parameters differ."""
+    lines = [Line(text, look) for text, look in answer(found)]
+    return [*lines, Line(), overview(found), *parameters.parts(found.parameters, most_parameters)]
 
 
 def answer(found: Health) -> list[tuple[str, str]]:
-    """At most `LINES` lines, with their looks: the result, what to look at, what is not answered, the next command."""
+    """At most `ANSWER_LINES` lines with their looks: result, what to look at, what is not answered, next command."""
     flown_at_all = any(log.phases.lack is not NoPhases.POWER for log in found.logs)
     tail = [(f"next: {next_command(found)}", "bold")]
     if flown_at_all:
         tail[:0] = _lacks(found)
     if found.parameters.differ:
         tail.insert(0, (f"Parameters that differ: {parameters.named(found.parameters)}.", "yellow"))
-    room = LINES - 1 - len(tail)
+    room = ANSWER_LINES - 1 - len(tail)
     if len(found.logs) > 1:
         every = sorted(map(_in_short, found.logs), key=lambda line: list(LOOKS.values()).index(line[1]))
         what = "logs"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.check import Check
+from wrenchgap.flight.check import Check, Level
 from wrenchgap.flight.flight import Series
 from wrenchgap.flight.inspection import Inspection, TopicReport
 from wrenchgap.flight.unmeasured import unmeasured_axes
@@ -21,11 +21,12 @@ from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, styled, table
 
 COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
+NAMES: dict[Level, str] = {"bad": "bad", "warn": "to look at", "ok": "passed"}
 
 
 def parts(seen: LogReport) -> list[Part]:
     """Checks, topics, phases, timing, notes."""
-    out: list[Part] = [checks((*seen.inspection.checks, *seen.model_checks))]
+    out: list[Part] = [*_answer(seen), checks((*seen.inspection.checks, *seen.model_checks))]
     out.append(topics(seen.inspection))
     if hidden := len(seen.inspection.topics) - len(rows_of(seen.inspection.topics)):
         out.append(Line(f"and {hidden:,} more topics, which play no role; --json FILE lists them all", "dim"))
@@ -41,14 +42,14 @@ def parts(seen: LogReport) -> list[Part]:
     return [*out, Line()]
 
 
-def topics(seen: Inspection) -> Table:
-    """Topics of a log: roles, rates, gaps."""
+def topics(seen: Inspection, most: int = 300) -> Table:
+    """Topics of a log: roles, rates, gaps; `most` of those that play none."""
     size = f"{seen.size / 1e6:.1f} MB" if seen.size >= 1e5 else f"{seen.size / 1e3:.1f} kB"
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
     common = _namespace([t.topic for t in seen.topics])
     first = ("topic in", common) if common else "topic"
     out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
-    for t in rows_of(seen.topics):
+    for t in rows_of(seen.topics, most):
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
         role = styled(", ".join(t.plays), "bold green") if t.plays else styled("-", "dim")
@@ -116,8 +117,21 @@ def to_json(seen: LogReport) -> dict[str, Any]:
 
 
 def brief(seen: LogReport) -> list[Part]:
-    """What the checks say, then the topics."""
-    return [checks((*seen.inspection.checks, *seen.model_checks)), topics(seen.inspection)]
+    """What the log is, what its checks warn of, and the topics that play roles."""
+    every = (*seen.inspection.checks, *seen.model_checks)
+    wrong = [checks([c for c in every if c.level != "ok"])] if any(c.level != "ok" for c in every) else []
+    late = [] if seen.timing is None else note_lines(timing.in_short([seen.timing]), "warning")
+    return [*_answer(seen), *wrong, *late, topics(seen.inspection, most=0)]
+
+
+def _answer(seen: LogReport) -> list[Line]:
+    """One line: what the log is, how many checks passed, and how many did not."""
+    every = [c.level for c in (*seen.inspection.checks, *seen.model_checks)]
+    counts = [f"{every.count(level)} {name}" for level, name in NAMES.items() if every.count(level)]
+    plays = sum(bool(t.plays) for t in seen.inspection.topics)
+    topics_said = f"{plays} of {len(seen.inspection.topics)} topics play a role"
+    name = f"{seen.inspection.path} ({seen.inspection.format}, {seen.inspection.duration:.1f} s)"
+    return [Line(f"{name}: checks: {', '.join(counts) or 'none'}; {topics_said}.", "bold"), Line()]
 
 
 def frame(seen: LogReport) -> list[dict[str, Any]]:

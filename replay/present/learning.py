@@ -37,11 +37,11 @@ from wrenchgap.replay.present.verdicts import (
 
 
 def parts(learnt: Learnt) -> list[Part]:
-    """Errors beside the alternatives, standard deviations, calibration, conditioning, what to do."""
+    """The answer, errors beside the alternatives, standard deviations, calibration, conditioning."""
     gp = learnt.gp
     points = f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart)"
-    out: list[Part] = [Line(f"{points} on top of {gp.provenance.physics}")]
-    out += [_prediction(title, result) for title, result in _tested(learnt).items()]
+    out = [*brief(learnt), Line(f"{points} on top of {gp.provenance.physics}")]
+    out += [_prediction(title, result) for title, result in list(_tested(learnt).items())[:-1]]
     sigmas = [(name, *row(pair)) for name, *pair in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)]
     heads = ("output", "far from the data", "99 % of the training samples below")
     out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
@@ -56,9 +56,7 @@ def parts(learnt: Learnt) -> list[Part]:
     out += [Line(words) for words in (observer_in_words(gp), *lags_in_words(gp)) if words]
     if learnt.alternatives is not None and learnt.alternatives.tried:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
-    out += [Line(words, "bold") for words in _advice(learnt)]
-    out += [*note_lines(map(caution, learnt.cautions), "warning"), *note_lines(_notes(learnt))]
-    return [*out, *verdicts(gp)]
+    return [*out, *note_lines(_notes(learnt))]
 
 
 def _notes(learnt: Learnt) -> list[str]:
@@ -228,9 +226,14 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
 
 
 def brief(learnt: Learnt) -> list[Part]:
-    """The verdicts, what would be better, warnings, and the errors on the flights that were kept apart."""
+    """The verdicts, a margin below one, what would be better, warnings, and errors on the flights kept apart."""
     title, tested = list(_tested(learnt).items())[-1]
-    lines = [*map(Line, _advice(learnt)), *note_lines(map(caution, learnt.cautions), "warning")]
+    unsafe = [margin_in_words(learnt.margin)] if learnt.margin.least < 1.0 else []
+    lines = [
+        *note_lines(unsafe, "warning"),
+        *map(Line, _advice(learnt)),
+        *note_lines(map(caution, learnt.cautions), "warning"),
+    ]
     return [*verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]
 
 

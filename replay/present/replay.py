@@ -19,7 +19,7 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, unit_of
-from wrenchgap.replay.present.tables import Part, note_lines, plain, table
+from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, plain, reductions, table
 
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "max": 100}
 """Of sigma and beta over the steps, by their names in the JSON [%]."""
@@ -75,7 +75,14 @@ def _mean_abs(residual: Array) -> Array:
 
 
 def parts(replay: Replay) -> list[Part]:
-    """Wrenches, steps, notes, warnings."""
+    """The answer, wrenches, steps, notes."""
+    summary = summarise(replay)
+    steps = plain("Steps", ("what", "value"), _lines(summary, sigma_unit(replay)), left=2)
+    return [*brief(replay), steps, *note_lines(notes(replay)[NOTES:])]
+
+
+def brief(replay: Replay) -> list[Part]:
+    """How much of the predicted error the correction takes out, warnings, notes on the GP, and the wrenches."""
     summary = summarise(replay)
     wrenches = table(f"{replay.flight.name}: compensation of the {replay.source} wrench", "mean |.|", *UNIT_HEADS)
     wrenches.add_row("correction", *row(summary["correction_mean_abs"]))
@@ -87,9 +94,15 @@ def parts(replay: Replay) -> list[Part]:
         wrenches.add_row(name, *row(cells))
     wrenches.add_row("measured - logged command, filtered", *row(summary["measured_minus_logged"]))
     wrenches.add_row("measured - model and GP, filtered", *row(summary["measured_minus_predicted"]))
-    steps = plain("Steps", ("what", "value"), _lines(summary, sigma_unit(replay)), left=2)
-    lines = [*note_lines(notes(replay)), *note_lines(warnings(summary), "warning")]
-    return [wrenches, steps, *lines]
+    falls = reductions(1.0 - np.asarray(after) / np.maximum(before, 1e-300))
+    changes = ", ".join(f"{axis} {fall}" for axis, fall in zip(summary["outputs"], falls, strict=True))
+    first = (
+        f"Predicted change of the mean error with the compensation: {changes}. It is accepted in "
+        f"{share(summary['accepted'])} of the steps, and withheld as too uncertain {share(summary['held_back'])} of "
+        "the time."
+    )
+    cautions = [*note_lines(warnings(summary), "warning"), *note_lines(notes(replay)[:NOTES])]
+    return [Line(first, "bold"), *cautions, Line(), wrenches]
 
 
 def sigma_unit(replay: Replay) -> str:
@@ -159,13 +172,13 @@ def to_json(replay: Replay) -> dict[str, Any]:
 
 def notes(replay: Replay) -> tuple[str, ...]:
     """What a user should know of the log, the command and the GP."""
-    found = sentences(replay.notes)
+    found = [*of_process(replay.caveats), *sentences(replay.notes)]
     if replay.computed_from is not None:
         found.append(
             f"{replay.flight.name}: no commanded wrench in the log; computed from {replay.computed_from} with the "
             "model's geometry."
         )
-    return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
+    return tuple(dict.fromkeys(found))
 
 
 def of_axes(replay: Replay) -> dict[str, Array]:

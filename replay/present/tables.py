@@ -24,6 +24,10 @@ INTERVAL_LEGEND = (
 )
 """What stands below tables of `parameters`."""
 
+ANSWER_LINES = 8
+"""Sentences before the first table of a result, at most."""
+NOTES = 4
+"""Of them notes where the most important ones come first; the others stand behind the tables."""
 COMMAND = ": wrenchgap "
 """In lines that give a command to copy."""
 

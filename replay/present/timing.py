@@ -1,5 +1,6 @@
 """Offsets between the topics of a flight: sentences, a table, JSON, and what to do about them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,12 @@ def problems(found: FlightTiming) -> list[str]:
 def warnings(found: FlightTiming) -> list[str]:
     """What a user should act on, each with what to do."""
     return [_warning(w) for w in found.warnings]
+
+
+def in_short(flights: Sequence[FlightTiming]) -> list[str]:
+    """Warnings of all flights in one sentence: the first of them, and how many more there are."""
+    said = [words for one in flights for words in warnings(one)]
+    return [f"{said[0]}{f' ({len(said) - 1} more: --details)' if len(said) > 1 else ''}"] if said else []
 
 
 def _warning(warning: TimingWarning) -> str:

@@ -14,7 +14,7 @@ from wrenchgap.replay.present import parameters
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
-from wrenchgap.replay.present.tables import Line, Part, Table, first_only, note_lines, table
+from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, first_only, note_lines, table
 
 WORDS = {
     Verdict.STEADY: "steady",
@@ -39,12 +39,20 @@ CAVEAT = (
 
 def parts(found: Trend) -> list[Part]:
     """The summary, parameters, steps and drifts, values by flight, notes."""
-    out: list[Part] = [Line(text, "bold") for text in summary(found)]
-    out += [*([Line(CAVEAT, "dim")] if found.changed else []), Line(), overview(found)]
+    out = brief(found)
     if changes := [p for p in found.changed if p.course.steps]:
         out.append(steps(found, changes))
     out += [Line(LEGEND, "dim"), Line(), values(found)]
     return [*out, *parameters.parts(parameters.of_flights(found.flights)), *note_lines(notes(found))]
+
+
+def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
+    """The summary, of which the first is the clearest, and the parameters."""
+    said = summary(found)
+    looks = said[-1:] if found.changed and places(found) else []
+    said = said if len(said) <= most else [*said[: most - 1 - len(looks)], "More parameters changed.", *looks]
+    caveat = [Line(CAVEAT, "dim")] if found.changed else []
+    return [*(Line(text, "bold") for text in said), *caveat, Line(), overview(found)]
 
 
 def summary(found: Trend) -> list[str]:

@@ -1,11 +1,14 @@
-"""What to look at on the vehicle after a change was found: a sentence for each effect, in the user's names."""
+"""What to look at on the vehicle after something was found: a sentence for each effect, in the user's names."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.posterior import NamedSet
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.numbers import quantity, share
 
 
@@ -84,6 +87,20 @@ def sentences(found: Changed) -> list[str]:
     return out
 
 
+def of_explanation(found: Explanation) -> list[str]:
+    """What to inspect after `explain`, for each firm effect that somebody can look at or touch."""
+    vehicle, out = found.model.vehicle, []
+    for name in found.firm:
+        values = {v.name: v.value for v in found.fit.values(name)}
+        if name in PARTS:
+            one = max(values, key=lambda n: abs(values[n]))
+            said = f"Inspect {vehicle.called(one)}: {PARTS[name]}"
+        else:
+            said = _of_whole(name, values, vehicle, "is off")
+        out += [f"{said}."] if said else []
+    return out
+
+
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
     if places:
         likely = (
@@ -93,10 +110,14 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
         )
         which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
         return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"
+    return _of_whole(name, {p.name: p.change for p in listed}, found.model.vehicle, "has moved")
+
+
+def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) -> str:
+    """Of an effect of no single rotor or arm, with its values by parameter; empty where there is nothing to do."""
     if name in ("com_offset", "payload"):
-        by = {p.name: p.change for p in listed}
-        side = towards(found.model.vehicle, by.get("x", 0.0), by.get("y", 0.0))
+        side = towards(vehicle, by.get("x", 0.0), by.get("y", 0.0))
         mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
-        return f"Inspect the battery and what is mounted{mass}: the centre of mass has moved towards {side}"
+        return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards {side}"
     words = ACTIONS.get(name, "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""

@@ -31,8 +31,7 @@ from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain
 
 def parts(result: Where) -> list[Part]:
     """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
-    out: list[Part] = [Line(text, "bold") for text in summary(result)]
-    out += [*note_lines(too_short(result.seconds), "warning"), Line(), budget_table(result.budget)]
+    out = brief(result)
     out += [_map(d) for d in main_dependences(result.failure_map)]
     heads = ("axis", "autocorrelation", "strongest correlation with an input")
     white = plain("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
@@ -224,9 +223,9 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
 
 
 def brief(result: Where) -> list[Part]:
-    """The summary, the budget, and the worst stretches."""
+    """The summary and the error budget."""
     said = [Line(text, "bold") for text in summary(result)]
-    return [*said, Line(), budget_table(result.budget), worst(result.name, result.worst)]
+    return [*said, *note_lines(too_short(result.seconds), "warning"), Line(), budget_table(result.budget)]
 
 
 def of_axes(where: Where) -> dict[str, Array]:

@@ -14,11 +14,9 @@ from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_er
 def check(
     logs: o.Logs,
     model: o.OptionalModel = None,
-    details: Annotated[
-        bool, typer.Option("--details", help="The long tables: motors, phases, test ratios, checks, notes.")
-    ] = False,
     figure: o.Figure = None,
     page: o.Page = None,
+    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
     run: Run,
@@ -59,6 +57,7 @@ def inspect(
             autocompletion=complete_models,
         ),
     ] = None,
+    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("between")],
     run: Run,
@@ -82,7 +81,7 @@ def inspect(
     bodies = []
     for path in logs:
         seen = model_checks.inspect(path, known, reading.options)
-        run.result(seen)
+        run.result(seen, details=details)
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     run.write("inspect", {"logs": bodies})
@@ -101,6 +100,7 @@ def compare(
     by_flight: Annotated[
         bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
     ] = False,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -123,14 +123,22 @@ def compare(
         flights, _ = run.open(reading.options, logs, base)
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
-    run.result(result, signed=by_flight)
+    how = {"signed": True} if by_flight else {}
+    run.result(result, details=details or by_flight, **how)
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{run.common_options()}", style="dim")
     run.save("compare", result, figure=figure, csv=csv)
 
 
 def where(
-    logs: o.Logs, model: o.ModelOption, gp: o.GpOption = None, figure: o.Figure = None, *, reading: o.Reading, run: Run
+    logs: o.Logs,
+    model: o.ModelOption,
+    gp: o.GpOption = None,
+    figure: o.Figure = None,
+    details: o.Details = False,
+    *,
+    reading: o.Reading,
+    run: Run,
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -147,7 +155,7 @@ def where(
     with run.progress("where") as report:
         flights, _ = run.open(reading.options, logs, base)
         result = api.where(flights, base, gp=process, progress=report)
-    run.result(result)
+    run.result(result, details=details)
     run.notes(base.notes)
     run.save("where", result, figure=figure)
 
@@ -158,6 +166,7 @@ def explain(
     validate: o.Validate = None,
     effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try only these effects.")] = None,
     injections: o.Injections = 1,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -180,7 +189,7 @@ def explain(
         flights, tests = run.open(reading.options, logs, base, validate)
         asked: Any = {"names": names, "validate": tests, "injections": injections}
         found = api.explain(flights, base, **asked, progress=report)
-    run.result(found)
+    run.result(found, details=details)
     read = (run.common_options(), run.common_options("cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])

@@ -182,8 +182,8 @@ def explain(
     Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
     tcp://10.0.0.1:8786`
     """
-    asked = {"names": parse_effects(effects_only), "each": each, "passes": passes}
-    _batch("explain", logs, model, output, reading=reading, where=where, run=run, **asked)
+    how: dict[str, Any] = {"names": parse_effects(effects_only), "each": each, "passes": passes}
+    _batch("explain", logs, model, output, reading=reading, where=where, run=run, **how)
 
 
 def changed(
@@ -201,5 +201,5 @@ def changed(
 
     Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
     """
-    asked = {"names": parse_effects(effects_only), "healthy": healthy}
-    _batch("changed", logs, model, output, reading=reading, where=where, run=run, **asked)
+    names = parse_effects(effects_only)
+    _batch("changed", logs, model, output, reading=reading, where=where, run=run, names=names, healthy=healthy)

@@ -34,6 +34,7 @@ def changed(
     injections: o.Injections = 1,
     figure: o.Figure = None,
     page: o.Page = None,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -54,7 +55,7 @@ def changed(
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
         found = api_flights.changed(bad, good, base, names=names, injections=injections, progress=report)
-    run.result(found)
+    run.result(found, details=details)
     run.notes(base.notes)
     run.save("changed", found, figure=figure, page=page)
 
@@ -75,6 +76,7 @@ def trend(
     vehicle: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of rows of `batch compare`: whose flights.")
     ] = None,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -104,7 +106,7 @@ def trend(
         else:
             flights, _ = run.open(reading.options, logs, base)
             found = api_flights.trend(flights, base, names, progress=report)
-    run.result(found)
+    run.result(found, details=details)
     run.save("trend", found, figure=figure, parquet=table, page=page)
 
 

@@ -67,6 +67,7 @@ def learn(
             "--as-fitted", help="As in the paper: believe the fit in full, whatever held-out time and stability say."
         ),
     ] = False,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -104,7 +105,7 @@ def learn(
             progress=report,
         )
     api.save_gp(learnt, output, force=run.force)
-    run.result(learnt)
+    run.result(learnt, details=details)
     run.notes(base.notes)
     run.write("learn", {**learnt.to_json(), "gp": str(output)}, GP=output)
 
@@ -139,6 +140,7 @@ def replay(
     csv: o.Csv = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Every step as Parquet.")] = None,
     figure: o.Figure = None,
+    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
     cutoff: Annotated[
@@ -195,7 +197,7 @@ def replay(
     if parquet is not None:
         write_parquet(result.to_frame(), parquet)
     run.draw(result, figure)
-    run.result(result)
+    run.result(result, details=details)
     run.write("replay", result.to_json(), log=output, table=csv, parquet=parquet, figure=figure)
 
 
@@ -265,6 +267,7 @@ def counterfactual(
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Its length, in seconds; default: to the end.")
     ] = None,
+    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
     run: Run,
@@ -273,7 +276,7 @@ def counterfactual(
 
     What MODEL does not explain of the recorded motion is inferred as a disturbance over time and acts in the
     re-simulation too, from the recorded initial state, along the recorded reference. The null run, with nothing
-    changed, must reproduce the recorded flight; its error, printed first, bounds the accuracy of what follows.
+    changed, must reproduce the recorded flight; its error bounds the accuracy of the rest.
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
@@ -304,5 +307,5 @@ def counterfactual(
         )
     if output is not None:
         write_log(result, output, run.read, force=run.force)
-    run.result(result)
+    run.result(result, details=details)
     run.write("counterfactual", result.to_json(), log=output)

@@ -120,6 +120,7 @@ def add(
         list[str] | None,
         typer.Option(metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
+    details: o.Details = False,
     *,
     reading: o.Reading,
     run: Run,
@@ -149,7 +150,7 @@ def add(
         flights, _ = run.open(reading.options, logs, base)
         added = api.add(base, effects, flights, progress=report)
     saved = api.save_model(added, output, command=command, force=run.force)
-    run.result(added)
+    run.result(added, details=details)
     run.write_model("add", added.to_json(), saved, output)
 
 
@@ -164,7 +165,14 @@ def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -
 
 
 def calibrate(
-    logs: o.Logs, model: o.ModelOption, output: o.ModelOut, validate: o.Validate = None, *, reading: o.Reading, run: Run
+    logs: o.Logs,
+    model: o.ModelOption,
+    output: o.ModelOut,
+    validate: o.Validate = None,
+    details: o.Details = False,
+    *,
+    reading: o.Reading,
+    run: Run,
 ) -> None:
     """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
 
@@ -183,7 +191,7 @@ def calibrate(
         found = api_models.calibrate(flights, base, validate=tests, progress=report)
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)
-    run.result(found)
+    run.result(found, details=details)
     run.write_model("calibrate", found.to_json(), saved, output)
 
 
