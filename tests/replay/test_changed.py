@@ -102,10 +102,12 @@ def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved)
     assert presented.summary(nameless) == "Something changed, and no effect of the catalogue says what."
 
 
-def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
+def test_it_begins_with_what_changed_and_what_to_inspect_and_tabulates(moved):
     text = str(moved)
     assert "one healthy flight" in text
-    assert text.splitlines()[-1].startswith("Inspect the battery and what is mounted: the centre of mass has moved")
+    first, second = text.splitlines()[:2]
+    assert first.startswith("Changed: com_offset")
+    assert second.startswith("Inspect the battery and what is mounted: the centre of mass has moved")
     frame = moved.to_frame()
     assert set(frame.effect) <= set(TRIED)
     assert frame[frame.named].effect.unique().tolist() == ["com_offset"]

@@ -302,7 +302,7 @@ def test_a_log_that_breaks_off_says_what_it_can(tmp_path, run):
 
 
 def test_inspect_begins_with_its_checks_and_says_like_notes_once(tmp_path, run):
-    done = run("inspect", ulog(tmp_path / "log.ulg"))
+    done = run("inspect", ulog(tmp_path / "log.ulg"), "--details")
     lines = done.stdout.splitlines()
     first = next(k for k, line in enumerate(lines) if line.strip().startswith(("ok", "warn", "bad")))
     topics = next(k for k, line in enumerate(lines) if "vehicle_attitude" in line and "px4" not in line)

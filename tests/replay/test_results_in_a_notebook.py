@@ -44,12 +44,11 @@ def test_every_result_fits_a_screen_and_shows_no_arrays(results, flights):
 
 def test_the_screen_has_the_answer_and_print_has_all(results):
     shown, printed = repr(results["explain"]), str(results["explain"])
-    assert "mass (added " in shown
+    assert shown.startswith("Explained by mass (added ")
     assert shown.endswith("print() shows all of it.")
     assert "held-out time of the given logs" in printed
     assert "held-out time of the given logs" not in shown
     assert repr(results["add"]) == str(results["add"]), "what is short is shown whole"
-    assert shown.count("\n\n") > 1, "tables are apart"
 
 
 def test_numbers_by_the_name_of_the_axis(results):
