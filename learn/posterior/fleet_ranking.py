@@ -216,6 +216,7 @@ class FittedSet:
         self.weights = scored.weights[self.rows.every]
         self.sizes = scored.sizes
         self.g = scorer.share / scored.variance
+        self.noise = scorer.as_noise(scored)
         self.off = scored.doubt**2 * scored.inexact + scorer.spectrum.leak
         self.log = scorer.share * np.log(scored.variance)
         self.whole = self.rows.weighed(scorer.count / scored.variance, self.g[0, self.rows.trims.axes])
@@ -228,7 +229,7 @@ class FittedSet:
 
     def log_likelihood(self, left: Array, count: Array) -> float:
         """Of a flight of which the set leaves these sums of squares (bands, L), of `count` (bands, L)."""
-        return -0.5 * float(np.sum(self.g * (left + self.off * count) + self.log * count))
+        return -0.5 * float(np.sum(self.g * (self.noise * left + self.off * count) + self.log * count))
 
     def without(self, products: Array, flight: int) -> Array:
         """Weights (R,) of the quantities that all other flights give."""

@@ -93,8 +93,12 @@ class Scorer:
         return other
 
     def pooled(self, left: Array) -> Array:
-        """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely."""
+        """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely.
+
+        Less than the sensors' noise counts as that noise: no law takes it off, but commands that answer it do.
+        """
         space, worth = self.spectrum, self.spectrum.settings.sensors_worth
+        left = np.maximum(left, space.sensor)
         return np.asarray((self.count * (left + space.leak) + worth * space.sensor) / (self.count + worth))
 
     def weighed(self, variance: Array) -> Array:
@@ -176,9 +180,13 @@ class Scorer:
         """What each block of time (blocks,) contributes to the log likelihood."""
         space = self.spectrum
         off = scored.doubt**2 * scored.inexact + space.leak
-        left = space.combined(scored.weights) ** 2 + off[space.band]
+        left = self.as_noise(scored)[space.band] * space.combined(scored.weights) ** 2 + off[space.band]
         share, variance = self.share[space.band], scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
+
+    def as_noise(self, scored: Scored) -> Array:
+        """Factors (bands, axes) of what the set leaves, with which none of it is less than the sensors' noise."""
+        return np.maximum(self.spectrum.sensor / np.maximum(scored.left, 1e-300), 1.0)
 
     def deviations(self, scored: Scored) -> dict[str, Array]:
         """Standard deviations by column: the width of the posterior at the noise that the set leaves."""
