@@ -8,7 +8,9 @@ variance is unknown, with an inverse-gamma prior about that of the sensors; inte
 
 a Student likelihood (Gelman et al., "Bayesian Data Analysis", 3rd ed., 3.2), the prior, and Laplace's approximation of
 the integral over theta, A the curvature (MacKay, "Information Theory, Inference, and Learning Algorithms", 27). An axis
-on which a law is nearly right, and no more, has the larger variance that it shows, and counts for less.
+on which a law is nearly right, and no more, has the larger variance that it shows, and counts for less. What is left
+counts as at least the sensors' noise, s0_kl: no law of a vehicle takes that off, but commands that answer the noise
+do (docs/decisions/0043-below-the-noise.md).
 
 N_kl are coefficients that count. What a spectrum shows above the sensors' own is no independent noise in every
 coefficient: a form that is nearly right errs the same way everywhere. Of that share, a few values count for each block,

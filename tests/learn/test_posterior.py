@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.fft import idct
 
 import wrenchgap as wg
 from wrenchgap.learn.data.candidates import Candidates
@@ -28,7 +29,7 @@ from wrenchgap.learn.posterior.scored_sets import at_limit, scored_set, weights
 from wrenchgap.learn.posterior.scored_sets import part as described_part
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import model_residual
-from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.spectrum import Spectrum, blocks_of_time
 from wrenchgap.learn.posterior.subset_search import with_fit_discounted
 from wrenchgap.plant.model import make_effect
 
@@ -195,6 +196,23 @@ def test_of_two_that_explain_a_sum_both_are_kept_and_of_one_that_explains_nothin
     score = Scorer(space, space.sensor)
     best = max((score(k) for k in _subsets(shapes)), key=lambda s: s.log_probability)
     assert best.keys == ("com_offset", "mass")
+
+
+def test_what_takes_off_the_sensors_own_noise_is_no_likelier_for_it(made):
+    """A controller answers its gyroscope's noise, so that commands go with it: here an effect that is just the noise.
+
+    No law of a vehicle makes what its sensors make up. Twice that noise is another matter: half of it is really there.
+    """
+    space = made.spectrum({"mass": on_axis(4, made.smooth[:, 0])}, made.noise)
+    cuts, _, _ = blocks_of_time(made.data.records, DEFAULT.block)
+    drawn = np.random.default_rng(7).normal(size=len(space.band)) * np.sqrt(space.sensor[space.band, 4])
+    own = np.concatenate([idct(drawn[cut], norm="ortho") for cut in cuts])
+    answered = {"mass": on_axis(4, own)}
+    alike, twice = (Scorer(made.spectrum(answered, on_axis(4, f * own)), space.sensor) for f in (1.0, 2.0))
+    assert alike(("mass",)).log_probability < alike(()).log_probability
+    assert twice(("mass",)).log_probability > twice(()).log_probability + 50.0
+    blocks = [alike.by_block(alike(keys)) for keys in ((), ("mass",))]
+    assert abs(blocks[0].sum() - blocks[1].sum()) < 10.0, "by chance alone; without the bound it is 1,900"
 
 
 def _subsets(names):
