@@ -31,15 +31,18 @@ def quadrotor():
     )
 
 
-def hover(name, seed, lost=None):
-    """A hover in which the rotors' thrusts are those of their commands times 1 - `lost` of each."""
+def hover(name, seed, lost=None, size=0.003):
+    """A hover in which the rotors' thrusts are those of their commands times 1 - `lost` of each.
+
+    Commands wander by `size` of the thrust (rms), which the measured force does not show.
+    """
     rng = np.random.default_rng(seed)
     share = 1.0 if lost is None else 1.0 - np.asarray(lost)
     made = np.array([np.ones(4), ARM * np.sin(AZIMUTH), -ARM * np.cos(AZIMUTH), -KAPPA * SPIN]) * share
     thrust = np.linalg.solve(made, [MASS * GRAVITY, 0.0, 0.0, 0.0])
     time = np.arange(0.0, SECONDS, 1.0 / RATE)
     wander = np.cumsum(rng.normal(size=(len(time), 4)), axis=0)  # the controller's answers to air and sensors
-    wander = 0.003 * (wander - wander.mean(axis=0)) / wander.std(axis=0)
+    wander = size * (wander - wander.mean(axis=0)) / wander.std(axis=0)
     speed = np.sqrt(thrust * (1.0 + wander) / C_F)
     still, noise = np.zeros((len(time), 3)), rng.normal(size=(2, len(time), 3))
     return Flight(
@@ -67,6 +70,12 @@ def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count):
     (lost,) = (p for p in found.parameters if p.effect == "rotor_thrust")
     assert lost.name == "rotor_1"
     assert -0.25 < lost.change < -0.05  # a cut propeller may lose 2.5 times as much drag torque as thrust
+
+
+@pytest.mark.xfail(strict=True, reason="a thrust curve of all flights stands for it: docs/decisions/0042, Left")
+def test_a_rotor_that_lost_a_fifth_is_found_where_commands_hardly_move():
+    found = changed(hover("suspect", 9, (0.0, 0.2, 0.0, 0.0), 3e-4), [hover("healthy", 0, None, 3e-4)])
+    assert "rotor_thrust" in found.names
 
 
 def test_two_hovers_of_one_vehicle_show_no_change():
