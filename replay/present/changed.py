@@ -27,9 +27,18 @@ from wrenchgap.replay.present.numbers import (
     unit,
     unmeasured,
 )
-from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
+from wrenchgap.replay.present.posterior import (
+    LIGHT,
+    cheapest_check,
+    class_json,
+    classes_in_words,
+    settle_json,
+    settle_lines,
+)
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, plain, table
 
+MOST_PLACES = 3
+"""Sentences on what to inspect that belong to the answer."""
 SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
@@ -47,6 +56,8 @@ def parts(found: Changed) -> list[Part]:
     out = brief(found)
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [Line(SIZES_LEGEND, "dim"), Line()]
+    out += [Line(text) for text in what_to_inspect.sentences(found)[MOST_PLACES:]]
+    out += note_lines([*outliers(found), *other_recordings(found)][1:], "warning")
     out += note_lines([baseline(found), *feedback(found)])
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
     out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
@@ -279,10 +290,11 @@ def _parameter(p: Size) -> dict[str, Any]:
 
 
 def brief(found: Changed) -> list[Part]:
-    """The verdict, what to inspect, what else it may be, what the flights could have shown, and sizes."""
+    """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
     named = found.parameters and found.verdict is not Verdict.NOTHING
     table = [plain("changes", SIZE_HEADS, sizes(found), left=3)] if named else []
-    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:3])]
+    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
+    said += map(Line, cheapest_check(found.settle))
     said += note_lines([*outliers(found), *other_recordings(found)][:1], "warning")
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *table]

@@ -45,6 +45,7 @@ def parts(found: Explanation) -> list[Part]:
     out = brief(found)
     if found.members:
         out += [Line(MEMBERS_LEGEND, "dim"), Line()]
+    out += [Line(text) for text in what_to_inspect.of_explanation(found)[MOST_PLACES:]]
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
         out += note_lines(timing.warnings(one), "warning")
@@ -139,6 +140,8 @@ def what_next(
     return [Line(text) for text in out]
 
 
+MOST_PLACES = 2
+"""Sentences on what to inspect that belong to the answer."""
 MEMBERS_LEGEND = (
     "confidence: weight of the sets of effects that name it, in any of its forms, or one of its group, less "
     "what its own evidence leaves to chance   share: of the error energy that "
@@ -240,8 +243,13 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 
 def brief(found: Explanation) -> list[Part]:
-    """The verdict, what to inspect, unseen flights, warnings, what the flights could have shown, and the members."""
-    said: list[Part] = [Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:2])]
+    """The verdict, what to inspect, what would settle it, unseen flights, warnings, what the flights could have shown,
+    and the members.
+    """  # noqa: D205
+    said: list[Part] = [
+        Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
+    ]
+    said += map(Line, posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)
         sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]

@@ -33,6 +33,11 @@ def settle_lines(checks: Sequence[Check]) -> list[Line]:
     return [head, *(Line(f"  {k}. {KINDS[check.kind]}: {check.what}") for k, check in enumerate(checks, 1))]
 
 
+def cheapest_check(checks: Sequence[Check]) -> list[str]:
+    """The cheapest of them as a sentence; none where nothing is open."""
+    return [f"To settle it, {KINDS[check.kind]}: {check.what}" for check in checks[:1]]
+
+
 def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
     """The `settle` key of a class: groups of sets of effects, every set a list of names."""
     return [

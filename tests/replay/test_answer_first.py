@@ -1,11 +1,13 @@
 """Every command begins with its answer: few sentences, then one table; `--details` has everything that `--json` has."""
 
+from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.plant import model_file
 from wrenchgap.replay import present
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Table
@@ -70,3 +72,12 @@ def test_a_command_prints_the_tables_when_they_are_asked_for(run):
     assert "--details" in short.stdout
     assert "where nominal is worst" not in short.stdout
     assert "where nominal is worst" in long.stdout
+
+
+def test_of_what_would_settle_it_the_cheapest_is_in_the_answer(results):
+    found = results["explain"]
+    checks = (Check("bench", "weigh it.", (), "weigh"), Check("flight", "fly it.", (), "flight"))
+    open_one = replace(found, posterior=replace(found.posterior, settle=checks))
+    said = [part.text for part in present.parts(open_one, details=False) if isinstance(part, Line)]
+    assert "To settle it, on the bench: weigh it." in said
+    assert not any("fly it." in text for text in said)
