@@ -126,7 +126,11 @@ def terminal(folder: Path) -> Outcome:
     name = file_name("\x1b]0;pwned\x07 \u202e\x9b \udcff [bold]x a\nb")
     log = renamed(flown(folder), folder / name)
     said = b""
-    for asked in (("inspect", log.name, "-m", MODEL), ("inspect", log.name), ("compare", log.name, "-m", MODEL)):
+    for asked in (
+        ("inspect", log.name, "-m", MODEL),
+        ("inspect", log.name, "--details"),
+        ("compare", log.name, "-m", MODEL),
+    ):
         done = run(folder, *asked, expected=(0, 2, 3))
         said += done.stdout + done.stderr
     said += run(folder, "inspect", f"{name}.gone", "--unknown\x1b[31m", expected=(2,)).stderr
