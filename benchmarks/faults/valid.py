@@ -140,12 +140,6 @@ def _ulog(folder: Path) -> Path:
     return path
 
 
-def _usd(folder: Path) -> Path:
-    path = folder / "log00"
-    path.write_bytes(_writers("flight/formats/test_crazyflie_usd.py").log(_writers("flight/conftest.py")))
-    return path
-
-
 def _dataflash(folder: Path) -> Path:
     autopilots = _writers("flight/formats/conftest.py")
     time = np.arange(0.0, SECONDS, 0.01)
@@ -190,7 +184,8 @@ def _model(folder: Path) -> Path:
 def _mapping(folder: Path) -> Path:
     """A model with a mapping of topics, a command curve and a bench table beside it."""
     path = _model(folder)
-    path.write_text(path.read_text(encoding="utf-8") + MAPPING, encoding="utf-8")
+    text = (ROOT / "models/asymmetric_quadrotor.toml").read_text(encoding="utf-8")
+    path.write_text(text + MAPPING, encoding="utf-8")
     (folder / "bench.csv").write_text(BENCH, encoding="utf-8")
     return path
 
@@ -247,7 +242,6 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "folder-zstd": _recorded("folder-sqlite3-file"),
     "ulog": _ulog,
     "dataflash": _dataflash,
-    "crazyflie-usd": _usd,
     "csv": _table("csv"),
     "parquet": _table("parquet"),
 }

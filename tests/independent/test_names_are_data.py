@@ -162,7 +162,7 @@ def test_a_name_on_a_terminal_is_one_line_without_markup(name):
     table = printed(tables.plain(name, ("head", name), [(name, 1)]))
     found = table.replace("\x1b[1m", "").replace("\x1b[0m", "").replace("\x1b[22m", "")
     assert all(c == "\n" or c.isprintable() or c.isspace() for c in found)
-    assert printable(name).strip() in found
+    assert printable(name[:1000]).strip() in found, "of what is longer its beginning"
 
 
 @pytest.mark.parametrize("form", ["png", "svg"])
