@@ -36,8 +36,7 @@ def brief(result: Comparison) -> list[Part]:
     sizes = f"{number(force)} N and {number(torque)} Nm rms (sensors: {number(noise[0])} N, {number(noise[1])} Nm)"
     than = ""
     if last is not first:
-        parts_of = force_and_torque(first.pooled.rms)
-        falls = reductions(np.array([1.0 - force / parts_of[0], 1.0 - torque / parts_of[1]]))
+        falls = reductions(1.0 - np.array([force, torque]) / force_and_torque(first.pooled.rms))
         than = f", {falls[0]} and {falls[1]} against {first.name}"
     out = [Line(f"On {_where(result)} {last.name} leaves {sizes}{than}.", "bold")]
     if last.worst:

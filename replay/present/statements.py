@@ -93,10 +93,8 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
     }
     worst = max(lost, key=lambda role: lost[role], default="")
     if worst and lost[worst] > LEFT_OUT:
-        words = (
-            f"{share(lost[worst])} of the samples of {worst} are no possible readings and were left out; the notes of"
-        )
-        yield Statement("warn", "log", "samples left out", f"{words} `wrenchgap inspect` say why.")
+        words = f"{share(lost[worst])} of the samples of {worst} are no possible readings and were left out"
+        yield Statement("warn", "log", "samples left out", f"{words}; `wrenchgap inspect --details` says why.")
 
 
 def _motors(log: LogHealth) -> Iterator[Statement]:

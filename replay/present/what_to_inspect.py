@@ -53,6 +53,8 @@ ACTIONS = {
     "drag_torque_of_speed": "check that all propellers are of one type, and mounted the right way round",
 }
 """What to do, where an effect is of no single rotor or arm."""
+LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment")
+"""Those of which a model that lacks them says that something is to be looked at."""
 NOTHING = "Nothing to inspect: what differs is within what healthy flights differ by."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 NO_NAME = (
@@ -88,16 +90,19 @@ def sentences(found: Changed) -> list[str]:
 
 
 def of_explanation(found: Explanation) -> list[str]:
-    """What to inspect after `explain`, for each firm effect that somebody can look at or touch."""
+    """What to inspect after `explain`: where a firm effect is a defect or a load, which no drag and no lag is.
+
+    Of rotors the weakest, of servos the one that is off most.
+    """
     vehicle, out = found.model.vehicle, []
     for name in found.firm:
         values = {v.name: v.value for v in found.fit.values(name)}
-        if name in PARTS:
-            one = max(values, key=lambda n: abs(values[n]))
-            said = f"Inspect {vehicle.called(one)}: {PARTS[name]}"
-        else:
-            said = _of_whole(name, values, vehicle, "is off")
-        out += [f"{said}."] if said else []
+        if name in PARTS and values:
+            sizes = {n: -v if name == "rotor_thrust" else abs(v) for n, v in values.items()}
+            one = max(sizes, key=lambda n: sizes[n])
+            out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
+        elif name in LOADS:
+            out.append(f"{_of_whole(name, values, vehicle, 'is off')}.")
     return out
 
 
