@@ -37,7 +37,7 @@ from wrenchgap.learn.changed.varying import means_by_flight, scatter_between
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
-from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
+from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of, unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
@@ -179,7 +179,7 @@ class Baseline:
         flights = checked(suspects, self.healthy, self.model)
         tell(0.0, "timing of the topics")
         timing = tuple(self._timed(f) for f in flights)
-        pool, untried = self._pooled(flights, answering_axes(timing), tell)
+        pool, untried = self._pooled(flights, unfollowed_axes(timing), tell)
         tell(0.5, "comparing healthy flights")
         count = len(self.healthy)
         kind = (tuple(one.name for one in pool.laws), pool.data.answering, tuple(pool.data.measured_axes.tolist()))

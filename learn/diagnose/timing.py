@@ -205,7 +205,11 @@ def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
 
 
 def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
-    """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not."""
+    """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not.
+
+    A vehicle follows its commands unless they balance a disturbance, so that what is fitted or compared between flights
+    takes no gain from these axes; `answering_axes` are those of which `explain` says it.
+    """
     not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem is not Problem.STILL}
     return tuple(k for k, axis in enumerate(AXES) if axis in not_plain)
 

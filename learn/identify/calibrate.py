@@ -140,7 +140,7 @@ def calibrate(
         return Calibration(model, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights))
     report(0.9, "flight by flight")
     fitted = search.fit
-    trimmed = _trimmed(fitted, flights, bare, chosen, data.answering)
+    trimmed = _trimmed(fitted, flights, bare, chosen)
     stds = np.array([one.std for one in trimmed])
     words = (
         f"wrenchgap calibrate: {', '.join(chosen)} together, healthy flights, below {data.records[0].cutoff_hz:g} Hz"
@@ -270,13 +270,11 @@ def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | 
     return Tried(name, fate, search.t.get(name))
 
 
-def _trimmed(
-    fitted: Fit, flights: Sequence[OpenFlight], model: Model, chosen: Sequence[str], answering: Sequence[int]
-) -> tuple[Trimmed, ...]:
+def _trimmed(fitted: Fit, flights: Sequence[OpenFlight], model: Model, chosen: Sequence[str]) -> tuple[Trimmed, ...]:
     """Every parameter with its scatter between flights in its standard deviation."""
     rows: dict[tuple[str, str], ParameterTrend] = {}
     if len(flights) > 1:
-        rows = {(p.effect, p.name): p for p in trend(flights, model, chosen, answering=answering).parameters}
+        rows = {(p.effect, p.name): p for p in trend(flights, model, chosen).parameters}
     tolerance = model.vehicle.tolerances.mass
     out = []
     for (effect, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):

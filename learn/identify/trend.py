@@ -18,7 +18,7 @@ from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
+from wrenchgap.learn.diagnose.timing import timing_of, unfollowed_axes
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
@@ -115,22 +115,20 @@ def trend(
     model: Model,
     names: Sequence[str] = (),
     *,
-    answering: Sequence[int] | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Trend:
     """Fit `names` (else the effects of the model, else `TRIMS`) to each flight and follow every parameter.
 
-    `answering` are the axes on which commands answer the motion, by default those on which that is seen. Other effects
-    of the model stay as they are; those that a flight does not allow are left out of all. Raises
-    UsageError for fewer than two flights, or where none of the default effects can be fitted; FitError for a named
-    effect that a flight does not allow.
+    On axes on which the motion does not plainly follow the commands, what answers to it could make is left out. Other
+    effects of the model stay as they are; those that a flight does not allow are left out of all. Raises UsageError for
+    fewer than two flights, or where none of the default effects can be fitted; FitError for a named effect that a
+    flight does not allow.
     """
     if len(flights) < 2:
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
     report = progress or (lambda fraction, words: None)
     chosen, alike, left_out = _effects(flights, model, names)
-    if answering is None:
-        answering = answering_axes([timing_of(one, model) for one in flights])
+    answering = unfollowed_axes([timing_of(one, model) for one in flights])
     fits = []
     for k, one in enumerate(flights):
         report(k / len(flights), f"fitting {one.records[0].flight}")
@@ -153,7 +151,7 @@ def flight_values(flight: OpenFlight, model: Model, names: Sequence[str] = ()) -
     Raises as `trend`.
     """
     chosen, alike, _ = _effects([flight], model, names)
-    return _values(flight, alike, chosen, answering_axes([timing_of(flight, model)]))
+    return _values(flight, alike, chosen, unfollowed_axes([timing_of(flight, model)]))
 
 
 def _values(one: OpenFlight, model: Model, names: tuple[str, ...], answering: Sequence[int]) -> FlightValues:

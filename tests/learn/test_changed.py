@@ -27,7 +27,7 @@ from wrenchgap.learn.changed.varying import (
     typical_of,
 )
 from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.diagnose.timing import answering_axes
+from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
@@ -174,7 +174,7 @@ def pool(flown, wrong, baseline):
     """Healthy flights and a suspect one, as they are compared."""
     opened = open_flights([flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]], wrong)
     flights = (*baseline.healthy, *opened)
-    return baseline._pooled(flights, answering_axes(tuple(baseline._timed(f) for f in flights)), lambda f, w: None)[0]
+    return baseline._pooled(flights, unfollowed_axes(tuple(baseline._timed(f) for f in flights)), lambda f, w: None)[0]
 
 
 def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):

@@ -62,20 +62,17 @@ def changed(suspect, healthy):
     return wg.changed(odd, good, model, jobs=1)
 
 
-@pytest.mark.parametrize("count", [1])
-def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count):
-    healthy = [hover(f"healthy {k}", k) for k in range(count)]
-    found = changed(hover("suspect", 9, (0.0, 0.2, 0.0, 0.0)), healthy)
-    assert "rotor_thrust" in found.names
+@pytest.mark.parametrize(("count", "size"), [(1, 3e-3), (1, 3e-4), (3, 3e-4)])
+def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count, size):
+    """However much its commands wander: the motion shows nothing of that, and means alone are compared."""
+    healthy = [hover(f"healthy {k}", k, None, size) for k in range(count)]
+    found = changed(hover("suspect", 9, (0.0, 0.2, 0.0, 0.0), size), healthy)
+    assert found.by_means
+    assert found.firm == ("rotor_thrust",)
     (lost,) = (p for p in found.parameters if p.effect == "rotor_thrust")
     assert lost.name == "rotor_1"
-    assert -0.25 < lost.change < -0.05  # a cut propeller may lose 2.5 times as much drag torque as thrust
-
-
-@pytest.mark.xfail(strict=True, reason="a thrust curve of all flights stands for it: docs/decisions/0042, Left")
-def test_a_rotor_that_lost_a_fifth_is_found_where_commands_hardly_move():
-    found = changed(hover("suspect", 9, (0.0, 0.2, 0.0, 0.0), 3e-4), [hover("healthy", 0, None, 3e-4)])
-    assert "rotor_thrust" in found.names
+    assert abs(lost.change + 0.2) < 3.0 * np.hypot(lost.std, lost.scatter)
+    assert lost.std < 0.02
 
 
 def test_two_hovers_of_one_vehicle_show_no_change():
