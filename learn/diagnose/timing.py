@@ -208,9 +208,11 @@ def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not.
 
     A vehicle follows its commands unless they balance a disturbance, so that what is fitted or compared between flights
-    takes no gain from these axes; `answering_axes` are those of which `explain` says it.
+    takes no gain from these axes; `answering_axes` are those of which `explain` says it. Of an axis on which nothing
+    changes, or of which there are too few seconds, it is not asked.
     """
-    not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem is not Problem.STILL}
+    unasked = (Problem.STILL, Problem.SHORT)
+    not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem not in unasked}
     return tuple(k for k, axis in enumerate(AXES) if axis in not_plain)
 
 
