@@ -12,7 +12,7 @@ from wrenchgap.replay.batch.driver import Batch
 from wrenchgap.replay.batch.fleet import FleetRanking
 from wrenchgap.replay.batch.tasks import Plan, model_of
 from wrenchgap.replay.present.numbers import entries, number
-from wrenchgap.replay.present.tables import Line, Part, plain, table
+from wrenchgap.replay.present.tables import Line, Part, table
 
 HELD_OUT = (
     "weight: share of the sets ranked   gain: how much better than no effect a set predicts flights that were held out "
@@ -38,7 +38,7 @@ def parts(found: Batch, most: int = 10) -> list[Part]:
         )
     if failures := found.failures:
         rows = [(r["log"], r["reason"]) for r in failures[:most]]
-        out.append(plain("logs that failed", ("log", "reason"), rows, left=2))
+        out.append(table("logs that failed", ("log", "reason"), rows, left=2))
         if len(failures) > most:
             out.append(Line(f"and {len(failures) - most} more; all are rows of the table", "dim"))
     return out
@@ -58,14 +58,14 @@ def _by_vehicle(found: Batch) -> Part:
     heads = {"inspect": ("ok", "warn", "bad"), "changed": ("verdicts",)}.get(found.plan.command)
     if found.plan.command == "compare":
         heads = ("nominal force [N]", "torque [Nm]", "model force [N]", "torque [Nm]")
-    out = table("by vehicle", "vehicle", "logs", "failed", "flight [s]", *(heads or ()))
+    rows = []
     for vehicle in sorted({r["vehicle"] for r in found.rows}):
         own = [r for r in found.rows if r["vehicle"] == vehicle]
         good = [r for r in own if r["status"] == "ok"]
         seconds = sum(r["seconds"] or 0.0 for r in good)
-        cells = [str(len(own)), str(len(own) - len(good)), number(seconds)]
-        out.add_row(vehicle, *cells, *_of_command(found.plan.command, good))
-    return out
+        cells = (len(own), len(own) - len(good), number(seconds))
+        rows.append((vehicle, *cells, *_of_command(found.plan.command, good)))
+    return table("by vehicle", ("vehicle", "logs", "failed", "flight [s]", *(heads or ())), rows)
 
 
 def _of_command(command: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -96,14 +96,14 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
         return [Line(f"{one.vehicle}: not ranked: {one.reason}", "yellow")]
     r = one.ranking
     title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
-    heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
-    out = table(title, *heads, left=2)
+    rows = []
     for s in [s for s in r.sets if s.weight >= least or s is r.sets[0]][:most]:
         left = (np.sqrt(np.nansum(s.rms[p] ** 2) / max(np.nansum(r.rms[p] ** 2), 1e-300)) for p in HALVES)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
         named = ", ".join(s.names) or "nothing"
-        out.add_row(named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left))
-    found: list[Part] = [out]
+        rows.append((named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left)))
+    heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
+    found: list[Part] = [table(title, heads, rows, left=2)]
     alike = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
     if len(alike) > 1:
         weight = sum(s.weight for s in r.groups[0])

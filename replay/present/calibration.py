@@ -12,7 +12,7 @@ from wrenchgap.replay.present.addition import differences, effects_json, limits,
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, label, number, row, unit, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, before_after, first_only, note_lines, plain
+from wrenchgap.replay.present.tables import Line, Part, before_after, first_only, note_lines, table
 
 FATES = {
     Fate.KEPT: "kept",
@@ -33,7 +33,7 @@ def parts(found: Calibration) -> list[Part]:
     rows = [
         (t.effect, FATES[t.fate] + (f": {t.reason.reason}" if t.reason else ""), number(t.t, 2)) for t in found.tried
     ]
-    considered = plain("what was considered", ("effect", "", "t"), rows, left=2)
+    considered = table("what was considered", ("effect", "", "t"), rows, left=2)
     out = [*brief(found), considered]
     if found.added is not None:
         out += [Line(LEGEND, "dim"), Line()]
@@ -73,14 +73,14 @@ def values(found: Calibration) -> Part:
         sizes = (number(p.value, 4), number(p.std, 2), number(p.scatter, 2))
         rows.append((first, label(p.name, found.model.vehicle), *sizes, unit(p.unit)))
     heads = ("effect", "parameter", "value", "+-", "scatter", "unit")
-    return plain(f"effects of {found.model.name}", heads, rows, left=2, texts=(-1,))
+    return table(f"effects of {found.model.name}", heads, rows, left=2, texts=(-1,))
 
 
 def by_flight(title: str, names: Any, before: Array, after: Array) -> Part:
     """Two rows for each flight."""
     pairs = zip(names, before, after, strict=True)
     rows = [r for name, old, new in pairs for r in ((name, "before", *row(old)), ("", "after", *row(new)))]
-    return plain(title, ("flight", "rms", *UNIT_HEADS), rows, left=2)
+    return table(title, ("flight", "rms", *UNIT_HEADS), rows, left=2)
 
 
 def notes(found: Calibration) -> list[str]:

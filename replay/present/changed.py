@@ -35,7 +35,7 @@ from wrenchgap.replay.present.posterior import (
     settle_json,
     settle_lines,
 )
-from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, plain, table
+from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, table
 
 MOST_PLACES = 3
 """Sentences on what to inspect that belong to the answer."""
@@ -43,8 +43,6 @@ SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
 )
-SIZE_HEADS = ("effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
-ALONE_HEADS = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
 ALONE_LEGEND = (
     "log odds: of this change alone against none, its prior included; above about 2 it is worth a name, in brackets "
     "where it is smaller than a fifth of what is typical of such changes, and no news"
@@ -61,11 +59,7 @@ def parts(found: Changed) -> list[Part]:
     out += note_lines([baseline(found), *feedback(found)])
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
     out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
-    out += [plain("each change by itself", ALONE_HEADS, alone(found), left=3), Line(ALONE_LEGEND, "dim"), Line()]
-    out.append(flights(found))
-    if any(r.values for r in found.rows):
-        heads, rows, left = by_flight(found)
-        out.append(plain("what changed, on each flight by itself", heads, rows, left))
+    out += [alone(found), Line(ALONE_LEGEND, "dim"), Line(), flights(found), *by_flight(found)]
     out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
     return [*out, *parameters.parts(parameters.of_flights(found.flights))]
 
@@ -196,30 +190,34 @@ def in_words(found: Changed, size: Size) -> str:
     return f"{size.effect}{of} by {sign}{quantity(size.change, size.unit)}"
 
 
-def sizes(found: Changed) -> list[tuple[str, ...]]:
-    """Rows under `SIZE_HEADS`: parameters of the likeliest set."""
-    return [
+def sizes(found: Changed) -> list[Table]:
+    """Parameters of the likeliest set; no table where nothing changed."""
+    rows = [
         (
             *(p.effect, p.name, p.where),
             *(number(v) for v in (p.healthy, p.scatter, p.suspect, p.change)),
             *(number(p.std, 2), unit(p.unit), f"{p.significance:.1f}"),
         )
         for p in found.parameters
+        if found.verdict is not Verdict.NOTHING
     ]
+    heads = ("effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+    return [table("changes", heads, rows, left=3, texts=(8,))] if rows else []
 
 
-def alone(found: Changed, most: int = 8) -> list[tuple[str, ...]]:
-    """Rows under `ALONE_HEADS`: `most` changes, each by itself, likeliest first; odds of small ones in brackets."""
-    odds = [f"{a.odds:.1f}" if a.large else f"({a.odds:.1f})" for a in found.alone]
-    return [
-        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", odd)
-        for a, s, odd in ((a, a.largest, odd) for a, odd in zip(found.alone[:most], odds, strict=False))
-    ]
+def alone(found: Changed, most: int = 8) -> Table:
+    """Of `most` changes, each by itself, the largest size, likeliest first; odds of small ones in brackets."""
+    rows = []
+    for a in found.alone[:most]:
+        s, odds = a.largest, f"{a.odds:.1f}" if a.large else f"({a.odds:.1f})"
+        rows.append((a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", odds))
+    heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
+    return table("each change by itself", heads, rows, left=3, texts=(4,))
 
 
 def flights(found: Changed) -> Table:
     """Signed means of the residual by flight, and what healthy flights differ by."""
-    out = table("mean residual of the given model by flight, signed", "flight", "", *UNIT_HEADS, left=2)
+    out = table("mean residual of the given model by flight, signed", ("flight", "", *UNIT_HEADS), left=2)
     for k, r in enumerate(found.rows):
         last = k == len(found.rows) - 1 or found.rows[k + 1].role != r.role
         out.add_row(r.flight, r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last)
@@ -227,22 +225,24 @@ def flights(found: Changed) -> Table:
     return out
 
 
-def by_flight(found: Changed, wide: int = 5) -> tuple[list[str], list[list[str]], int]:
-    """Heads, rows and the number of columns of words of a table: values of what changed, on each flight alone.
+def by_flight(found: Changed, wide: int = 5) -> list[Table]:
+    """Values of what changed, on each flight alone; no table where no flight has any.
 
     Parameters are columns, unless there are more of them than a screen is `wide` and than there are flights.
     """
-    flown = [r for r in found.rows if r.values]
+    flown, title = [r for r in found.rows if r.values], "what changed, on each flight by itself"
+    if not flown:
+        return []
     places = Counter((p.effect, p.where) for p in found.parameters)
     names = [p.where if p.where and places[p.effect, p.where] == 1 else p.name for p in found.parameters]
     units = [unit(p.unit) or "1" for p in found.parameters]
     cells = [[number(r.values[p.effect, p.name]) for p in found.parameters] for r in flown]
     if len(names) <= max(wide, len(flown)):
         heads = [f"{p.effect} {n} [{u}]" for p, n, u in zip(found.parameters, names, units, strict=True)]
-        return ["flight", "", *heads], [[r.flight, r.role, *c] for r, c in zip(flown, cells, strict=True)], 2
-    columns = zip(found.parameters, names, units, *cells, strict=True)
-    rows = [[p.effect, *cells] for p, *cells in columns]
-    return ["effect", "parameter", "unit", *(f"{r.flight} ({r.role})" for r in flown)], rows, 3
+        rows = [[r.flight, r.role, *c] for r, c in zip(flown, cells, strict=True)]
+        return [table(title, ["flight", "", *heads], rows, left=2)]
+    rows = [[p.effect, *cells] for p, *cells in zip(found.parameters, names, units, *cells, strict=True)]
+    return [table(title, ["effect", "parameter", "unit", *(f"{r.flight} ({r.role})" for r in flown)], rows, left=3)]
 
 
 def to_json(found: Changed) -> dict[str, Any]:
@@ -291,13 +291,11 @@ def _parameter(p: Size) -> dict[str, Any]:
 
 def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
-    named = found.parameters and found.verdict is not Verdict.NOTHING
-    table = [plain("changes", SIZE_HEADS, sizes(found), left=3)] if named else []
     said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
     said += map(Line, cheapest_check(found.settle))
     said += note_lines([*outliers(found), *other_recordings(found)][:1], "warning")
     room = ANSWER_LINES - len(said)
-    return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *table]
+    return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 
 
 def of_axes(found: Changed) -> dict[str, Any]:

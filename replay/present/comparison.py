@@ -48,7 +48,7 @@ def brief(result: Comparison) -> list[Part]:
 def errors(comparison: Comparison) -> Table:
     """Errors by model and axis, and the noise floor."""
     title = f"|measured - predicted| on {_where(comparison)}, {filtered(comparison)}"
-    out = table(title, "model", "", *UNIT_HEADS, left=2)
+    out = table(title, ("model", "", *UNIT_HEADS), left=2)
     for index, one in enumerate(comparison.evaluations):
         e = one.pooled
         out.add_row(styled(one.name, "bold"), "mean", *row(e.mean_abs))
@@ -77,7 +77,7 @@ def by_flight(comparison: Comparison, *, signed: bool) -> Table:
         "measured - predicted by flight: signed mean, and rms" if signed else "rms of |measured - predicted| by flight"
     )
     heads = ("flight", "model", "") if signed else ("flight", "model")
-    out = table(title, *heads, *UNIT_HEADS, left=len(heads))
+    out = table(title, (*heads, *UNIT_HEADS), left=len(heads))
     for index, flight in enumerate(comparison.flights):
         for one in comparison.evaluations:
             own = one.by_flight[index]
@@ -94,13 +94,12 @@ def by_flight(comparison: Comparison, *, signed: bool) -> Table:
 
 def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     """The worst stretches of one model."""
-    heads = ("flight", "time [s]", "largest on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
-    out = table(f"where {name} is worst", *heads, "|omega| [rad/s]", "speed [m/s]", left=3)
+    rows = []
     for s in stretches:
-        force, torque = force_and_torque(s.rms)
         state = [number(v if v is None else round(v, 3), 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
-        out.add_row(s.flight, f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
-    return out
+        rows.append((s.flight, f"{s.start:.1f} - {s.stop:.1f}", s.axis, *row(force_and_torque(s.rms)), *state))
+    heads = ("flight", "time [s]", "largest on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
+    return table(f"where {name} is worst", (*heads, "|omega| [rad/s]", "speed [m/s]"), rows, left=3)
 
 
 def stretch_in_words(stretch: Stretch) -> str:

@@ -32,7 +32,7 @@ from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
-from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, plain, reductions, table
+from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, reductions, table
 from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
 
 
@@ -84,11 +84,11 @@ def parts(result: Counterfactual) -> list[Part]:
         ("attitude [deg]", f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}"),
         ("position [mm]", f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}"),
     ]
-    first = plain("null run: nothing changed, against the recorded odometry", ("", "largest", "rms"), off)
+    first = table("null run: nothing changed, against the recorded odometry", ("", "largest", "rms"), off)
     sizes = {"mean": size.mean, "rms": size.rms, f"rms above {size.fast_hz:g} Hz": size.rms_fast, "max": size.largest}
     disturbance = [(f"disturbance, {name}", *row(values)) for name, values in sizes.items()]
     explained = ("command explained by the control law", *(share(float(s)) for s in result.inference.explained))
-    second = plain("what the model does not explain", ("", *UNIT_HEADS), [*disturbance, explained])
+    second = table("what the model does not explain", ("", *UNIT_HEADS), [*disturbance, explained])
     checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
     process = result.change.process
     checked += [Line(words) for words in [observer_in_words(process)] if words] if process is not None else []
@@ -102,8 +102,8 @@ def brief(result: Counterfactual) -> list[Part]:
     if result.uncompensated is not result.null:
         names["uncompensated"] = "the same, not compensated"
     before = "uncompensated" if result.uncompensated is not None else "null_run"
-    heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
-    third = table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
+    heads = ("", "mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
+    third = table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", heads)
     errors = {key: _errors(one) for key, one in result.tracking.items()}
     rows = [(names[key], values) for key, values in errors.items() if names.get(key)]
     for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:

@@ -22,7 +22,7 @@ from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights
 from wrenchgap.replay.present.numbers import entries, separation
-from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
+from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, table
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
     (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
@@ -65,7 +65,7 @@ def parts(design: Design) -> list[Part]:
     before = ((f"{design.baseline}:", "cosine"), ("", "separation"))
     after = (("this flight:", "cosine"), ("", "separation"), ("", "simulated"), ("separable", "on"))
     heads = (("in the", "vehicle"), ("in the", "model"), *before, *after)
-    separations = plain("separation of the two effects", heads, directions(design), left=2)
+    separations = table("separation of the two effects", heads, directions(design), left=2)
     return [
         *out,
         Line(),

@@ -164,19 +164,20 @@ def open_in_words(found: Explanation) -> tuple[str, ...]:
 
 def members(found: Explanation) -> Table:
     """The effects that were named: confidence, size, and what comes nearest in their place."""
-    out = table("named", "effect", "confidence", "share", "t", "group", "nearest other", texts=(-2, -1))
+    rows = []
     for m in found.members:
         group = ", ".join(f"{r.name} ({share(r.weight)})" for r in m.alike)
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
         sure = f"{100 * found.confidence(m):.0f} %"
-        out.add_row(m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far)
-    return out
+        rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far))
+    return table("named", ("effect", "confidence", "share", "t", "group", "nearest other"), rows, texts=(-2, -1))
 
 
 def ranking(found: Explanation, most: int = 10) -> Table:
     """Candidates, each by itself, best first: `most` of them, and all that are marked as named or indistinguishable."""
-    out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2, texts=(-1,))
+    heads = ("", "effect", "score", *AXIS_HEADS, "t", "parameters")
+    out = table("each effect by itself", heads, left=2, texts=(-1,))
     alike = {name for m in found.members for r in m.alike for name in r.names}
     for k, candidate in enumerate(found.ranking):
         mark = "*" if candidate.name in found.effects else "=" if candidate.name in alike else ""

@@ -10,7 +10,7 @@ from wrenchgap.replay.export.c_lines import KINDS
 from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.numbers import entries, share
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,9 +45,9 @@ def parts(made: Export) -> list[Part]:
         ("usual", *(str(cost.usual[k]) for k in KINDS), f"{cost.evaluations_usual:.1f}"),
         ("at worst", *(str(cost.at_worst[k]) for k in KINDS), str(cost.evaluations_worst)),
     ]
-    out.append(plain("operations of one step", ("", *(HEADS[k] for k in KINDS), "evaluations"), rows))
+    out.append(table("operations of one step", ("", *(HEADS[k] for k in KINDS), "evaluations"), rows))
     sizes = {"constants (read-only)": cost.tables, "state (wg_memory)": cost.memory, "stack, at most": cost.stack}
-    out.append(plain("memory", ("", "bytes"), sizes.items()))
+    out.append(table("memory", ("", "bytes"), sizes.items()))
     if made.solved < 1.0:
         text = (
             f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the "

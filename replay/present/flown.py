@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchgap.replay.export.flown import FlownExport, in_short
 from wrenchgap.replay.present.numbers import entries
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 
 def summary(found: FlownExport) -> str:
@@ -43,8 +43,8 @@ def parts(found: FlownExport, most: int = 10) -> list[Part]:
     ]
     if rows:
         heads = ("period", "time [s]", "quantity", "flown", "the export makes", "status flown", "status made")
-        out.append(plain("the first periods that do not agree", heads, rows))
-    out.append(plain("status", ("", "periods"), [(name, str(n)) for name, n in found.statuses.items()]))
+        out.append(table("the first periods that do not agree", heads, rows))
+    out.append(table("status", ("", "periods"), [(name, str(n)) for name, n in found.statuses.items()]))
     return [*out, *note_lines(warnings(found), "warning")]
 
 

@@ -15,7 +15,7 @@ from wrenchgap.replay.present.health_rows import ROWS
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
-from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, note_lines, plain, styled
+from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, styled, table
 
 LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
@@ -147,19 +147,14 @@ def _source(log: LogHealth) -> list[str]:
     return [*said, "--arm", "METRES", *([] if "FRAME_CLASS" in known else ["--frame", "FRAME"])]
 
 
-def overview(found: Health) -> Part:
+def overview(found: Health) -> Table:
     """A row for each quantity, a column for each log."""
     looks = [{one.about: LOOKS[one.level] for one in reversed(statements(log))} for log in found.logs]
     cells = [
         (head, *(styled(cell(log), look.get(about, "")) for log, look in zip(found.logs, looks, strict=True)))
         for head, cell, about in ROWS
     ]
-    return plain("", ("", *(log.name for log in found.logs)), cells, left=1 + len(found.logs))
-
-
-def rows(found: Health) -> list[list[str]]:
-    """The same as texts."""
-    return [[head, *(cell(log) for log in found.logs)] for head, cell, _ in ROWS]
+    return table("", ("", *(log.name for log in found.logs)), cells, left=1 + len(found.logs))
 
 
 def _details(log: LogHealth, *, several: bool) -> list[Part]:
@@ -171,12 +166,12 @@ def _details(log: LogHealth, *, several: bool) -> list[Part]:
             ends = ("-" if v is None else share(v) for v in (m.at_least, m.at_most))
             each.append((rotor(m.rotor), f"{100 * m.deviation:+.1f} %", *ends))
         heads = ("motor", f"thrust in {log.motors.condition}, of the mean", "at smallest command", "at largest command")
-        out.append(plain("motors", heads, each))
+        out.append(table("motors", heads, each))
     if log.phases.phases:
         out.append(inspection.phases(log.phases.phases, title="phases"))
     if log.estimator is not None:
         ratios = [(r.of, number(r.median), number(r.high), share(r.rejected)) for r in log.estimator.ratios]
-        out.append(plain("test ratios in the air", ("innovation", "median", "95th percentile", "above 1"), ratios))
+        out.append(table("test ratios in the air", ("innovation", "median", "95th percentile", "above 1"), ratios))
     return [*out, inspection.checks(log.inspection.checks), *note_lines(grouped(log.inspection.notes))]
 
 

@@ -35,15 +35,13 @@ def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
 
 def table_of_versions(model: Model) -> Table:
     """One row for each version: what changed, from which flights, and the change of the error by axis."""
-    out = table(f"{model.name}: versions", "", "date", "what changed", "from", *AXIS_HEADS, left=4)
+    rows = []
     for version, changed in steps(model):
         falls = reductions(version.trial.rms_reduction) if version.trial is not None else ["-"] * 6
         flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
-        row = (version.date[:10] or "-", words(version, changed), flights)
-        out.add_row(str(version.number), *row, *falls)
-    out.caption = "F, M: change of rms on held-out time"
-    out.caption_justify = "left"
-    return out
+        rows.append((version.number, version.date[:10] or "-", words(version, changed), flights, *falls))
+    heads, caption = ("", "date", "what changed", "from", *AXIS_HEADS), "F, M: change of rms on held-out time"
+    return table(f"{model.name}: versions", heads, rows, left=4, caption=caption)
 
 
 def words(version: Version, changed: Changes) -> str:
@@ -59,8 +57,7 @@ def words(version: Version, changed: Changes) -> str:
 
 def table_of_changes(model: Model) -> Table:
     """Parameters by version: value before and after, with standard deviations."""
-    heads = ("", "effect", "parameter", "before", "after", "+-", "unit", "sigmas")
-    out = table("parameters", *heads, left=3, texts=(6,))
+    cells = []
     for version, changed in steps(model):
         rows: list[_Row] = [(e.effect, v, None, v.value, v.std, None) for e in changed.added for v in e.values]
         rows += [(e.effect, v, v.value, None, None, None) for e in changed.removed for v in e.values]
@@ -68,9 +65,9 @@ def table_of_changes(model: Model) -> Table:
         for effect, v, before, after, std, sigmas in rows:
             numbers = (number(before, 4), number(after, 4), number(std, 2))
             shift = "-" if sigmas is None else f"{sigmas:+.1f}"
-            name = label(v.name, model.vehicle)
-            out.add_row(str(version.number), effect, name, *numbers, v.unit, shift)
-    return out
+            cells.append((version.number, effect, label(v.name, model.vehicle), *numbers, v.unit, shift))
+    heads = ("", "effect", "parameter", "before", "after", "+-", "unit", "sigmas")
+    return table("parameters", heads, cells, left=3, texts=(6,))
 
 
 def notes(model: Model) -> list[str]:

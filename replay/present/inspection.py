@@ -48,15 +48,16 @@ def topics(seen: Inspection, most: int = 300) -> Table:
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
     common = _namespace([t.topic for t in seen.topics])
     first = ("topic in", common) if common else "topic"
-    out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
+    rows = []
     for t in rows_of(seen.topics, most):
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
         role = styled(", ".join(t.plays), "bold green") if t.plays else styled("-", "dim")
         lost = str(sum(t.dropped.values())) if t.dropped else "0"
         name, kind = t.topic.removeprefix(common), t.type.split("/")[-1]
-        out.add_row(name, kind, role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
-    return out
+        rows.append((name, kind, role, t.count, number(t.rate, 4), jitter, gaps, lost))
+    heads = (first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
+    return table(title, heads, rows, left=3)
 
 
 def rows_of(every: Sequence[TopicReport], most: int = 300) -> list[TopicReport]:
@@ -90,18 +91,18 @@ def _words(check: Check) -> str:
 
 def phases(found: Sequence[Phase], most: int = 4, title: str = "phases besides flight") -> Table:
     """What is no ordinary flight; phases of one kind in one line where there are more than `most`."""
-    out = table(title, "phase", "time [s]", "length [s]", "analysis", "why", left=5)
     groups: dict[tuple[str, bool], list[Phase]] = {}
     for phase in found:
         groups.setdefault((phase.name, phase.left_out), []).append(phase)
     rows = [[p] for many in groups.values() if len(many) <= most for p in many]
     rows += [many for many in groups.values() if len(many) > most]
+    cells = []
     for row in sorted(rows, key=lambda many: many[0].start):
         first, last = row[0], row[-1]
         times = f"{first.start:.2f} - {last.stop:.2f}" + (f", {len(row)} times" if len(row) > 1 else "")
         length = sum(p.stop - p.start for p in row)
-        out.add_row(first.name, times, f"{length:.2f}", "left out" if first.left_out else "used", first.why)
-    return out
+        cells.append((first.name, times, f"{length:.2f}", "left out" if first.left_out else "used", first.why))
+    return table(title, ("phase", "time [s]", "length [s]", "analysis", "why"), cells, left=5)
 
 
 def to_json(seen: LogReport) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from wrenchgap.replay.present.addition import bars_by_axis
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, reductions, styled, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
 from wrenchgap.replay.present.verdicts import (
     lags_in_words,
     margin_in_words,
@@ -44,7 +44,7 @@ def parts(learnt: Learnt) -> list[Part]:
     out += [_prediction(title, result) for title, result in list(_tested(learnt).items())[:-1]]
     sigmas = [(name, *row(pair)) for name, *pair in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)]
     heads = ("output", "far from the data", "99 % of the training samples below")
-    out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
+    out += [table("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
     low, middle, high = learnt.real_min
     out.append(
         Line(
@@ -72,7 +72,7 @@ def _advice(learnt: Learnt) -> list[str]:
 def _prediction(title: str, result: Comparison) -> Table:
     """The paper's prediction table: mean and std of absolute errors, and the change of the mean."""
     name = f"{title}: {', '.join(result.flights)}, |measured - predicted|, {comparison.filtered(result)}"
-    out = table(name, "model", "", *UNIT_HEADS, left=2)
+    out = table(name, ("model", "", *UNIT_HEADS), left=2)
     for e in result.evaluations:
         out.add_row(styled(e.name, "bold"), "mean", *row(e.pooled.mean_abs))
         out.add_row("", "std", *row(e.pooled.std_abs), end_section=True)
@@ -88,7 +88,7 @@ def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
         judged = "chosen" if one.settings == found.best else _why_not(one) if k else ""
         rows.append((inputs, one.settings.inference, *row(one.rms), share(one.gain) if k else "asked for", judged))
     heads = ("inputs", "inference", *outputs, "reduction", "")
-    return plain("rms on held-out time, with other inputs", heads, rows, left=2)
+    return table("rms on held-out time, with other inputs", heads, rows, left=2)
 
 
 def _why_not(one: Alternative) -> str:
@@ -108,7 +108,7 @@ def _calibration(learnt: Learnt) -> Table:
             words = (f"{100 * s:.1f} %" if np.isfinite(s) else "-" for s in shares)
             rows.append((flights, name, f"{learnt.gp.sigma_scale[k]:.2f}", *words))
     heads = ("flights", "output", "sigma scaled by", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
-    return plain("calibration: expected 95 % within 1.96 sigma, 99.7 % within 3", heads, rows, left=2)
+    return table("calibration: expected 95 % within 1.96 sigma, 99.7 % within 3", heads, rows, left=2)
 
 
 def caution(found: Caution) -> str:

@@ -13,7 +13,7 @@ from wrenchgap.replay.present.addition import effects_json, model_table
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.figures.vehicle import hubs
 from wrenchgap.replay.present.numbers import entries, number, quantity
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
 
@@ -111,7 +111,7 @@ def rotor_table(vehicle: Vehicle) -> Part:
         )
         for row in _rows(vehicle)
     ]
-    return plain("rotors, in the order of logged commands", heads, rows)
+    return table("rotors, in the order of logged commands", heads, rows)
 
 
 def to_json(sheet: Sheet) -> dict[str, Any]:

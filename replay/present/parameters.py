@@ -5,7 +5,7 @@ from typing import Any
 
 from wrenchgap.flight.autopilot import ParameterDifferences, parameter_differences, why_ignored
 from wrenchgap.replay.present.numbers import by_reason, entries
-from wrenchgap.replay.present.tables import Line, Part, plain
+from wrenchgap.replay.present.tables import Line, Part, Table, table
 
 COLUMNS = 5
 """Logs up to which each has a column of its own: more are wider than a screen."""
@@ -20,22 +20,22 @@ def parts(found: ParameterDifferences, most: int | None = 12) -> list[Part]:
     """A table, of the first `most` parameters, and what is not in it; nothing where fewer than two logs have any."""
     if len(found.logs) < 2:
         return []
-    heads, rows, left = differences(found)
-    out: list[Part] = [plain("parameters that differ", heads, rows[:most], left)] if rows else []
-    more = len(rows[most:]) if most is not None else 0
-    said = [f"{more} more parameters differ (--details)."] if more else []
-    return [*out, *(Line(text, "dim") for text in [*said, *sentences(found)])]
+    more = 0 if most is None else len(found.differ) - most
+    said = [f"{more} more parameters differ (--details)."] if more > 0 else []
+    return [*differences(found, most), *(Line(text, "dim") for text in [*said, *sentences(found)])]
 
 
-def differences(found: ParameterDifferences) -> tuple[list[str], list[list[str]], int]:
-    """Heads, rows and the number of columns of words of a table: a column for each log, or one for more of them."""
-    if len(found.logs) <= COLUMNS:
-        return ["parameter", *found.logs], [[one.name, *map(_value, one.values)] for one in found.differ], 1
-    rows = []
-    for one in found.differ:
-        by_value = by_reason((_value(value), log) for log, value in zip(found.logs, one.values, strict=True))
-        rows.append([one.name, "; ".join(f"{value}: {', '.join(logs)}" for value, logs in by_value.items())])
-    return ["parameter", "values, each with its logs"], rows, 2
+def differences(found: ParameterDifferences, most: int | None = None) -> list[Table]:
+    """A column for each log, or one for more of them; no table where no parameter differs."""
+    if not found.differ:
+        return []
+    heads, rows, left = ["parameter", *found.logs], [[one.name, *map(_value, one.values)] for one in found.differ], 1
+    if len(found.logs) > COLUMNS:
+        heads, rows, left = ["parameter", "values, each with its logs"], [], 2
+        for one in found.differ:
+            by_value = by_reason((_value(value), log) for log, value in zip(found.logs, one.values, strict=True))
+            rows.append([one.name, "; ".join(f"{value}: {', '.join(logs)}" for value, logs in by_value.items())])
+    return [table("parameters that differ", heads, rows[:most], left)]
 
 
 def _value(value: float | None) -> str:

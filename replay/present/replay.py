@@ -19,7 +19,7 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, unit_of
-from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, plain, reductions, table
+from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, reductions, table
 
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "max": 100}
 """Of sigma and beta over the steps, by their names in the JSON [%]."""
@@ -77,23 +77,26 @@ def _mean_abs(residual: Array) -> Array:
 def parts(replay: Replay) -> list[Part]:
     """The answer, wrenches, steps, notes."""
     summary = summarise(replay)
-    steps = plain("Steps", ("what", "value"), _lines(summary, sigma_unit(replay)), left=2)
+    steps = table("Steps", ("what", "value"), _lines(summary, sigma_unit(replay)), left=2)
     return [*brief(replay), steps, *note_lines(notes(replay)[NOTES:])]
 
 
 def brief(replay: Replay) -> list[Part]:
     """How much of the predicted error the correction takes out, warnings, notes on the GP, and the wrenches."""
     summary = summarise(replay)
-    wrenches = table(f"{replay.flight.name}: compensation of the {replay.source} wrench", "mean |.|", *UNIT_HEADS)
-    wrenches.add_row("correction", *row(summary["correction_mean_abs"]))
-    wrenches.add_row("  its maximum", *row(summary["correction_max_abs"]))
     before, after = summary["error_before_mean_abs"], summary["error_after_mean_abs"]
-    for name, values in (("predicted error before", before), ("predicted error after", after)):
-        cells = np.full(len(AXES), np.nan)
-        cells[output_indices(summary["outputs"])] = values
-        wrenches.add_row(name, *row(cells))
-    wrenches.add_row("measured - logged command, filtered", *row(summary["measured_minus_logged"]))
-    wrenches.add_row("measured - model and GP, filtered", *row(summary["measured_minus_predicted"]))
+    errors = np.full((2, len(AXES)), np.nan)
+    errors[:, output_indices(summary["outputs"])] = before, after
+    sizes = {
+        "correction": summary["correction_mean_abs"],
+        "  its maximum": summary["correction_max_abs"],
+        "predicted error before": errors[0],
+        "predicted error after": errors[1],
+        "measured - logged command, filtered": summary["measured_minus_logged"],
+        "measured - model and GP, filtered": summary["measured_minus_predicted"],
+    }
+    title = f"{replay.flight.name}: compensation of the {replay.source} wrench"
+    wrenches = table(title, ("mean |.|", *UNIT_HEADS), [(name, *row(values)) for name, values in sizes.items()])
     falls = reductions(1.0 - np.asarray(after) / np.maximum(before, 1e-300))
     changes = ", ".join(f"{axis} {fall}" for axis, fall in zip(summary["outputs"], falls, strict=True))
     first = (

@@ -46,11 +46,16 @@ def styled(text: str, style: str = "") -> Text:
 
 
 class Table(rich_table.Table):
-    """A table whose cells are texts, or `styled` ones."""
+    """A table whose cells are texts, or `styled` ones; a page shows columns, rows, caption and cells as well."""
 
     def add_row(self, *cells: Any, **options: Any) -> None:
         """A row of cells."""
         super().add_row(*(cell if isinstance(cell, Text) else _cell(str(cell)) for cell in cells), **options)
+
+    @property
+    def cells(self) -> list[tuple[Any, ...]]:
+        """The cells of each row."""
+        return list(zip(*(column.cells for column in self.columns), strict=True))
 
 
 def _cell(text: str, longest: int = 1000) -> Text:
@@ -75,26 +80,21 @@ def note_lines(sentences: Iterable[str], title: str = "note") -> list[Line]:
     return [Line(f"{title}: {text}", style) for text in dict.fromkeys(sentences)]
 
 
-def table(title: str, *heads: str | Sequence[str], left: int = 1, texts: Sequence[int] = ()) -> Table:
-    """An empty table; the first `left` columns and those of `texts` are texts. A head is a line, or several."""
+def table(
+    title: str,
+    heads: Sequence[str | Sequence[str]],
+    rows: Iterable[Sequence[Any]] = (),
+    left: int = 1,
+    texts: Sequence[int] = (),
+    caption: str = "",
+) -> Table:
+    """A table of rows; the first `left` columns and those of `texts` are texts. A head is a line, or several."""
     named = {*range(left), *(k % len(heads) for k in texts)}
-    look: dict[str, Any] = {"title_justify": "left", "title_style": "bold"}
-    out = Table(title=styled(title) if title else None, box=box.SIMPLE_HEAD, pad_edge=False, **look)
+    look: dict[str, Any] = {"title_justify": "left", "title_style": "bold", "caption_justify": "left"}
+    out = Table(title=styled(title) if title else None, caption=caption, box=box.SIMPLE_HEAD, pad_edge=False, **look)
     for index, head in enumerate(heads):
         lines = [_cell(line) for line in ([head] if isinstance(head, str) else head)]
         out.add_column(Text("\n").join(lines), justify="left" if index in named else "right", overflow="fold")
-    return out
-
-
-def plain(
-    title: str,
-    heads: Sequence[str | Sequence[str]],
-    rows: Iterable[Sequence[Any]],
-    left: int = 1,
-    texts: Sequence[int] = (),
-) -> Table:
-    """A table of these rows; `left` and `texts` as `table` has them."""
-    out = table(title, *heads, left=left, texts=texts)
     for values in rows:
         out.add_row(*values)
     return out
@@ -116,7 +116,7 @@ def before_after(title: str, before: Array, after: Array, reduction: Array, nois
     """Rms (6,) before and after, where given the sensors' noise, and the change."""
     rows = [("rms before", *row(before)), ("rms after", *row(after))]
     rows += [] if noise is None else [("sensor noise", *row(noise))]
-    return plain(title, ("", *UNIT_HEADS), [*rows, ("change", *reductions(reduction))])
+    return table(title, ("", *UNIT_HEADS), [*rows, ("change", *reductions(reduction))])
 
 
 def parameters(effects: Sequence[Snapshot], title: str, vehicle: Vehicle | None = None) -> Table:
@@ -126,4 +126,4 @@ def parameters(effects: Sequence[Snapshot], title: str, vehicle: Vehicle | None 
         for effect in effects
         for k, v in enumerate(effect.values)
     ]
-    return plain(title, ("effect", "parameter", "value", "+-", "unit"), rows, left=2, texts=(-1,))
+    return table(title, ("effect", "parameter", "value", "+-", "unit"), rows, left=2, texts=(-1,))

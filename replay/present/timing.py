@@ -50,7 +50,7 @@ def parts(found: FlightTiming) -> list[Part]:
 def offsets_table(found: FlightTiming) -> Table:
     """All offsets, one a row; what cannot be estimated is listed by `problems`."""
     heads = ("signal", "reference", "delay [ms]", "drift [ms/min]", "band [Hz]", "form", "consequence")
-    out = table(f"timing of {found.flight}", *heads, left=2)
+    out = table(f"timing of {found.flight}", heads, left=2)
     errors = dict(zip(map(id, found.sensors), found.effect_error, strict=True))
     forms = {id(r.offset): r for r in found.responses}
     for o in found.offsets:

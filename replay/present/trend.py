@@ -113,7 +113,7 @@ def where(p: ParameterTrend, vehicle: Vehicle) -> str | None:
 def overview(found: Trend) -> Table:
     """One row for each parameter: mean, scatter, error of a flight, what it did."""
     heads = ("effect", "parameter", "over the flights", "mean", "scatter", "error", "unit")
-    out = table(f"{len(found.flights)} flights, each fitted by itself", *heads, left=3, texts=(-1,))
+    out = table(f"{len(found.flights)} flights, each fitted by itself", heads, left=3, texts=(-1,))
     for first, p in zip(first_only(p.effect for p in found.parameters), found.parameters, strict=True):
         numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
         name = label(p.name, found.model.vehicle)
@@ -124,7 +124,7 @@ def overview(found: Trend) -> Table:
 
 def steps(found: Trend, changed: Sequence[ParameterTrend]) -> Table:
     """One row for each step: flight, levels before and after, size with its interval, t and p."""
-    out = table("steps", "parameter", "from flight", "before", "after", "size", "95 %", "t", "p", left=2)
+    out = table("steps", ("parameter", "from flight", "before", "after", "size", "95 %", "t", "p"), left=2)
     for p in changed:
         for k, step in enumerate(p.course.steps):
             name = column(p, found) if k == 0 else ""
@@ -146,11 +146,11 @@ def values(found: Trend, most: int = 7) -> Table:
     shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
     shown = shown if len(shown) <= most else list(found.changed[:most])
     heads = [column(p, found).split(" ", 1) for p in shown]
-    out = table("values by flight; > the first flight after a step", "", "flight", *heads, left=2)
+    rows = []
     for k, name in enumerate(found.names):
         texts = [f"{'> ' if any(s.flight == k for s in p.course.steps) else ''}{number(p.values[k])}" for p in shown]
-        out.add_row(str(k + 1), name, *texts)
-    return out
+        rows.append((k + 1, name, *texts))
+    return table("values by flight; > the first flight after a step", ("", "flight", *heads), rows, left=2)
 
 
 def notes(found: Trend) -> list[str]:

@@ -26,7 +26,7 @@ from wrenchgap.replay.present.numbers import (
     unmeasured,
     yes_no,
 )
-from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 
 def parts(result: Where) -> list[Part]:
@@ -34,7 +34,7 @@ def parts(result: Where) -> list[Part]:
     out = brief(result)
     out += [_map(d) for d in main_dependences(result.failure_map)]
     heads = ("axis", "autocorrelation", "strongest correlation with an input")
-    white = plain("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
+    white = table("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
     out += [_others(result), worst(result.name, result.worst), white, _relevance(result.relevance)]
     out += [Line(f"not mapped: {name}: {why}", "dim") for name, why in result.failure_map.lacking.items()]
     return [*out, *note_lines(sentences(result.notes))]
@@ -129,7 +129,7 @@ def span(name: str, low: float, high: float) -> str:
 
 def budget_table(budget: Budget) -> Table:
     """Root mean square of the nominal error, and its parts in per cent."""
-    out = table("error budget: parts of the nominal model's mean square error", "", *UNIT_HEADS, "whole")
+    out = table("error budget: parts of the nominal model's mean square error", ("", *UNIT_HEADS, "whole"))
     out.add_row("nominal rms", *row(np.sqrt(budget.nominal)), "", end_section=True)
     names = {"physics": "effects", "process": f"Gaussian process ({budget.source})", "noise": "sensor noise"}
     shares, whole = budget.shares(), budget.whole()
@@ -150,7 +150,7 @@ def _map(dependence: Dependence) -> Table:
         bar = "#" * round(24 * float(b.whole_share[i]) / longest)
         words = span(dependence.name, float(b.low[i]), float(b.high[i]))
         rows.append((words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar))
-    return plain(f"{dependence.label} [{dependence.unit}]: {panels.explains(dependence)}", heads, rows, texts=(-1,))
+    return table(f"{dependence.label} [{dependence.unit}]: {panels.explains(dependence)}", heads, rows, texts=(-1,))
 
 
 def _others(result: Where) -> Table:
@@ -159,7 +159,7 @@ def _others(result: Where) -> Table:
         for d in result.failure_map.dependences
     ]
     heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
-    return plain("share of the error that depends on each quantity, in excess of chance", heads, rows)
+    return table("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
 def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
@@ -175,7 +175,7 @@ def _relevance(relevant: Relevance) -> Table:
     ]
     heads = ("step", "inputs", "alone", "lost without", "t", *AXIS_HEADS)
     title = f"inputs that predict the residual on held-out time (chosen: {share(relevant.explained)} of it)"
-    return plain(title, heads, rows, left=2)
+    return table(title, heads, rows, left=2)
 
 
 def to_json(where: Where) -> dict[str, Any]:

@@ -114,12 +114,13 @@ def test_it_begins_with_what_changed_and_what_to_inspect_and_tabulates(moved):
 
 
 def test_many_parameters_on_few_flights_are_rows_with_the_same_values(moved):
-    heads, rows, _ = presented.by_flight(moved)
+    (by_flight,), (turned,) = presented.by_flight(moved), presented.by_flight(moved, wide=1)
+    heads, by_parameter = ([str(column.header) for column in one.columns] for one in (by_flight, turned))
+    rows, of_parameter = ([[str(cell) for cell in row] for row in one.cells] for one in (by_flight, turned))
     assert heads[2:] == [f"com_offset {axis} [m]" for axis in "xyz"]
-    turned, by_parameter, _ = presented.by_flight(moved, wide=1)
-    assert turned[3:] == [f"{flight} ({role})" for flight, role, *_ in rows]
-    assert [r[:3] for r in by_parameter] == [["com_offset", axis, "m"] for axis in "xyz"]
-    assert [r[3:] for r in by_parameter] == [[r[2 + k] for r in rows] for k in range(3)]
+    assert by_parameter[3:] == [f"{flight} ({role})" for flight, role, *_ in rows]
+    assert [r[:3] for r in of_parameter] == [["com_offset", axis, "m"] for axis in "xyz"]
+    assert [r[3:] for r in of_parameter] == [[r[2 + k] for r in rows] for k in range(3)]
 
 
 def test_the_side_that_is_inspected_is_where_it_moved(moved):

@@ -3,7 +3,7 @@
 import pytest
 
 from wrenchgap.replay.cli.requests import console
-from wrenchgap.replay.present.tables import Line, plain, show
+from wrenchgap.replay.present.tables import Line, show, table
 
 SENTENCE = "Nothing is missing that the catalogue could name here, and " * 4
 COMMAND = f"next: wrenchgap explain {'/a/very/long/folder' * 6}/flight.mcap -m my_vehicle.toml"
@@ -36,11 +36,11 @@ def test_a_command_to_copy_stays_in_one_piece(lines):
 @pytest.mark.timeout(10)
 @pytest.mark.parametrize("name", ["/" + "a" * 10**7, "/" + "a" * 500 + " b" * 10**6])
 def test_of_a_name_of_megabytes_a_table_shows_the_beginning(lines, name):
-    found = "".join(lines(plain("", [("topic in", name), "messages"], [[name, 1]]), 100))
+    found = "".join(lines(table("", [("topic in", name), "messages"], [[name, 1]]), 100))
     assert 1400 < found.count("a") + found.count("b") < 2100
 
 
 def test_numbers_of_a_table_are_not_broken(lines):
     heads = [f"column {k} [Nm]" for k in range(8)]
     rows = [["0.123 +- 0.001"] * 8]
-    assert lines(plain("numbers", heads, rows), 70) == lines(plain("numbers", heads, rows), 120)
+    assert lines(table("numbers", heads, rows), 70) == lines(table("numbers", heads, rows), 120)

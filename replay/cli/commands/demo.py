@@ -184,14 +184,14 @@ def _result(run: Run, found: dict[str, Any]) -> None:
     run.line()
     run.line("Result on the test flight, to which nothing was fitted", style="bold")
     run.line(f"hidden: {', '.join(found['hidden'])}      found: {', '.join(found['found'])}")
-    errors = table("torque error, rms [Nm]", "", "x", "y", "z", "x", "y", "z")
+    rows = []
     first = found["torque_rms"]["nominal"]
     for name, values in found["torque_rms"].items():
         falls = [
             f"{100 * (v / n - 1):+.0f} %" if name.startswith("with") else "" for v, n in zip(values, first, strict=True)
         ]
-        errors.add_row(name, *(f"{v:.4f}" for v in values), *falls)
-    tracking = table("attitude error, mean |e_R| [rad]", "", "x", "y", "z")
-    for key, name in RUNS.items():
-        tracking.add_row(name, *(f"{v:.4f}" for v in found["tracking"][key]["attitude_error"]["mean_abs"]))
-    run.show(errors, tracking)
+        rows.append((name, *(f"{v:.4f}" for v in values), *falls))
+    errors = {name: found["tracking"][key]["attitude_error"]["mean_abs"] for key, name in RUNS.items()}
+    tracking = [(name, *(f"{v:.4f}" for v in values)) for name, values in errors.items()]
+    run.show(table("torque error, rms [Nm]", ("", *"xyz", *"xyz"), rows))
+    run.show(table("attitude error, mean |e_R| [rad]", ("", *"xyz"), tracking))

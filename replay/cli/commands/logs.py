@@ -22,10 +22,10 @@ def _list(asked: bool) -> None:
     if not asked:
         return
     from wrenchgap.plant.trajectory import TRAJECTORIES
-    from wrenchgap.replay.present.tables import plain
+    from wrenchgap.replay.present.tables import table
 
     rows = [(name, f"{seconds:g} s", words) for name, (_, seconds, words) in TRAJECTORIES.items()]
-    Run().show(plain("trajectories", ("name", "length", "description"), rows, left=3))
+    Run().show(table("trajectories", ("name", "length", "description"), rows, left=3))
     raise typer.Exit()
 
 

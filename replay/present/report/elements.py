@@ -1,33 +1,12 @@
-"""What the templates are given: tables, images and files to save. Texts are escaped by the templates, never here."""
+"""What the templates are given: images and files to save. Texts are escaped by the templates, never here."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrenchgap.replay.present.figures import style
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of texts; the first `left` columns and those of `texts` are texts, the others numbers.
-
-    Rows of `beside` are in italics, columns of `code` are code.
-    """
-
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    left: int = 1
-    texts: Sequence[int] = ()
-    caption: str = ""
-    beside: Sequence[int] = ()
-    code: Sequence[int] = ()
-
-    def numeric(self, column: int) -> bool:
-        """Whether a column is aligned as numbers are."""
-        return column >= self.left and column not in self.texts
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,13 @@ from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, grouped, warnings
-from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, quantity, row, unit
+from wrenchgap.replay.present.numbers import label, number, quantity, unit
 from wrenchgap.replay.present.posterior import classes_in_words
-from wrenchgap.replay.present.report.elements import Image, Table
+from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
 from wrenchgap.replay.present.statements import statements
+from wrenchgap.replay.present.tables import Table, styled, table
 from wrenchgap.replay.report import Report
 
 
@@ -82,11 +83,11 @@ def write_page(text: str, path: Path) -> None:
 
 def flights_page(tool: str, logs: Sequence[Flight | Inspection], flights: Sequence[Any] = (), **parts: Any) -> str:
     """The page of a command, with today's date, the logs, and at the top what the checks of `flights` warn of."""
-    rows = [[str(k), log.path.name, log.content_hash] for k, log in enumerate(logs, 1)]
+    rows = [(k, log.path.name, styled(log.content_hash, "code")) for k, log in enumerate(logs, 1)]
     usual = {
         "tool": tool,
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "files": Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs."),
+        "files": table("", ("", "log", "SHA-256"), rows, left=3, caption="Logs."),
         "warnings": [f"check: {text}" for text in warnings(findings(list(flights)))],
         "inspect": [],
         "caveat": "",
@@ -124,24 +125,23 @@ def changed_page(found: Changed, command: str = "") -> str:
 
 
 def _changed_tables(found: Changed) -> Iterator[Table]:
-    if found.parameters and found.verdict is not Verdict.NOTHING:
-        words = f"Changes. {changed.SIZES_LEGEND}."
-        yield Table(changed.SIZE_HEADS, changed.sizes(found), left=3, texts=(8,), caption=words)
-    words = f"Each change by itself. {changed.ALONE_LEGEND}."
-    yield Table(changed.ALONE_HEADS, changed.alone(found), left=3, texts=(4,), caption=words)
-    rows = [*([r.flight, r.role, *row(r.mean)] for r in found.rows), ["scatter", "", *row(found.scatter)]]
-    words = "Mean residual of the given model by flight, signed."
-    yield Table(("flight", "", *UNIT_HEADS), rows, left=2, caption=words)
-    if any(r.values for r in found.rows):
-        heads, rows, left = changed.by_flight(found)
-        yield Table(heads, rows, left=left, caption="What changed, on each flight by itself.")
+    for sizes in changed.sizes(found):
+        yield _captioned(sizes, f"Changes. {changed.SIZES_LEGEND}.")
+    yield _captioned(changed.alone(found), f"Each change by itself. {changed.ALONE_LEGEND}.")
+    yield _captioned(changed.flights(found), "Mean residual of the given model by flight, signed.")
+    for values in changed.by_flight(found):
+        yield _captioned(values, "What changed, on each flight by itself.")
+
+
+def _captioned(shown: Table, words: str) -> Table:
+    """A table of the terminal with what a page says of it."""
+    shown.caption = words
+    return shown
 
 
 def health_page(found: Health, command: str = "") -> str:
     """The whole page of `check`."""
     levels = {one.level for log in found.logs for one in statements(log)}
-    tables = [Table(("", *(log.name for log in found.logs)), health.rows(found), left=1 + len(found.logs))]
-    tables += _differences(found.parameters)
     notes = [text for log in found.logs for text in grouped(log.inspection.notes)]
     caption = "Left: commanded thrust of each motor. Right: power spectral density of the logged specific force."
     return flights_page(
@@ -154,7 +154,7 @@ def health_page(found: Health, command: str = "") -> str:
         chart=Image.of(
             health.picture(found), "Thrust of the motors, and spectrum of the vibration, by log.", caption, "svg"
         ),
-        tables=tables,
+        tables=[health.overview(found), *_differences(found.parameters)],
         inspect=[f"{log.name}: {one.words}" for log in found.logs for one in statements(log)],
         notes=[*parameters.sentences(found.parameters), *notes],
         command=command,
@@ -163,7 +163,7 @@ def health_page(found: Health, command: str = "") -> str:
 
 def _differences(found: ParameterDifferences) -> list[Table]:
     """Which parameters of the autopilot differ; no table where none does."""
-    return [Table(*parameters.differences(found), caption="Parameters that differ.")] if found.differ else []
+    return [_captioned(one, "Parameters that differ.") for one in parameters.differences(found)]
 
 
 def trend_page(found: Trend, command: str = "") -> str:
@@ -222,7 +222,7 @@ def _trend_tables(found: Trend) -> Iterator[Table]:
         sizes = (float(p.values.mean()), p.course.scatter, float(np.median(p.errors)))
         rows.append([names[id(p)], trend.WORDS[p.course.verdict], *(number(v) for v in sizes), unit(p.unit)])
     heads: Sequence[str] = ("parameter", "over the flights", "mean", "scatter", "error", "unit")
-    yield Table(heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
+    yield table("", heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
 
     rows = []
     for p in found.changed:
@@ -237,7 +237,7 @@ def _trend_tables(found: Trend) -> Iterator[Table]:
             rows.append([names[id(p)], place, *numbers, f"{one.t:.1f}", f"{one.p:.1g}"])
     heads = ("parameter", "from flight", "before", "after", "size", "95 % interval", "unit", "t", "p")
     if rows:
-        yield Table(heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
+        yield table("", heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
 
     shown = [p for p in found.parameters if p.course.verdict is not Course.OPEN]
     heads = ["", "flight", *(trend.column(p, found) for p in shown)]
@@ -245,7 +245,7 @@ def _trend_tables(found: Trend) -> Iterator[Table]:
         [str(k), name, *(f"{number(p.values[k - 1])} ± {number(p.errors[k - 1], 2)}" for p in shown)]
         for k, name in enumerate(found.names, 1)
     ]
-    yield Table(heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
+    yield table("", heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
 
 
 PAGES: dict[type, Callable[[Any, str], str]] = {Health: health_page, Changed: changed_page, Trend: trend_page}

@@ -30,8 +30,9 @@ from wrenchgap.replay.present.numbers import (
     yes_no,
 )
 from wrenchgap.replay.present.report import summary
-from wrenchgap.replay.present.report.elements import Image, Saved, Table
+from wrenchgap.replay.present.report.elements import Image, Saved
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
+from wrenchgap.replay.present.tables import Table, styled, table
 from wrenchgap.replay.report import NextFlight, Report
 
 Content = Mapping[str, Any]
@@ -41,7 +42,7 @@ def of_timing(report: Report, _: Repetition) -> Content:
     """Offsets between the topics of each flight, and what to do about them."""
     return {
         "flights": [
-            (one.flight, Table(("offset",), [[text] for text in timing.sentences(one)]), timing.warnings(one))
+            (one.flight, table("", ("offset",), [[text] for text in timing.sentences(one)]), timing.warnings(one))
             for one in report.explanation.timing
         ]
     }
@@ -70,11 +71,12 @@ def of_error(report: Report, _: Repetition) -> Content:
 def _steps(case: Staircase) -> Table:
     stairs = (*case.stairs, case.noise)
     names = [staircase.label(s) + (" (learnt on these logs: in-sample)" if s.learnt_here else "") for s in stairs]
-    rows = [[name, staircase.remains(case, s), *row(s.rms)] for name, s in zip(names, stairs, strict=True)]
-    beside = [k for k, s in enumerate(stairs) if s.beside]
     caption = f"RMS on {staircase.title(case)}. All axes: share of the nominal error."
-    caption += " In italics: no step, for comparison." if beside else ""
-    return Table(("", "all axes", *UNIT_HEADS), rows, caption=caption, beside=beside)
+    caption += " In italics: no step, for comparison." if any(s.beside for s in stairs) else ""
+    out = table("", ("", "all axes", *UNIT_HEADS), caption=caption)
+    for name, s in zip(names, stairs, strict=True):
+        out.add_row(name, staircase.remains(case, s), *row(s.rms), style="italic" if s.beside else "")
+    return out
 
 
 def _residual(report: Report) -> Image | None:
@@ -110,7 +112,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     )
     return {
         "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
-        "first": Table(heads, rows, left=2, caption=legend),
+        "first": table("", heads, rows, left=2, caption=legend),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
@@ -131,7 +133,7 @@ def _members(found: Explanation) -> Table | None:
         "flights."
     )
     heads = ("effect", "confidence", "share", "t", "instead (separation)")
-    return Table(heads, rows, texts=(4,), caption=caption) if rows else None
+    return table("", heads, rows, texts=(4,), caption=caption) if rows else None
 
 
 def of_parameters(report: Report, _: Repetition) -> Content:
@@ -153,7 +155,7 @@ def of_parameters(report: Report, _: Repetition) -> Content:
     heads = ("effect", "parameter", "unit", "value", "95 % interval", "plausible")
     names = dict.fromkeys(name for name, _ in fitted.parameters)
     return {
-        "table": Table(heads, rows, left=3, caption=caption) if rows else None,
+        "table": table("", heads, rows, left=3, caption=caption) if rows else None,
         "at_bound": ", ".join(fitted.at_bound),
         "effects": [(name, inspect.cleandoc(find(name).__class__.__doc__ or "")) for name in names],
     }
@@ -179,12 +181,12 @@ def _maps(found: Where) -> dict[str, Any]:
     return {
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_picture(found), alt, caption) if shown else None,
-        "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
+        "table": table("", ("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
         "grid": grid
         and not empty
         and Image.of(where_figures.grid_picture(found), over, f"{over} Each map has its own scale."),
         "no_grid": summary.no_grid(grid) if grid is not None and empty else "",
-        "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
+        "worst": table("", ("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 
 
@@ -206,14 +208,14 @@ def of_residual(report: Report, _: Repetition) -> Content:
     energy = "What the nominal error energy is made of, by axis."
     return {
         "budget": Image.of(where_figures.budget_picture(found), alt, energy),
-        "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
-        "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
+        "shares": table("", ("part", "all axes", *AXIS_HEADS), rows),
+        "white": table("", ("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
         "correlations": Image.of(
             where_figures.correlation_picture(found),
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
-        "inputs": Table(heads, inputs, left=2, caption=caption),
+        "inputs": table("", heads, inputs, left=2, caption=caption),
     }
 
 
@@ -243,14 +245,14 @@ def _sensitivity(found: Explanation) -> Content:
     return {
         "limits": Image.of(detection.picture(found), alt, caption, "svg"),
         "said": detection.sentences(found),
-        "sizes": Table(
-            heads, rows, left=3, texts=(5,), caption="The smallest change of each that would have been firm."
+        "sizes": table(
+            "", heads, rows, left=3, texts=(5,), caption="The smallest change of each that would have been firm."
         ),
     }
 
 
 def _shown_by(names: Sequence[str]) -> Table:
-    return Table(("effect", "what shows it"), [[name, find(name).excited_by] for name in names], left=2)
+    return table("", ("effect", "what shows it"), [[name, find(name).excited_by] for name in names], left=2)
 
 
 def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
@@ -270,7 +272,7 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
         "shown_by": shown_by,
         "file": Saved(f"next-flight-{place}.toml", trajectory_file.dumps(found.file)),
         "words": summary.designed(found),
-        "table": Table(heads, rows, left=2, caption=caption) if found.flown else None,
+        "table": table("", heads, rows, left=2, caption=caption) if found.flown else None,
         "advice": () if found.separable else design.advice(found),
     }
 
@@ -288,13 +290,14 @@ def of_repetition(report: Report, repetition: Repetition) -> Content:
         [str(v.number), v.date or "-", history.words(v, changed), ", ".join(file for file, _ in v.flights) or "-"]
         for v, changed in history.steps(model)
     ]
+    inputs = [(role, file, styled(sha256, "code")) for role, file, sha256 in repetition.inputs]
     heads = ("version", "date", "what changed", "fitted to")
     return {
         "commands": "\n".join(repetition.commands),
-        "inputs": Table(("input", "file", "SHA-256"), repetition.inputs, left=3, code=(2,)),
-        "options": Table(("option", "value"), repetition.options, left=2),
-        "versions": Table(("package", "version"), repetition.versions, left=2),
-        "history": Table(heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,
+        "inputs": table("", ("input", "file", "SHA-256"), inputs, left=3),
+        "options": table("", ("option", "value"), repetition.options, left=2),
+        "versions": table("", ("package", "version"), repetition.versions, left=2),
+        "history": table("", heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,
         "fitted": Saved(FITTED, repetition.fitted_model),
         "notes": sentences(report.notes),
     }
