@@ -39,10 +39,7 @@ CAVEAT = (
 
 def parts(found: Trend) -> list[Part]:
     """The summary, parameters, steps and drifts, values by flight, notes."""
-    out = brief(found)
-    if changes := [p for p in found.changed if p.course.steps]:
-        out.append(steps(found, changes))
-    out += [Line(LEGEND, "dim"), Line(), values(found)]
+    out = [*brief(found), *steps(found), Line(LEGEND, "dim"), Line(), values(found)]
     return [*out, *parameters.parts(parameters.of_flights(found.flights)), *note_lines(notes(found))]
 
 
@@ -122,10 +119,10 @@ def overview(found: Trend) -> Table:
     return out
 
 
-def steps(found: Trend, changed: Sequence[ParameterTrend]) -> Table:
-    """One row for each step: flight, levels before and after, size with its interval, t and p."""
+def steps(found: Trend) -> list[Table]:
+    """One row for each step: flight, levels before and after, size with its interval, t and p; no table without any."""
     out = table("steps", ("parameter", "from flight", "before", "after", "size", "95 %", "t", "p"), left=2)
-    for p in changed:
+    for p in found.changed:
         for k, step in enumerate(p.course.steps):
             name = column(p, found) if k == 0 else ""
             place = f"{step.flight + 1} {found.names[step.flight]}"
@@ -133,7 +130,7 @@ def steps(found: Trend, changed: Sequence[ParameterTrend]) -> Table:
             sizes = (number(step.before), number(step.after), number(step.size), interval)
             test = (f"{step.t:.1f}", f"{step.p:.1g}")
             out.add_row(name, place, *sizes, *test, end_section=step is p.course.steps[-1])
-    return out
+    return [out] if out.row_count else []
 
 
 def column(p: ParameterTrend, found: Trend) -> str:

@@ -33,9 +33,7 @@ def parts(result: Where) -> list[Part]:
     """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
     out = brief(result)
     out += [_map(d) for d in main_dependences(result.failure_map)]
-    heads = ("axis", "autocorrelation", "strongest correlation with an input")
-    white = table("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
-    out += [_others(result), worst(result.name, result.worst), white, _relevance(result.relevance)]
+    out += [quantities(result), worst(result.name, result.worst), whiteness(result), relevance(result)]
     out += [Line(f"not mapped: {name}: {why}", "dim") for name, why in result.failure_map.lacking.items()]
     return [*out, *note_lines(sentences(result.notes))]
 
@@ -153,7 +151,8 @@ def _map(dependence: Dependence) -> Table:
     return table(f"{dependence.label} [{dependence.unit}]: {panels.explains(dependence)}", heads, rows, texts=(-1,))
 
 
-def _others(result: Where) -> Table:
+def quantities(result: Where) -> Table:
+    """One row for each quantity: the share of the error that depends on it."""
     rows = [
         (d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", yes_no(d.significant), *map(share, d.axes_mean))
         for d in result.failure_map.dependences
@@ -162,13 +161,18 @@ def _others(result: Where) -> Table:
     return table("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
-def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
+def whiteness(result: Where) -> Table:
     """Of each axis: its name, autocorrelation, and strongest correlation with an input."""
+    white = result.whiteness
     known = {a.axis: (_autocorrelation(a), _crosscorrelation(white.strongest(a.axis))) for a in white.autocorrelation}
-    return [(axis, *known.get(axis, ("-", "-"))) for axis in AXES]
+    heads = ("axis", "autocorrelation", "strongest correlation with an input")
+    rows = [(axis, *known.get(axis, ("-", "-"))) for axis in AXES]
+    return table("whiteness of the residual", heads, rows, left=3)
 
 
-def _relevance(relevant: Relevance) -> Table:
+def relevance(result: Where) -> Table:
+    """One row for each group of inputs: what it predicts of the residual."""
+    relevant = result.relevance
     rows = [
         (g.step or "", g.label, share(g.alone), share(g.lost), f"{g.significance:.1f}", *map(share, g.alone_axes))
         for g in relevant.groups

@@ -21,8 +21,6 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.health.health import Health
-from wrenchgap.learn.identify.steps_and_drift import Drift, Step
-from wrenchgap.learn.identify.steps_and_drift import Verdict as Course
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import changed, explanation, health, parameters, staircase, trend, what_to_inspect
@@ -30,7 +28,7 @@ from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, grouped, warnings
-from wrenchgap.replay.present.numbers import label, number, quantity, unit
+from wrenchgap.replay.present.numbers import quantity
 from wrenchgap.replay.present.posterior import classes_in_words
 from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.present.report.repetition import Repetition, Request
@@ -184,7 +182,14 @@ def trend_page(found: Trend, command: str = "") -> str:
         caveat=trend.CAVEAT if found.changed else "",
         chart=Image.of(trend.picture(found), "Parameters over the flights.", caption, "svg"),
         view=_view(found),
-        tables=[*_trend_tables(found), *_differences(differences)],
+        tables=[
+            _captioned(trend.overview(found), f"Parameters. {trend.LEGEND}."),
+            *(_captioned(one, "Steps.") for one in trend.steps(found)),
+            _captioned(
+                trend.values(found, len(found.parameters)), "Values by flight; > the first flight after a step."
+            ),
+            *_differences(differences),
+        ],
         notes=[*parameters.sentences(differences), *trend.notes(found)],
         command=command,
     )
@@ -212,40 +217,6 @@ def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
     if np.any(moved):
         marks["com"] = f"moved by {style.written(float(np.linalg.norm(moved)), 'm')}"
     return marks, moved if np.any(moved) else None
-
-
-def _trend_tables(found: Trend) -> Iterator[Table]:
-    """Parameters, what changed of them, values."""
-    names = {id(p): f"{p.effect} {label(p.name, found.model.vehicle)}" for p in found.parameters}
-    rows = []
-    for p in found.parameters:
-        sizes = (float(p.values.mean()), p.course.scatter, float(np.median(p.errors)))
-        rows.append([names[id(p)], trend.WORDS[p.course.verdict], *(number(v) for v in sizes), unit(p.unit)])
-    heads: Sequence[str] = ("parameter", "over the flights", "mean", "scatter", "error", "unit")
-    yield table("", heads, rows, left=2, texts=(5,), caption=f"Parameters. {trend.LEGEND}.")
-
-    rows = []
-    for p in found.changed:
-        course = p.course
-        changes: list[tuple[Step | Drift, str, tuple[float, ...]]] = [
-            (s, f"{s.flight + 1} {found.names[s.flight]}", (s.before, s.after, s.size)) for s in course.steps
-        ]
-        if course.drift is not None and not course.steps:
-            changes = [(course.drift, "drift, a flight", (*course.level[[0, -1]], course.drift.slope))]
-        for one, place, levels in changes:
-            numbers = (*(number(float(v)) for v in levels), f"{number(one.low)} to {number(one.high)}", unit(p.unit))
-            rows.append([names[id(p)], place, *numbers, f"{one.t:.1f}", f"{one.p:.1g}"])
-    heads = ("parameter", "from flight", "before", "after", "size", "95 % interval", "unit", "t", "p")
-    if rows:
-        yield table("", heads, rows, left=2, texts=(6,), caption="Steps and drifts.")
-
-    shown = [p for p in found.parameters if p.course.verdict is not Course.OPEN]
-    heads = ["", "flight", *(trend.column(p, found) for p in shown)]
-    rows = [
-        [str(k), name, *(f"{number(p.values[k - 1])} ± {number(p.errors[k - 1], 2)}" for p in shown)]
-        for k, name in enumerate(found.names, 1)
-    ]
-    yield table("", heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
 
 
 PAGES: dict[type, Callable[[Any, str], str]] = {Health: health_page, Changed: changed_page, Trend: trend_page}

@@ -12,23 +12,21 @@ from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.trajectory import file as trajectory_file
-from wrenchgap.replay.present import design, detection, explanation, history, learning, staircase, timing, where
+from wrenchgap.replay.present import (
+    comparison,
+    design,
+    detection,
+    explanation,
+    history,
+    learning,
+    staircase,
+    timing,
+    where,
+)
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import not_tried, sentences
-from wrenchgap.replay.present.numbers import (
-    AXIS_HEADS,
-    UNIT_HEADS,
-    change,
-    label,
-    number,
-    parameters_in_words,
-    row,
-    separation,
-    share,
-    unit,
-    yes_no,
-)
+from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, separation, share, unit
 from wrenchgap.replay.present.report import summary
 from wrenchgap.replay.present.report.elements import Image, Saved
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
@@ -93,26 +91,15 @@ def _residual(report: Report) -> Image | None:
 def of_ranking(report: Report, _: Repetition) -> Content:
     """Candidates, the steps of the search, the members of the set."""
     found = report.explanation
-    shown = found.ranking[:12]
-    if not shown:
+    if not found.ranking:
         return {"chart": None}
-    alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
+    alt = f"Effects ranked by the share of the error energy that each removes; first {found.ranking[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
-    rows = []
-    for c in shown:
-        words = parameters_in_words(c.values, found.model.vehicle)
-        words += " (implausible: at its limit)" if c.implausible else ""
-        falls = [change(-float(v)) for v in c.reduction]
-        rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
-    heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
-    legend = (
-        "Each effect alone. Score: share of the given model's error energy that is gone. F, M: change of RMS on "
-        "held-out time. Evidence: sum of the logarithms of RMS ratios. t: paired over blocks of time; significant "
-        f"above {SIGNIFICANCE.alone:g}."
-    )
+    ranked = explanation.ranking(found, 12)
+    ranked.caption = f"Each effect alone. {explanation.RANKING_LEGEND}."
     return {
         "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
-        "first": table("", heads, rows, left=2, caption=legend),
+        "first": ranked,
         "classes": explanation.open_in_words(found),
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
@@ -173,49 +160,39 @@ def _maps(found: Where) -> dict[str, Any]:
     shown = where_figures.shown(found)
     alt = f"Error of {found.name} against {', '.join(d.label for d in shown)}."
     caption = "RMS of the force and of the torque residual against what the vehicle did; pale: sensor noise."
-    rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", yes_no(d.significant)] for d in shown]
-    worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
     grid = found.failure_map.grid
     over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where samples are too few."
     empty = grid is not None and np.isnan([grid.force, grid.torque]).all()
     return {
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_picture(found), alt, caption) if shown else None,
-        "table": table("", ("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
+        "table": where.quantities(found),
         "grid": grid
         and not empty
         and Image.of(where_figures.grid_picture(found), over, f"{over} Each map has its own scale."),
         "no_grid": summary.no_grid(grid) if grid is not None and empty else "",
-        "worst": table("", ("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
+        "worst": comparison.worst(found.name, found.worst),
     }
 
 
 def of_residual(report: Report, _: Repetition) -> Content:
     """What the nominal error is made of, and what the residual of the fitted model looks like."""
-    found, shares, names = report.after, report.after.budget.whole(), where_figures.NAMES
-    rows = [
-        [names[part].capitalize(), share(shares[part]), *(share(float(v)) for v in values)]
-        for part, values in found.budget.shares().items()
-    ]
-    alt = "Of the nominal error energy: " + ", ".join(f"{r[0]} {r[1]}" for r in rows)
-    white = [[axis.replace("_", " "), *words] for axis, *words in where.whiteness_in_words(found.whiteness)]
-    inputs = [
-        [g.label, yes_no(g.chosen), share(g.alone), share(g.lost), f"{g.significance:.1f}"]
-        for g in found.relevance.groups[:8]
-    ]
-    heads = ("input", "chosen", "alone", "lost without them", "t")
-    caption = "Shares of the residual's variance on held-out time that the inputs predict."
+    found, names = report.after, where_figures.NAMES
+    parts = (f"{names[part].capitalize()} {share(value)}" for part, value in found.budget.whole().items())
+    alt = f"Of the nominal error energy: {', '.join(parts)}"
+    inputs = where.relevance(found)
+    inputs.caption = "Shares of the residual's variance on held-out time that the inputs predict."
     energy = "What the nominal error energy is made of, by axis."
     return {
         "budget": Image.of(where_figures.budget_picture(found), alt, energy),
-        "shares": table("", ("part", "all axes", *AXIS_HEADS), rows),
-        "white": table("", ("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
+        "shares": where.budget_table(found.budget),
+        "white": where.whiteness(found),
         "correlations": Image.of(
             where_figures.correlation_picture(found),
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
-        "inputs": table("", heads, inputs, left=2, caption=caption),
+        "inputs": inputs,
     }
 
 
@@ -285,19 +262,13 @@ def of_not_tried(report: Report, _: Repetition) -> Content:
 
 def of_repetition(report: Report, repetition: Repetition) -> Content:
     """Commands, inputs, options, versions, the fitted model."""
-    model = report.model
-    versions = [
-        [str(v.number), v.date or "-", history.words(v, changed), ", ".join(file for file, _ in v.flights) or "-"]
-        for v, changed in history.steps(model)
-    ]
     inputs = [(role, file, styled(sha256, "code")) for role, file, sha256 in repetition.inputs]
-    heads = ("version", "date", "what changed", "fitted to")
     return {
         "commands": "\n".join(repetition.commands),
         "inputs": table("", ("input", "file", "SHA-256"), inputs, left=3),
         "options": table("", ("option", "value"), repetition.options, left=2),
         "versions": table("", ("package", "version"), repetition.versions, left=2),
-        "history": table("", heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,
+        "history": history.table_of_versions(report.model) if report.model.history else None,
         "fitted": Saved(FITTED, repetition.fitted_model),
         "notes": sentences(report.notes),
     }
