@@ -8,19 +8,21 @@ from dataclasses import replace
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.panel import Part
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
-from wrenchgap.viewer.session import ReadChannels
+from wrenchgap.viewer.session import ReadChannels, Scene
 from wrenchgap.viewer.view_state import MOST_CHANNELS, ViewState
 
 NONE = "(no channel of that name)"
 
 
-class ChannelPicker:
+class ChannelPicker(Part):
     """The names of the plotted channels, which stay when the flight changes; channels are read on first use."""
 
     def __init__(self, host: Host, board: Board, read: ReadChannels | None) -> None:
-        self.host, self._read_all = host, read
+        super().__init__(host)
+        self._read_all = read
         self.names: tuple[str, ...] = ()
         self._read: dict[str, Mapping[str, tuple[Array, Array]]] = {}
         self._reading: set[str] = set()
@@ -33,7 +35,7 @@ class ChannelPicker:
             self.action = gui.add_button_group("plot", ("add", "remove", "remove all"), visible=False)
             connect(self.action, lambda _: self._act(self.action.value))
 
-    def opened(self) -> None:
+    def opened(self, scene: Scene) -> None:
         """Another flight is shown: read its channels if some are plotted."""
         if self.names:
             self.read()
@@ -48,7 +50,7 @@ class ChannelPicker:
         """Plot the channels of the view."""
         if view.channels != self.names:
             self.names = view.channels
-            self.opened()
+            self.opened(self.host.scene)
             self.host.replot()
 
     def read(self) -> None:

@@ -155,7 +155,7 @@ class Page(Host):
         of_session = [make(self) for make in self.session.capabilities.panels]
         last = (ExportPanel(self, self.board, self.scene_panel.legend_parts), NotesPanel(self))
         self.panels: list[Panel] = [self.scene_panel, *of_session, *last]
-        self._parts: tuple[Part, ...] = (self.transport, *self.panels)
+        self._parts: tuple[Part, ...] = (self.transport, *self.panels, self.channels)
         self.legend = gui.add_panel()
         with self.legend.add_tab("Legend"):
             self._legend = gui.add_html("")
@@ -180,7 +180,6 @@ class Page(Host):
             part.opened(scene)
         for part in self._parts:
             self.view = part.possible(self.view)
-        self.channels.opened()
         self._follow_view()
         self.replot()
         self._show()
@@ -188,7 +187,6 @@ class Page(Host):
     def _follow_view(self) -> None:
         for part in self._parts:
             part.viewed(self.view)
-        self.channels.viewed(self.view)
         self._draw()
 
     def _show(self) -> None:

@@ -11,8 +11,7 @@ from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.batch.store import Store
-from wrenchgap.replay.present.stored_fit import from_fit_json
+from wrenchgap.replay.batch.store import Store, from_fit_json
 
 
 @dataclass(frozen=True)

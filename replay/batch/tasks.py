@@ -28,9 +28,8 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay import api, api_flights
 from wrenchgap.replay.batch.sources import Source, at_hand
-from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.store import Store, fit_json
 from wrenchgap.replay.present.documents import plain
-from wrenchgap.replay.present.stored_fit import fit_json
 
 
 @dataclass(frozen=True)

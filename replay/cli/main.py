@@ -25,7 +25,6 @@ from wrenchgap._kernels import refused_setting, removed_kernels
 from wrenchgap.replay.cli.commands import (
     analysis,
     batch,
-    between_flights,
     compensation,
     demo,
     export,
@@ -39,7 +38,7 @@ from wrenchgap.replay.cli.values import usage_error
 NAME = "wrenchgap"
 COMMANDS = (
     *(analysis.check, analysis.inspect, model.calibrate, analysis.compare, analysis.where, analysis.explain),
-    *(between_flights.changed, between_flights.trend, model.add, model.remove, model.history),
+    *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
     *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),
 )

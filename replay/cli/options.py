@@ -207,6 +207,9 @@ class Reading:
     budget: BudgetOption = None
 
     def __post_init__(self) -> None:
+        from wrenchgap.flight.check import accepted_names
+        from wrenchgap.flight.unmeasured import axis_names
+        from wrenchgap.learn.data.phases.phase import phase_names
         from wrenchgap.learn.data.read_options import ReadOptions
 
         self.options = ReadOptions(
@@ -214,8 +217,8 @@ class Reading:
             shifts=values.parse_shifts(self.shift),
             cutoff_hz=values.parse_cutoff(self.cutoff),
             between=values.parse_between(self.between),
-            unmeasured=values.parse_unmeasured(self.unmeasured),
-            accept=values.parse_accept(self.accept),
-            keep=values.parse_keep(self.keep),
+            unmeasured=axis_names(values.parse_names(self.unmeasured)),
+            accept=accepted_names(name for text in self.accept or () for name in values.parse_names(text)),
+            keep=phase_names(name for text in self.keep or () for name in values.parse_names(text)),
             budget=values.parse_budget(self.budget),
         )

@@ -75,27 +75,6 @@ def _by_role(option: str, texts: Sequence[str] | None, read: Callable[[str], T |
     return found
 
 
-def parse_unmeasured(text: str | None) -> tuple[str, ...]:
-    """`"force_x,force_y"` as names of axes; raises UsageError for others."""
-    from wrenchgap.flight.unmeasured import axis_names
-
-    return axis_names(parse_names(text))
-
-
-def parse_accept(texts: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of checks; raises UsageError for one that there is not."""
-    from wrenchgap.flight.check import accepted_names
-
-    return accepted_names(name for text in texts or () for name in parse_names(text))
-
-
-def parse_keep(texts: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of phases; raises UsageError for one that there is not."""
-    from wrenchgap.learn.data.phases.phase import phase_names
-
-    return phase_names(name for text in texts or () for name in parse_names(text))
-
-
 def parse_budget(text: str | None) -> str | None:
     """A memory, a time or both, as it is; raises UsageError for others."""
     if text is not None:

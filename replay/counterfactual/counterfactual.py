@@ -26,7 +26,7 @@ from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.prediction import process_inputs
-from wrenchgap.learn.data.recording import CUTOFF_HZ, Recording
+from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
@@ -192,7 +192,6 @@ def counterfactual(
     model: Model,
     change: Change | None = None,
     *,
-    cutoff_hz: float = CUTOFF_HZ,
     progress: Progress | None = None,
 ) -> Counterfactual:
     """Infer, fly the null run, and re-simulate with the change."""
@@ -202,7 +201,7 @@ def counterfactual(
     def stage(begin: float, end: float, words: str) -> Callable[[float], None]:
         return lambda fraction: report(begin + (end - begin) * fraction, words)
 
-    inference = infer(recording, model, cutoff_hz=cutoff_hz, progress=stage(0.0, 0.3, "inferring the disturbance"))
+    inference = infer(recording, model, progress=stage(0.0, 0.3, "inferring the disturbance"))
     null = refly(inference, progress=stage(0.3, 0.5, "null run"))
 
     def run(compensator: Compensating | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:

@@ -32,7 +32,7 @@ from wrenchgap.replay.compensation.compensators import TORQUE, Judged, ProcessCa
 from wrenchgap.replay.export.c_lines import Cost, Own, Pieces, Printer, cost
 from wrenchgap.replay.export.context import Table, Vectors, context, correction_max, numbers_of, recorded, words_of
 from wrenchgap.replay.export.folder import checked, write_folder
-from wrenchgap.replay.export.observer import NO_OBSERVER, Asked, ObserverSettings, observed, with_observer
+from wrenchgap.replay.export.observer import Asked, observed, with_observer
 from wrenchgap.replay.export.records import HASHED, export_id
 
 Precision = Literal["double", "float"]
@@ -128,7 +128,8 @@ def export_compensator(
         names=names,
         command=command,
         date=f"{datetime.now(UTC):%Y-%m-%d}",
-        observer=ObserverSettings(observer, observer_max),
+        observer=observer,
+        observer_max=observer_max,
     )
     write_folder(path, made.files, force=force)
     return made
@@ -145,7 +146,8 @@ def export(
     names: tuple[str, str] = ("-", "-"),
     command: str = "wrenchgap export",
     date: str = "",
-    observer: ObserverSettings = NO_OBSERVER,
+    observer: Asked = None,
+    observer_max: float | None = None,
 ) -> Export:
     """The compensation of `process`, and of the effects of `model` where its mean is physics, as C99.
 
@@ -161,8 +163,8 @@ def export(
     if asked.regulariser > 0.0:
         raise UsageError("export: regulariser is not zero, and the exported search has none; leave it out")
     without = tuple(e for e in model.effects if e.name in left_out)
-    loop, plan = _parts(process, kept, asked, lead, without, alone=observer.bandwidth is not None)
-    watched = observed(observer, loop, process, kept, asked.dt)
+    loop, plan = _parts(process, kept, asked, lead, without, alone=observer is not None)
+    watched = observed(observer, observer_max, loop, process, kept, asked.dt)
     in_loop = None if watched is None else compensators.judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,32 +20,25 @@ Asked = float | Literal["log"] | None
 """Bandwidth [Hz], or that of the training log; None: no observer."""
 
 
-@dataclass(frozen=True)
-class ObserverSettings:
-    """The observer that is asked for: its bandwidth, and the largest torque [Nm] that it may correct on every axis, by
-    default three times the largest mismatch in the training data.
-    """  # noqa: D205
-
-    bandwidth: Asked = None
-    torque_max: float | None = None
-
-
-NO_OBSERVER = ObserverSettings()
-
-
 def observed(
-    asked: ObserverSettings, ahead: Compensator | None, process: GaussianProcess | None, model: Model, dt: float
+    bandwidth: Asked,
+    most: float | None,
+    ahead: Compensator | None,
+    process: GaussianProcess | None,
+    model: Model,
+    dt: float,
 ) -> Combined | None:
     """`ahead` and observer as they are to be exported; None where no observer is asked for.
 
+    The observer corrects `most` [Nm] on every axis, by default three times the largest mismatch in the training data.
+
     Raises UsageError where bandwidth or bounds are not known, in one line that says what to give.
     """
-    most = asked.torque_max
-    if asked.bandwidth is None:
+    if bandwidth is None:
         if most is not None:
             raise UsageError("export: --observer-max is given without --observer; say --observer log or --observer HZ")
         return None
-    hz = _bandwidth(asked.bandwidth, process, dt)
+    hz = _bandwidth(bandwidth, process, dt)
     if most is not None and not (math.isfinite(most) and most > 0.0):
         raise UsageError(f"export: --observer-max is {most}, expected a positive number of newton metres")
     bounds = np.full(3, np.inf if most is None else most)

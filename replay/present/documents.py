@@ -24,30 +24,11 @@ from wrenchgap.plant.model_file import tool_version
 if TYPE_CHECKING:
     import pandas as pd
 
-VERSIONS = {
-    "check": 1,
-    "inspect": 2,
-    "simulate": 1,
-    "compare": 1,
-    "explain": 2,
-    "changed": 1,
-    "where": 1,
-    "add": 1,
-    "remove": 1,
-    "history": 1,
-    "report": 1,
-    "learn": 1,
-    "replay": 1,
-    "replay-export": 2,
-    "counterfactual": 1,
-    "design": 1,
-    "trend": 2,
-    "convert": 1,
-    "model": 1,
-    "calibrate": 1,
-    "export": 1,
-    "batch": 1,
-}
+FIRST_VERSION = (
+    *("check", "simulate", "compare", "changed", "where", "add", "remove", "history", "report", "learn", "replay"),
+    *("counterfactual", "design", "convert", "model", "calibrate", "export", "batch"),
+)
+VERSIONS = dict.fromkeys(FIRST_VERSION, 1) | {"inspect": 2, "explain": 2, "replay-export": 2, "trend": 2}
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 
 

@@ -12,12 +12,11 @@ from wrenchgap.plant.drafts.px4 import placeholders
 from wrenchgap.replay.present import inspection, parameters
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.health_rows import ROWS
+from wrenchgap.replay.present.inspection import LOOKS
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, styled, table
-
-LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 
 def parts(found: Health) -> list[Part]:

@@ -20,7 +20,7 @@ from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, styled, table
 
-COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
+LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 NAMES: dict[Level, str] = {"bad": "bad", "warn": "to look at", "ok": "passed"}
 
 
@@ -76,8 +76,8 @@ def _namespace(names: Sequence[str], shortest: int = 8) -> str:
 def checks(found: Sequence[Check]) -> Table:
     """Findings, the bad ones first."""
     out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
-    for check in sorted(found, key=lambda c: list(COLOURS).index(c.level)):
-        out.add_row(styled(check.level, COLOURS[check.level]), check.name, _words(check))
+    for check in sorted(found, key=lambda c: list(LOOKS).index(c.level)):
+        out.add_row(styled(check.level, LOOKS[check.level]), check.name, _words(check))
     return out
 
 

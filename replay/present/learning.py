@@ -63,12 +63,6 @@ def _notes(learnt: Learnt) -> list[str]:
     return sentences(note for one in _tested(learnt).values() for note in one.notes)
 
 
-def _advice(learnt: Learnt) -> list[str]:
-    """Which inputs would be better, and which effects to add."""
-    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
-    return [words for words in said if words]
-
-
 def _prediction(title: str, result: Comparison) -> Table:
     """The paper's prediction table: mean and std of absolute errors, and the change of the mean."""
     name = f"{title}: {', '.join(result.flights)}, |measured - predicted|, {comparison.filtered(result)}"
@@ -228,10 +222,11 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
 def brief(learnt: Learnt) -> list[Part]:
     """The verdicts, a margin below one, what would be better, warnings, and errors on the flights kept apart."""
     title, tested = list(_tested(learnt).items())[-1]
+    advice = (better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption))
     unsafe = [margin_in_words(learnt.margin)] if learnt.margin.least < 1.0 else []
     lines = [
         *note_lines(unsafe, "warning"),
-        *map(Line, _advice(learnt)),
+        *map(Line, filter(None, advice)),
         *note_lines(map(caution, learnt.cautions), "warning"),
     ]
     return [*verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]

@@ -84,6 +84,8 @@ def hover_command(model: Model, steps: int = 400) -> float | None:
 
 
 def _rows(vehicle: Vehicle) -> list[dict[str, Any]]:
+    if not vehicle.has_rotors:
+        return []
     _, rotors = vehicle.geometry()
     places = hubs(vehicle)
     return [
@@ -120,7 +122,7 @@ def to_json(sheet: Sheet) -> dict[str, Any]:
     return {
         **entries(model.vehicle, "name", "mass=body.mass", "inertia=body.inertia", "com=body.com_B"),
         **entries(model.vehicle, "imu_position=imu_position_B", "tolerances"),
-        "rotors": _rows(model.vehicle) if model.vehicle.has_rotors else [],
+        "rotors": _rows(model.vehicle),
         "full_thrust_over_weight": full_thrust(model.vehicle) if model.vehicle.has_rotors else None,
         "command": curve and {**entries(curve, "unit", "gives", "source"), "hover": hover_command(model)},
         "effects": effects_json(model.snapshot),
@@ -131,7 +133,7 @@ def to_json(sheet: Sheet) -> dict[str, Any]:
 
 def frame(sheet: Sheet) -> list[dict[str, Any]]:
     """One row for each rotor."""
-    return _rows(sheet.model.vehicle) if sheet.model.vehicle.has_rotors else []
+    return _rows(sheet.model.vehicle)
 
 
 def picture(sheet: Sheet) -> style.Picture:

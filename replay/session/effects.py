@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.effects import catalogue, find
-from wrenchgap.plant.history import Trial
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
@@ -28,24 +27,6 @@ BY_HAND = "set by hand in the viewer"
 """How provenance in a model file says where such a value comes from."""
 
 
-@dataclass(frozen=True)
-class ModelState:
-    """The current model seen from a flight; its effects in the order in which they came in.
-
-    `undo`, `redo` say what would be undone and done again, empty where there is nothing. `available` are names of
-    effects that can be added, `untried` those that cannot. `trial` is what the last fit did on held-out time.
-    """
-
-    name: str
-    installed: tuple[ModelEffect, ...]
-    available: tuple[str, ...]
-    untried: tuple[Untried, ...]
-    undo: str
-    redo: str
-    saved: bool
-    trial: Trial | None
-
-
 class SessionEffects:
     """Effects of a working model. Whatever changes the model can be undone."""
 
@@ -54,24 +35,17 @@ class SessionEffects:
         self.undo, self.redo = working.undo, working.redo
         self._steps: dict[str, Steps] = {}
 
-    def state(self, flight: str) -> ModelState:
-        """The current model, seen from a flight."""
-        return self.working.cached(("state", flight), lambda: self._state(flight))
+    @property
+    def installed(self) -> tuple[ModelEffect, ...]:
+        """Effects of the current model, in the order in which they came in."""
+        model = self.working.model
+        return tuple(effect for name in self.working.order if (effect := model.effect(name)) is not None)
 
-    def _state(self, flight: str) -> ModelState:
-        working = self.working
-        model, records, last = working.model, working.flight(flight).records, working.revisions[-1]
-        absent = {n: inapplicable(n, model, records) for n in catalogue() if n not in last.order}
-        return ModelState(
-            working.name,
-            tuple(effect for name in last.order if (effect := model.effect(name)) is not None),
-            tuple(name for name, reason in absent.items() if reason is None),
-            tuple(reason for reason in absent.values() if reason is not None),
-            working.undoable,
-            working.redoable,
-            working.saved,
-            last.trial,
-        )
+    def absent(self, flight: str) -> dict[str, Untried | None]:
+        """Effects that the current model lacks, by name, and why one cannot be added on a flight."""
+        model, records = self.working.model, self.working.flight(flight).records
+        names = [name for name in catalogue() if name not in self.working.order]
+        return self.working.cached(("absent", flight), lambda: {n: inapplicable(n, model, records) for n in names})
 
     def staircases(self, flight: str) -> tuple[Staircase, ...]:
         """Down to the current model, on this flight and on those that it was not fitted to."""
@@ -94,14 +68,14 @@ class SessionEffects:
 
         working = self.working
         added = api.add(working.model, names, working.flight(flight))
-        order = tuple(dict.fromkeys((*working.revisions[-1].order, *names)))
+        order = tuple(dict.fromkeys((*working.order, *names)))
         working.change(Revision(added.model, words, order, added.logs, added.trial))
 
     def remove(self, name: str) -> None:
         """Take one out; the others keep their values."""
         with self.working.lock:
             self.working.effect(name)
-            order = tuple(n for n in self.working.revisions[-1].order if n != name)
+            order = tuple(n for n in self.working.order if n != name)
             self.working.change(Revision(self.working.model.without([name]), f"remove {name}", order))
 
     def set_value(self, effect: str, parameter: str, value: float) -> None:
@@ -124,7 +98,7 @@ class SessionEffects:
             model = working.model.with_effects((*(e for e in working.model.effects if e.name != effect), new))
             model.wrench_model.body  # noqa: B018 - raises where no body can be like that
             words = f"set {effect} by hand"
-            working.change(Revision(model, words, working.revisions[-1].order), instead=working.undoable == words)
+            working.change(Revision(model, words, working.order), instead=working.undoable == words)
 
     @property
     def saves(self) -> bool:
@@ -192,7 +166,7 @@ class SessionEffects:
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
         """Nominal; with the first effect; the first two; ... as they were when there were no more, or are now."""
         working = self.working
-        order, model = working.revisions[-1].order, working.model
+        order, model = working.order, working.model
         models = [model.nominal]
         for count in range(1, len(order) + 1):
             earlier = [r.model for r in working.revisions if set(r.order) == set(order[:count])]
@@ -210,7 +184,7 @@ class SessionEffects:
         data = working.data(flight)
         if any(not e.provenance.logs for e in working.model.effects) or len(np.unique(data.block)) < 2:
             return None
-        made = steps(data, working.model, working.revisions[-1].order, earlier=self._steps.get(flight))
+        made = steps(data, working.model, working.order, earlier=self._steps.get(flight))
         self._steps[flight] = made
         return staircase(Basis.HELD_OUT, data, made.left, made.names)
 

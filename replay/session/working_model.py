@@ -63,6 +63,11 @@ class WorkingModel:
         return self.revisions[-1].model
 
     @property
+    def order(self) -> tuple[str, ...]:
+        """Names of its effects in the order in which they came in."""
+        return self.revisions[-1].order
+
+    @property
     def undoable(self) -> str:
         """What would be undone, in words."""
         return self.revisions[-1].words if len(self.revisions) > 1 else ""
@@ -167,7 +172,7 @@ class WorkingModel:
         """The current model's name: that of the opened one, or what is in it now."""
         if [e.name for e in self.model.effects] == [e.name for e in self.opened_model.effects]:
             return self.opened_model.name if self.saved else f"{self.opened_model.name} (changed)"
-        return " + ".join([self.model.vehicle.name, *self.revisions[-1].order])
+        return " + ".join([self.model.vehicle.name, *self.order])
 
     @property
     def predictor(self) -> Predictor:

@@ -35,7 +35,6 @@ from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.export.export import export
-from wrenchgap.replay.export.observer import ObserverSettings
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +121,7 @@ def test_what_is_refused_is_not_called_corrected(flown):
     assert f"Corrected: {made.corrected}, every" in made.files["README.md"]
     assert export(fitted, MODEL).corrected == "torque_x, torque_y, torque_z"
     assert export(judged, MODEL, Settings(despite_verdict=True, max_evaluations=12)).corrected.endswith("torque_z")
-    watched = export(judged, MODEL, observer=ObserverSettings(1.0, 0.1))
+    watched = export(judged, MODEL, observer=1.0, observer_max=0.1)
     assert watched.corrected == "torque_y; torque_x, torque_z by the observer alone"
 
 

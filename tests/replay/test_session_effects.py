@@ -35,13 +35,13 @@ def same(one, other):
 def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session, logs):
     """And the numbers are those of the library."""
     session.effects.add(("com_offset",), "train")
-    state, staircases = session.effects.state("train"), session.effects.staircases("train")
+    staircases = session.effects.staircases("train")
     fitted, held_out = staircases
     assert [label(s) for s in held_out.stairs] == ["nominal", "+ com_offset"]
     assert (held_out.basis, fitted.basis) == (Basis.UNSEEN, Basis.FITTED)
     assert held_out.stairs[0].in_all > 5.0 * held_out.noise.in_all
     assert held_out.stairs[1].in_all < 1.2 * held_out.noise.in_all
-    (installed,) = state.installed
+    (installed,) = session.effects.installed
     assert np.all(np.abs(installed.theta - TRUTH) < 3.0 * installed.std + 1e-4)
     assert [file for file, _ in installed.provenance.logs] == ["train.mcap"]
     train, test = (dataset_of([open_flight(p, MODEL)], MODEL) for p in (logs.train, logs.test))
@@ -58,13 +58,12 @@ def test_undo_restores_the_very_same_numbers_and_redo_too(session):
     before = session.effects.staircases("train")
     scene = session.scene("train")
     session.effects.add(("com_offset",), "train")
-    stairs, added = session.effects.staircases("train"), session.effects.state("train")
-    assert (added.undo, added.redo) == ("add com_offset", "")
+    stairs = session.effects.staircases("train")
+    assert (session.working.undoable, session.working.redoable) == ("add com_offset", "")
     assert not np.array_equal(session.scene("train").wrenches["predicted"], scene.wrenches["commanded"])
     session.effects.undo()
-    again = session.effects.state("train")
-    assert again.redo == "add com_offset"
-    assert again.installed == ()
+    assert session.working.redoable == "add com_offset"
+    assert session.effects.installed == ()
     assert same(before, session.effects.staircases("train"))
     back = session.scene("train")
     assert set(back.wrenches) == set(scene.wrenches)
@@ -84,10 +83,10 @@ def test_a_slider_moves_the_error_and_counts_as_one_change(session):
         session.effects.set_value("com_offset", "y", y)
         errors.append(error())
     assert np.all(np.diff(errors) > 0.0)
-    state = session.effects.state("train")
-    assert state.installed[0].theta[1] == 0.0
-    assert state.installed[0].std is None
-    assert "by hand" in state.installed[0].provenance.method
+    (installed,) = session.effects.installed
+    assert installed.theta[1] == 0.0
+    assert installed.std is None
+    assert "by hand" in installed.provenance.method
     session.effects.undo()
     assert error() == errors[0]
 
@@ -101,10 +100,10 @@ def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
     assert np.array_equal(rms(two)[:2], rms(one))
     session.effects.remove("com_offset")
     left = session.effects.staircases("train")
-    assert [i.name for i in session.effects.state("train").installed] == ["inertia"]
+    assert [i.name for i in session.effects.installed] == ["inertia"]
     assert left[1].stairs[-1].in_all > 3.0 * two.stairs[-1].in_all
     session.effects.refit("train")
-    assert session.effects.state("train").undo == "fit on train"
+    assert session.working.undoable == "fit on train"
 
 
 def test_one_flight_is_judged_on_time_that_was_not_fitted(logs):
@@ -127,7 +126,7 @@ def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(s
     assert ranking.ranking[0].name == "com_offset"
     assert "com_offset" in summary(ranking)
     assert any("trying com_offset" in words for words in told)
-    assert session.effects.state("train").installed == ()  # a search changes nothing
+    assert session.effects.installed == ()  # a search changes nothing
 
 
 def test_cancelling_a_search_ends_it_at_once(session):
@@ -144,9 +143,9 @@ def test_saved_model_says_what_was_done_and_is_never_overwritten_unasked(session
     session.effects.add(("com_offset",), "train")
     session.effects.add(("inertia",), "train")
     session.effects.remove("inertia")
-    assert not session.effects.state("train").saved
+    assert not session.working.saved
     assert "version 4" in session.effects.save(path.name)
-    assert session.effects.state("train").saved
+    assert session.working.saved
     read = model_file.load(path)
     commands = [v.command.split("wrenchgap view: ")[1] for v in read.history[1:]]
     assert commands == ["add com_offset", "add inertia", "remove inertia"]
@@ -188,7 +187,7 @@ def test_what_cannot_be_is_refused_in_one_line(session):
     for axis, value, words in (("x", 2.0, "plausible"), ("x", np.nan, "plausible"), ("w", 0.0, "no parameter")):
         with pytest.raises(ModelError, match=words):
             edit.set_value("com_offset", axis, value)
-    assert edit.state("train").undo == "add com_offset"  # none of this changed anything
+    assert session.working.undoable == "add com_offset"  # none of this changed anything
 
 
 def test_next_flight_is_drawn_within_the_room_and_says_what_it_separates(session):

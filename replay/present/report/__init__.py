@@ -1,7 +1,7 @@
 """The report of a search: a few lines, JSON, and one self-contained HTML page.
 
-`page` fills the templates of templates/ with the tables and figures of `sections`; `words` has the sentences that are
-the page's own, `repetition` what is needed to come to the same numbers again, `summary` lines, JSON and frame.
+`page` fills the templates of templates/ with the tables and figures of `sections`; `repetition` has what is needed to
+come to the same numbers again, `summary` the sentences that are the page's own, lines, JSON and frame.
 """
 
 from wrenchgap.replay.present.figures.report import picture

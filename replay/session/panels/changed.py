@@ -49,7 +49,7 @@ class SessionComparisons:
         with working.lock:
             if working.name != name:
                 raise UsageError(f"this was found on top of {name}; search again on the model as it stands")
-            order = tuple(dict.fromkeys((*working.revisions[-1].order, *found.names)))
+            order = tuple(dict.fromkeys((*working.order, *found.names)))
             words = f"add what changed: {', '.join(found.names)}"
             working.change(Revision(with_changes(working.model, found), words, order))
 

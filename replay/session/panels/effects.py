@@ -13,7 +13,7 @@ from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant.effects.effect import Parameter
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.notes import not_tried
-from wrenchgap.replay.session.effects import ModelState, SessionEffects
+from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.panels.html import finer
 from wrenchgap.viewer.host import Host, download
@@ -46,7 +46,7 @@ class EffectsPanel(Panel):
     def __init__(self, host: Host, effects: SessionEffects) -> None:
         super().__init__(host)
         self.effects = effects
-        self.state: ModelState | None = None
+        self.available: tuple[str, ...] = ()
         self._flight: str | None = None
         self.searches: dict[str, tuple[Explanation, str]] = {}
         """What was found to be missing, by flight, and on top of which model."""
@@ -98,31 +98,33 @@ class EffectsPanel(Panel):
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. The errors on a long flight are worked out beside the page at first."""
-        self.state = state = self.effects.state(scene.name)
+        working, installed, absent = self.effects.working, self.effects.installed, self.effects.absent(scene.name)
         self.links.start()
-        self.back.label, self.back.visible = f"Undo: {state.undo}", bool(state.undo)
-        self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
-        self.choice.options = state.available or ("-",)
-        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in not_tried(state.untried).items()]
+        self.back.label, self.back.visible = f"Undo: {working.undoable}", bool(working.undoable)
+        self.again.label, self.again.visible = f"Redo: {working.redoable}", bool(working.redoable)
+        self.available = tuple(name for name, why in absent.items() if why is None)
+        self.choice.options = self.available or ("-",)
+        reasons = not_tried([why for why in absent.values() if why is not None])
+        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
         self.lacking.content = sentences(*lacking, look="wg-pale")
-        self.inside.content = html.render("installed", effects=state.installed, vehicle=self.host.session.vehicle)
-        self.sliders.show(state.installed)
-        self.refit.visible = bool(state.installed)
+        self.inside.content = html.render("installed", effects=installed, vehicle=self.host.session.vehicle)
+        self.sliders.show(installed)
+        self.refit.visible = bool(installed)
         found = self.searches.get(scene.name)
-        self.found.content = "" if found is None else self._search_html(*found, state)
+        self.found.content = "" if found is None else self._search_html(*found)
         beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
         if beside:
             self._climb((), f"looking at {scene.name} ...")
         self.look_up(partial(self.effects.staircases, scene.name), self._climb, in_background=beside)
 
     def _climb(self, staircases: tuple[Staircase, ...], words: str = "") -> None:
-        self.stairs.content = html.render("model", state=self.state, staircases=staircases, words=words)
+        self.stairs.content = html.render("model", working=self.effects.working, staircases=staircases, words=words)
 
-    def _search_html(self, found: Explanation, model: str, state: ModelState) -> str:
+    def _search_html(self, found: Explanation, model: str) -> str:
         """Verdict and candidates, with links that add effects and lead to the flight that separates a group."""
         from wrenchgap.replay.present import detection, explanation  # here: the page stands before it is there
 
-        inside = {i.name for i in state.installed}
+        inside = {i.name for i in self.effects.installed}
         names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
         rest = [n for n in found.effects if n not in inside]
         fitted = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
@@ -136,7 +138,7 @@ class EffectsPanel(Panel):
             alike={r.name for m in found.members for r in m.alike},
             vehicle=self.host.session.vehicle,
             searched_on=model,
-            model=state.name,
+            model=self.effects.working.name,
             inside=inside,
             meaning=VERDICTS.get(found.verdict, ""),
             most=12,
@@ -148,7 +150,7 @@ class EffectsPanel(Panel):
 
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""
-        if self.state is None or any(n not in self.state.available for n in names):
+        if any(n not in self.available for n in names):
             raise UsageError(f"{', '.join(names)}: cannot be added on this flight; choose an effect of the list")
         self._change(partial(self.effects.add, tuple(names), self.host.scene.name))
 
