@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -82,7 +82,6 @@ JsonFile = Annotated[
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
-Details = Annotated[bool, typer.Option("--details", help="All tables and notes behind the answer.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 LogOut = Annotated[Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).")]
 GpOption = Annotated[
@@ -103,10 +102,6 @@ Effects = Annotated[
     list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=values.complete_effects)
 ]
 ModelOut = Annotated[Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.")]
-NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")]
-Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")]
-Slope = Annotated[float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")]
-DecayTime = Annotated[float, typer.Option(help="Time constant with which a withheld correction fades, in seconds.")]
 DespiteVerdict = Annotated[
     bool, typer.Option("--despite-verdict", help="Compensate in full, also where the verdict of learn is against it.")
 ]
@@ -222,3 +217,29 @@ class Reading:
             keep=phase_names(name for text in self.keep or () for name in values.parse_names(text)),
             budget=values.parse_budget(self.budget),
         )
+
+
+@dataclass
+class Gate:
+    """What of the optimum is applied, as typed."""
+
+    no_filter: Annotated[
+        bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")
+    ] = False
+    sigma_threshold: Annotated[
+        float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")
+    ] = None
+    kappa: Annotated[
+        float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")
+    ] = None
+    decay_time: Annotated[
+        float, typer.Option(help="Time constant with which a withheld correction fades, in seconds.")
+    ] = 0.15
+    despite_verdict: DespiteVerdict = False
+
+    def settings(self, **more: Any) -> Any:
+        """The same as `compensate.Settings`, with others."""
+        from wrenchgap.compensate import Settings
+
+        same = {name: value for name, value in vars(self).items() if name != "no_filter"}
+        return Settings(filter_uncertain=not self.no_filter, **same, **more)

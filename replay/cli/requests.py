@@ -108,6 +108,7 @@ class Run:
     json: o.JsonFile = None
     force: o.Force = False
     quiet: o.Quiet = False
+    details = True  # no option: those of `DetailedRun` ask for them
 
     def __post_init__(self) -> None:
         self.inputs: list[Mapping[str, Any]] = []
@@ -207,8 +208,9 @@ class Run:
         """Print a result; `how` as `replay.present.parts` and that of its module have it."""
         from wrenchgap.replay.present import parts
 
+        how = {"details": self.details, **how}
         self.show(*parts(result, **how))
-        if not how.get("details", True):
+        if not how["details"]:
             self.line("tables and notes: --details", "dim")
 
     def line(self, text: str = "", style: str = "") -> None:
@@ -305,6 +307,13 @@ class Run:
             else:
                 found[name] = [word for v in listed for word in (name, str(v))]
         return found
+
+
+@dataclass
+class DetailedRun(Run):
+    """A run of a command that prints the answer, and what is behind it only where that is asked for."""
+
+    details: Annotated[bool, typer.Option("--details", help="All tables and notes behind the answer.")] = False
 
 
 def flat_command(function: Callable[..., None]) -> Callable[..., None]:

@@ -14,14 +14,10 @@ answer in at most `tables.ANSWER_LINES` lines, and the one table that it rests o
 `of_parameters` (a row for each), of which `by_axis` and `by_parameter` are made.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
+from typing import Any
 
 MODULES = {
     "Addition": "addition",

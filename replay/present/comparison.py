@@ -1,9 +1,7 @@
 """A comparison of models on flights: tables, JSON, samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +12,6 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
@@ -141,7 +136,7 @@ def of_axes(result: Comparison) -> dict[str, Array]:
     return {**{e.name: e.pooled.rms for e in result.evaluations}, "noise": result.noise}
 
 
-def frame(result: Comparison) -> pd.DataFrame:
+def frame(result: Comparison) -> Any:
     """One row for each compared sample: flight, time, then `commanded.force_x`, `measured...`, `<model>...`."""
     import pandas as pd  # here: others need not wait for it
 

@@ -1,9 +1,7 @@
 """An exported compensation: what is in it, and what a step costs."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wrenchgap.learn.identify.observer import OBSERVER
 from wrenchgap.replay.export.c_lines import KINDS
@@ -11,9 +9,6 @@ from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.numbers import entries, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 HEADS = {
     "add": "+ -",
@@ -98,7 +93,7 @@ def _too_fast(made: Export) -> list[str]:
     ]
 
 
-def frame(made: Export) -> pd.DataFrame:
+def frame(made: Export) -> Any:
     """Operations of a step, one row each for the usual step and the worst."""
     import pandas as pd  # here: others need not wait for it
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Run
+from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
 from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_error
 
 if TYPE_CHECKING:
@@ -22,10 +22,9 @@ def check(
     model: o.OptionalModel = None,
     figure: o.Figure = None,
     page: o.Page = None,
-    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """What to look at first, without a mass and without a model: one screen about a vehicle and its logs.
 
@@ -47,7 +46,7 @@ def check(
     run.inputs[:0] = [
         {"role": "log", "file": str(log.inspection.path), "sha256": log.inspection.content_hash} for log in found.logs
     ]
-    run.result(found, details=details)
+    run.result(found)
     run.save("check", found, figure=figure, page=page)
 
 
@@ -63,10 +62,9 @@ def inspect(
             autocompletion=complete_models,
         ),
     ] = None,
-    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("between")],
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
 
@@ -87,7 +85,7 @@ def inspect(
     bodies = []
     for path in logs:
         seen = model_checks.inspect(path, known, reading.options)
-        run.result(seen, details=details)
+        run.result(seen)
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     run.write("inspect", {"logs": bodies})
@@ -106,10 +104,9 @@ def compare(
     by_flight: Annotated[
         bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
     ] = False,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Errors of models on flights, per axis and per flight, and where they are worst.
 
@@ -130,7 +127,7 @@ def compare(
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
     how = {"signed": True} if by_flight else {}
-    run.result(result, details=details or by_flight, **how)
+    run.result(result, details=run.details or by_flight, **how)
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{run.common_options()}", style="dim")
     run.save("compare", result, figure=figure, csv=csv)
@@ -141,10 +138,9 @@ def where(
     model: o.ModelOption,
     gp: o.GpOption = None,
     figure: o.Figure = None,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -161,7 +157,7 @@ def where(
     with run.progress("where") as report:
         flights, _ = run.open(reading.options, logs, base)
         result = api.where(flights, base, gp=process, progress=report)
-    run.result(result, details=details)
+    run.result(result)
     run.notes(base.notes)
     run.save("where", result, figure=figure)
 
@@ -172,10 +168,9 @@ def explain(
     validate: o.Validate = None,
     effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try only these effects.")] = None,
     injections: o.Injections = 1,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Rank the effects that could explain what the model misses, by the reduction of the error on held-out time.
 
@@ -195,7 +190,7 @@ def explain(
         flights, tests = run.open(reading.options, logs, base, validate)
         asked: Any = {"names": names, "validate": tests, "injections": injections}
         found = api.explain(flights, base, **asked, progress=report)
-    run.result(found, details=details)
+    run.result(found)
     read = (run.common_options(), run.common_options("cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
@@ -258,10 +253,9 @@ def changed(
     injections: o.Injections = 1,
     figure: o.Figure = None,
     page: o.Page = None,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
 
@@ -279,7 +273,7 @@ def changed(
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
         found = api_flights.changed(bad, good, base, names=names, injections=injections, progress=report)
-    run.result(found, details=details)
+    run.result(found)
     run.notes(base.notes)
     run.save("changed", found, figure=figure, page=page)
 
@@ -300,10 +294,9 @@ def trend(
     vehicle: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of rows of `batch compare`: whose flights.")
     ] = None,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Fit each flight by itself and say which parameters stepped or drifted over the flights.
 
@@ -330,7 +323,7 @@ def trend(
         else:
             flights, _ = run.open(reading.options, logs, base)
             found = api_flights.trend(flights, base, names, progress=report)
-    run.result(found, details=details)
+    run.result(found)
     run.save("trend", found, figure=figure, parquet=table, page=page)
 
 

@@ -1,20 +1,15 @@
 """`wrenchgap learn`, `replay`, `counterfactual`: a Gaussian process, and the compensation on a recorded flight."""
 
-from __future__ import annotations
-
 import math
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli import values
-from wrenchgap.replay.cli.requests import FOUND_BAD, Omit, Run
-
-if TYPE_CHECKING:
-    from wrenchgap.flight.budget import Budget
+from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
 
 Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])
 Mean = StrEnum("Mean", ["physics", "zero", "linear", "constant"])
@@ -67,10 +62,9 @@ def learn(
             "--as-fitted", help="As in the paper: believe the fit in full, whatever held-out time and stability say."
         ),
     ] = False,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Learn the wrench residual of the model, as a function of the commanded wrench.
 
@@ -105,7 +99,7 @@ def learn(
             progress=report,
         )
     api.save_gp(learnt, output, force=run.force)
-    run.result(learnt, details=details)
+    run.result(learnt)
     run.notes(base.notes)
     run.write("learn", {**learnt.to_json(), "gp": str(output)}, GP=output)
 
@@ -131,22 +125,17 @@ def replay(
             autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
         ),
     ] = None,
-    no_filter: o.NoFilter = False,
-    sigma_threshold: o.Threshold = None,
-    kappa: o.Slope = None,
-    decay_time: o.DecayTime = 0.15,
     lead: o.Lead = None,
-    despite_verdict: o.DespiteVerdict = False,
     csv: o.Csv = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Every step as Parquet.")] = None,
     figure: o.Figure = None,
-    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
     cutoff: Annotated[
         float | None, typer.Option(metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
     ] = None,
-    run: Run,
+    gate: o.Gate,
+    run: DetailedRun,
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
 
@@ -160,9 +149,8 @@ def replay(
     """
     # Long because every option is one line of the signature.
     if export is not None:
-        _prove(log, export, csv, reading.options.budget, run)
+        _prove(log, export, csv, reading, run)
         return
-    from wrenchgap.compensate import Settings
     from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import source_by_name
@@ -176,13 +164,7 @@ def replay(
         )
     check_tables(csv, parquet)
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
-    settings = Settings(
-        filter_uncertain=not no_filter,
-        sigma_threshold=sigma_threshold,
-        kappa=kappa,
-        decay_time=decay_time,
-        despite_verdict=despite_verdict,
-    )
+    settings = gate.settings()
     base, process, wanted = run.model(model), run.gp(gp), source_by_name(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
@@ -197,11 +179,11 @@ def replay(
     if parquet is not None:
         write_parquet(result.to_frame(), parquet)
     run.draw(result, figure)
-    run.result(result, details=details)
+    run.result(result)
     run.write("replay", result.to_json(), log=output, table=csv, parquet=parquet, figure=figure)
 
 
-def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run) -> None:
+def _prove(log: Path, folder: Path, csv: Path | None, reading: o.Reading, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.replay.export.flown import prove_flown
     from wrenchgap.replay.present.documents import check_tables
@@ -212,7 +194,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | Non
     check_tables(csv)
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
-        found = prove_flown(log, folder, budget=budget)
+        found = prove_flown(log, folder, budget=reading.options.budget)
     if log.is_file():
         run.note_input(log, "log")
     run.result(found)
@@ -267,10 +249,9 @@ def counterfactual(
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Its length, in seconds; default: to the end.")
     ] = None,
-    details: o.Details = False,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Re-simulate a recorded flight with something changed.
 
@@ -307,5 +288,5 @@ def counterfactual(
         )
     if output is not None:
         write_log(result, output, run.read, force=run.force)
-    run.result(result, details=details)
+    run.result(result)
     run.write("counterfactual", result.to_json(), log=output)

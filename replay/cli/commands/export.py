@@ -34,11 +34,6 @@ def export(
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=complete_effects),
     ] = None,
-    no_filter: o.NoFilter = False,
-    sigma_threshold: o.Threshold = None,
-    kappa: o.Slope = None,
-    decay_time: o.DecayTime = 0.15,
-    despite_verdict: o.DespiteVerdict = False,
     observer: Annotated[
         str | None,
         typer.Option(
@@ -54,6 +49,7 @@ def export(
         ),
     ] = None,
     *,
+    gate: o.Gate,
     run: Run,
 ) -> None:
     """Write the compensation as C99 without dependencies: a library, its self-test, a Makefile, a README.
@@ -64,7 +60,6 @@ def export(
     Example: `wrenchgap export torque.gp -m fitted.toml -o compensator/`
     """
     # Long because typer reads the options from the signature, one a line.
-    from wrenchgap.compensate import Settings
     from wrenchgap.flight.atomic import resolved
     from wrenchgap.replay.export.export import export_compensator
 
@@ -73,15 +68,7 @@ def export(
         if path is not None and resolved(output) in Path(path).resolve().parents:
             raise usage_error(f"--output {output}: holds {path}, which is read; choose another folder")
     base, process = run.model(model), run.gp(gp)
-    settings = Settings(
-        dt=1.0 / base.controller.rate_hz if dt is None else dt,
-        max_evaluations=evaluations,
-        filter_uncertain=not no_filter,
-        sigma_threshold=sigma_threshold,
-        kappa=kappa,
-        decay_time=decay_time,
-        despite_verdict=despite_verdict,
-    )
+    settings = gate.settings(dt=1.0 / base.controller.rate_hz if dt is None else dt, max_evaluations=evaluations)
     with run.progress("exporting", "compiling, the first time on this machine"):
         made = export_compensator(
             process,

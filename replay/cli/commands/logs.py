@@ -1,21 +1,15 @@
 """`wrenchgap simulate`, `convert` and `design`: flights flown, converted and planned."""
 
-from __future__ import annotations
-
 import shlex
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Omit, Run
 from wrenchgap.replay.cli.values import complete_effects, complete_trajectories, parse_effects, parse_room, usage_error
-
-if TYPE_CHECKING:
-    from wrenchgap.learn.design.manoeuvres import Limits
-    from wrenchgap.plant.vehicle import Vehicle
 
 
 def _list(asked: bool) -> None:
@@ -199,6 +193,11 @@ def design(
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
     # Long because typer reads the options from the signature, one a line.
+    from dataclasses import replace
+
+    import numpy as np
+
+    from wrenchgap.learn.design.manoeuvres import usual
     from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
@@ -206,13 +205,15 @@ def design(
     if output.suffix != ".toml":
         raise usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
     base = run.model(model)
+    limits = usual(base.vehicle)
+    tilt = limits.tilt if max_tilt is None else float(np.radians(max_tilt))
     along = None if also is None else parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(
             parse_effects(",".join(effects)),
             base,
             run.open(reading.options, logs or [], base)[0],
-            limits=_limits(base.vehicle, room, max_tilt, max_speed),
+            limits=replace(limits, room=parse_room(room) or limits.room, tilt=tilt, speed=max_speed),
             duration=duration,
             also=along,
             unmeasured=reading.options.unmeasured,
@@ -232,15 +233,3 @@ def design(
     if written:
         fly = shlex.join(["wrenchgap", "simulate", "-m", model, "-t", str(output), "-o", "flight.mcap"])
         run.line(f"next: {fly}{run.common_options(*READ)}, or fly it")
-
-
-def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:
-    from dataclasses import replace
-
-    import numpy as np
-
-    from wrenchgap.learn.design.manoeuvres import usual
-
-    limits = usual(vehicle)
-    tilt = limits.tilt if tilt_deg is None else float(np.radians(tilt_deg))
-    return replace(limits, room=parse_room(room) or limits.room, tilt=tilt, speed=speed)

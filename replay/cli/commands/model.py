@@ -1,19 +1,14 @@
 """`wrenchgap model new`, `model show`, `add`, `calibrate`, `remove`, `history`: model files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import complete_effects, complete_models, parse_budget, parse_effects, usage_error
-
-if TYPE_CHECKING:
-    from wrenchgap.plant.model import Model
 
 
 def new(
@@ -120,10 +115,9 @@ def add(
         list[str] | None,
         typer.Option(metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Fit effects to logs and write the model that has them; the model file's comments stay.
 
@@ -136,32 +130,27 @@ def add(
     base, command = run.model(model), run.command_line()
     if value and (effects or logs):
         raise usage_error("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
+    from wrenchgap.replay import api
+
     if value:
-        _set(run, base, value, output, command)
+        from wrenchgap.plant.effect_values import with_values
+        from wrenchgap.replay.present.addition import effects_json, model_table
+
+        saved = api.save_model(with_values(base, value), output, before=base, command=command, force=run.force)
+        run.show(model_table(saved))
+        run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
         return
     if not effects:
         raise usage_error("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
         raise usage_error("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
     parse_effects(",".join(effects))
-    from wrenchgap.replay import api
-
     with run.progress("fitting") as report:
         flights, _ = run.open(reading.options, logs, base)
         added = api.add(base, effects, flights, progress=report)
     saved = api.save_model(added, output, command=command, force=run.force)
-    run.result(added, details=details)
+    run.result(added)
     run.write_model("add", added.to_json(), saved, output)
-
-
-def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -> None:
-    from wrenchgap.plant.effect_values import with_values
-    from wrenchgap.replay import api
-    from wrenchgap.replay.present.addition import effects_json, model_table
-
-    saved = api.save_model(with_values(base, values), output, before=base, command=command, force=run.force)
-    run.show(model_table(saved))
-    run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
 
 
 def calibrate(
@@ -169,10 +158,9 @@ def calibrate(
     model: o.ModelOption,
     output: o.ModelOut,
     validate: o.Validate = None,
-    details: o.Details = False,
     *,
     reading: o.Reading,
-    run: Run,
+    run: DetailedRun,
 ) -> None:
     """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
 
@@ -191,7 +179,7 @@ def calibrate(
         found = api_models.calibrate(flights, base, validate=tests, progress=report)
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)
-    run.result(found, details=details)
+    run.result(found)
     run.write_model("calibrate", found.to_json(), saved, output)
 
 
