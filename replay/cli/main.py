@@ -22,16 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from wrenchgap._escaping import printable
 from wrenchgap._kernels import refused_setting, removed_kernels
-from wrenchgap.replay.cli.commands import (
-    analysis,
-    batch,
-    compensation,
-    demo,
-    export,
-    logs,
-    model,
-    view,
-)
+from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, export, logs, model, view
 from wrenchgap.replay.cli.requests import flat_command
 from wrenchgap.replay.cli.values import usage_error
 

@@ -126,11 +126,6 @@ def parameter_rows(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
     return [{"effect": s.effect, **entries(v, *names)} for s in effects for v in s.values]
 
 
-def yes_no(value: bool) -> str:
-    """Of a table."""
-    return "yes" if value else "no"
-
-
 def by_axis(name: str, values: Array) -> dict[str, Any]:
     """Wrenches (6,) or (N, 6) as columns of a frame: `name.force_x`, ..."""
     return {f"{name}.{axis}": values[..., k] for k, axis in enumerate(AXES)}

@@ -24,7 +24,6 @@ from wrenchgap.replay.present.numbers import (
     row,
     share,
     unmeasured,
-    yes_no,
 )
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
@@ -154,7 +153,10 @@ def _map(dependence: Dependence) -> Table:
 def quantities(result: Where) -> Table:
     """One row for each quantity: the share of the error that depends on it."""
     rows = [
-        (d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", yes_no(d.significant), *map(share, d.axes_mean))
+        (
+            *(d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", "yes" if d.significant else "no"),
+            *map(share, d.axes_mean),
+        )
         for d in result.failure_map.dependences
     ]
     heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn import Explanation, Verdict, Where
-from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant.effects import find
@@ -30,7 +29,7 @@ from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, sep
 from wrenchgap.replay.present.report import summary
 from wrenchgap.replay.present.report.elements import Image, Saved
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
-from wrenchgap.replay.present.tables import Table, styled, table
+from wrenchgap.replay.present.tables import Table, first_only, styled, table
 from wrenchgap.replay.report import NextFlight, Report
 
 Content = Mapping[str, Any]
@@ -97,41 +96,25 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     ranked = explanation.ranking(found, 12)
     ranked.caption = f"Each effect alone. {explanation.RANKING_LEGEND}."
+    named = explanation.members(found)
+    named.caption = f"Named. {explanation.MEMBERS_LEGEND}."
     return {
         "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
         "first": ranked,
         "classes": explanation.open_in_words(found),
-        "members": _members(found),
+        "members": named if found.members else None,
         "groups": "; ".join(" or ".join(group) for group in found.groups),
     }
-
-
-def _members(found: Explanation) -> Table | None:
-    rows = []
-    for m in found.members:
-        sure, listed = f"{100 * found.confidence(m):.0f} %", m.rivals[:4]
-        rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
-        rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
-    caption = (
-        "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of "
-        "the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
-        "against the set without it, on held-out time. Instead: what other sets have in its place, and by how many "
-        f"standard errors those fit worse; below {SIGNIFICANCE.indistinct:g} the two are indistinguishable on these "
-        "flights."
-    )
-    heads = ("effect", "confidence", "share", "t", "instead (separation)")
-    return table("", heads, rows, texts=(4,), caption=caption) if rows else None
 
 
 def of_parameters(report: Report, _: Repetition) -> Content:
     """The fitted parameters with intervals, and what each effect is."""
     fitted = report.addition.fit
-    rows: list[list[str]] = []
-    last = ""
-    for (name, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
+    rows = []
+    names = first_only(name for name, _ in fitted.parameters)
+    for first, (name, p), value, std in zip(names, fitted.parameters, fitted.theta, fitted.std, strict=True):
         low, high = (number(float(value + side * std)) for side in (-1.96, 1.96))
         limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
-        first, last = name if name != last else "", name
         named = label(p.name, report.addition.model.vehicle)
         rows.append([first, named, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
     caption = (
@@ -140,11 +123,10 @@ def of_parameters(report: Report, _: Repetition) -> Content:
         f"{100 * MISFIT:.0f} % of the value, because the forms of effects are right to a few per cent only."
     )
     heads = ("effect", "parameter", "unit", "value", "95 % interval", "plausible")
-    names = dict.fromkeys(name for name, _ in fitted.parameters)
     return {
         "table": table("", heads, rows, left=3, caption=caption) if rows else None,
         "at_bound": ", ".join(fitted.at_bound),
-        "effects": [(name, inspect.cleandoc(find(name).__class__.__doc__ or "")) for name in names],
+        "effects": [(name, inspect.cleandoc(find(name).__class__.__doc__ or "")) for name in names if name],
     }
 
 
