@@ -14,7 +14,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def render(template: str, **values: Any) -> str:
     """HTML of a template; a missing value is an error."""
-    return _environment().get_template(f"{template}.html").render(**values)
+    return environment().get_template(f"{template}.html").render(**values)
 
 
 def sentences(*lines: str, look: str = "") -> str:
@@ -32,11 +32,7 @@ def banner(warnings: Sequence[str]) -> str:
     return render("banner", warnings=list(warnings)) if warnings else ""
 
 
+@cache
 def environment(*folders: Path) -> Environment:
     """Templates of some folders, and those of the viewer."""
     return html_templates(FileSystemLoader([*folders, TEMPLATES]))
-
-
-@cache
-def _environment() -> Environment:
-    return environment()

@@ -211,20 +211,13 @@ def at_hand(source: Source) -> Iterator[Path]:
         yield copy
 
 
-def identity(source: Source) -> str:
-    """What identifies the content: the etag that the listing told, else the SHA-256 of the content."""
-    if source.etag is not None:
-        return f"etag:{source.etag}"
-    with at_hand(source) as path:
-        return f"sha256:{content_hash(path)}"
-
-
 def identities(sources: Iterable[Source]) -> list[str]:
-    """Of several; of one that cannot be read its address, so that the reason is found where it is worked on."""
+    """The SHA-256 of each content; of one that cannot be read its address: the reason is found where it is worked on."""
     out = []
     for one in sources:
         try:
-            out.append(identity(one))
+            with at_hand(one) as path:
+                out.append(f"sha256:{content_hash(path)}")
         except (WrenchgapError, OSError):
             out.append(f"unread:{one.url}:{one.size}")
     return out

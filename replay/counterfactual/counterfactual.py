@@ -14,7 +14,7 @@ flight was understood, not how well a loop can hide it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,8 +30,7 @@ from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.parallel import one_thread
-from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant import Model
 from wrenchgap.plant.simulation import closed_loop
 from wrenchgap.plant.simulation.closed_loop import LoopFlight, Lost
 from wrenchgap.plant.simulation.flight_computer import Compensating, Correction, FlightComputer
@@ -205,14 +204,7 @@ def counterfactual(
     null = refly(inference, progress=stage(0.3, 0.5, "null run"))
 
     def run(compensator: Compensating | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:
-        return refly(
-            inference,
-            change.plant,
-            gains=change.gains,
-            believed=change.believed,
-            compensator=compensator,
-            progress=stage(begin, end, words),
-        )
+        return refly(inference, replace(change, compensator=compensator), progress=stage(begin, end, words))
 
     others = any(item is not None for item in (change.plant, change.gains, change.believed))
     plain = run(None, 0.5, 0.6) if others else null
@@ -278,34 +270,27 @@ class Reflight:
 
 def refly(
     inference: Inference,
-    plant: Model | None = None,
+    change: Change | None = None,
     *,
-    gains: ControllerGains | None = None,
-    believed: Vehicle | None = None,
-    compensator: Compensating | None = None,
     progress: Callable[[float], None] | None = None,
     compiled: bool = True,
 ) -> Reflight:
-    """Re-simulate the recorded flight; with nothing but the inference this is the null run.
+    """Re-simulate the recorded flight with the inferred disturbance and a change; without one this is the null run.
 
-    plant        what flies, with the inferred disturbance; the model of the inference by default
-    gains        of the control law; the model's by default
-    believed     vehicle that controller and allocation assume; the model's by default
-    compensator  in the loop instead of the recorded correction
-    compiled     False calls everything in numpy, as is done anyhow with effects of the plant that cannot be compiled
-
-    Raises FitError where an effect of the plant needs what the log lacks.
+    What the change does not say is that of the inference's model. `compiled` False calls everything in numpy, as is
+    done anyhow with effects of the plant that cannot be compiled. Raises FitError where an effect of the plant needs
+    what the log lacks.
     """
-    r, known = inference.recording, inference.model
-    model = known if plant is None else plant
+    r, known, asked = inference.recording, inference.model, change or Change()
+    model = asked.plant or known
     check_effects(model.effects, model, [r.record])
     reference = r.reference.take(r.window)
     computer = FlightComputer(
-        known.controller if gains is None else gains,
-        known.vehicle if believed is None else believed,
+        asked.gains or known.controller,
+        asked.believed or known.vehicle,
         reference,
         r.clock,
-        compensator=compensator,
+        compensator=asked.compensator,
         recorded=inference.pilot,
     )
     forgiven = closed_loop.loss_of_control(r.motion.state.take(r.window), reference)[0] > 0.0

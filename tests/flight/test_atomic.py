@@ -239,7 +239,7 @@ NO_OUTPUT = {
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
     "replay/batch/tasks.py": "what a worker reads, in a folder that goes again",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",
-    "replay/present/report/elements.py": "a picture in memory",
+    "replay/present/report/sections.py": "a picture in memory",
     "replay/export/records.py": "code that is compiled in a folder of its own",
 }
 

@@ -222,10 +222,8 @@ def test_compiled_code_flies_again_what_plain_numpy_flies(hidden, start, changed
     lag = make_effect(MODEL.vehicle, "motor_lag", {"tau": 0.02})
     possible = {"gains": replace(MODEL.controller, integral=0.1), "plant": KNOWN.with_effects([COM, lag])}
     options = {name: possible[name] for name in changed if name in possible}
-    one, plain_one = (
-        refly(inference, compiled=c, **options, **({"compensator": shifting()} if "compensator" in changed else {}))
-        for c in (True, False)
-    )
+    each = [Change(**options, compensator=shifting() if "compensator" in changed else None) for _ in range(2)]
+    one, plain_one = (refly(inference, change, compiled=c) for change, c in zip(each, (True, False), strict=True))
     for name in ("position_E", "quat_EB", "velocity_E", "omega_B"):
         assert getattr(one.flown.state, name) == pytest.approx(getattr(plain_one.flown.state, name), abs=1e-10)
     assert one.desired == pytest.approx(plain_one.desired, abs=1e-9)

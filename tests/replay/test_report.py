@@ -30,7 +30,7 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
 from wrenchgap.replay.present.report import summary as page_words
-from wrenchgap.replay.present.report.elements import Image
+from wrenchgap.replay.present.report.sections import Image
 from wrenchgap.replay.report import NextFlight
 
 MODEL = "tilt_hexarotor"

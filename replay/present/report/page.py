@@ -30,9 +30,8 @@ from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, grouped, warnings
 from wrenchgap.replay.present.numbers import quantity
 from wrenchgap.replay.present.posterior import classes_in_words
-from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.present.report.repetition import Repetition, Request
-from wrenchgap.replay.present.report.sections import SECTIONS
+from wrenchgap.replay.present.report.sections import SECTIONS, Image
 from wrenchgap.replay.present.statements import statements
 from wrenchgap.replay.present.tables import Table, styled, table
 from wrenchgap.replay.report import Report

@@ -1,7 +1,15 @@
-"""What each section of the page shows: one function a section, its values by name for the template of that section."""
+"""What each section of the page shows: one function a section, its values by name for the template of that section.
 
+Texts are escaped by the templates, never here.
+"""
+
+from __future__ import annotations
+
+import base64
 import inspect
+import io
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,16 +31,53 @@ from wrenchgap.replay.present import (
     where,
 )
 from wrenchgap.replay.present.figures import report as charts
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import not_tried, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, separation, share, unit
 from wrenchgap.replay.present.report import summary
-from wrenchgap.replay.present.report.elements import Image, Saved
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
 from wrenchgap.replay.present.tables import Table, first_only, styled, table
 from wrenchgap.replay.report import NextFlight, Report
 
 Content = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Image:
+    """A chart inside the page, a text for those who do not see it, and a caption."""
+
+    src: str
+    alt: str
+    caption: str
+
+    @classmethod
+    def of(cls, picture: style.Picture, alt: str, caption: str, form: str = "png") -> Image:
+        """A picture; a dense one as PNG, a sparse one as SVG, which stays sharp on paper."""
+        stream = io.BytesIO()
+        style.figure_of(picture).savefig(
+            stream, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None
+        )
+        kind = "svg+xml" if form == "svg" else form
+        return cls(data_uri(stream.getvalue(), f"image/{kind}"), alt, caption)
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A text that the page shows and lets a reader save as a file."""
+
+    name: str
+    text: str
+
+    @property
+    def href(self) -> str:
+        """The file inside a link."""
+        return data_uri(self.text.encode(), "application/toml")
+
+
+def data_uri(content: bytes, kind: str) -> str:
+    """Content as an address that fetches nothing."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def of_timing(report: Report, _: Repetition) -> Content:
