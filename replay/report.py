@@ -150,7 +150,7 @@ def report(
     order = [*order_of_addition(model.history, [e.name for e in model.effects]), *found.effects]
     made = steps(data, model, order, whole=added.fit)
     tell(0.55, "what remains to be learnt")
-    rest = _learnt(flights, model, added.model, made, data) if gp is None else _given(flights, model, gp)
+    rest = _learnt(flights, added.model, made, data) if gp is None else _given(flights, model, gp)
     staircases, comparison = [held_out_staircase(data, model, made, rest.process)], None
     if validation:
         unseen, comparison = unseen_staircase(validation, model, made, rest.process)
@@ -188,7 +188,7 @@ def _given(flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess) -> 
     return Rest(process, notes=(OtherPhysics(source.physics), *notes))
 
 
-def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: Steps, data: Dataset) -> Rest:
+def _learnt(flights: Sequence[OpenFlight], fitted: Model, made: Steps, data: Dataset) -> Rest:
     """A process of what the last step leaves, of the axes on which it reduces the error on held-out time."""
     left = made.left[-1]
     if np.all((rms(left) < AT_THE_FLOOR * data.noise)[data.measured_axes]):

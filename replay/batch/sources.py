@@ -212,7 +212,7 @@ def at_hand(source: Source) -> Iterator[Path]:
 
 
 def identities(sources: Iterable[Source]) -> list[str]:
-    """The SHA-256 of each content; of one that cannot be read its address: the reason is found where it is worked on."""
+    """The SHA-256 of each content; of one that cannot be read its address: who works on it finds the reason."""
     out = []
     for one in sources:
         try:

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -176,8 +177,10 @@ def test_a_line_of_a_list_that_names_nothing_is_one_line(line, said, tmp_path):
 
 
 def test_an_etag_stands_for_the_content():
-    tagged = sources.Source("s3://bucket/a/b.mcap", "a", 10, "abc")
-    assert sources.identity(tagged) == "etag:abc"
+    tagged, copied = (sources.Source(f"s3://bucket/a/{name}.mcap", "a", 10, "abc") for name in "bc")
+    here = SimpleNamespace(map=lambda made, chunks, pure: list(map(made, chunks)), gather=list)
+    (task,), same = driver._tasks(here, [tagged, copied], Plan("inspect", {}))
+    assert (task.content, same) == ("etag:abc", {copied.url: tagged.url})
 
 
 @pytest.mark.parametrize(
@@ -279,7 +282,7 @@ def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
     assert killed
     assert len(outcome.rows) == len(found) == 6
     for source in found:
-        content = sources.identity(source)
+        (content,) = sources.identities([source])
         work(Task(source, content, plan.key(content, source.vehicle)), plan, alone.url)
     told = [[(r["key"], r["status"], r["rms"]) for r in store.rows()] for store in (lossy, alone)]
     assert told[0] == told[1]

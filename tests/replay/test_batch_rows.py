@@ -35,7 +35,7 @@ def done(tmp_path_factory):
 
 def tasks(folder, plan):
     for source in sources.logs_named([str(folder / "alpha")]):
-        content = sources.identity(source)
+        (content,) = sources.identities([source])
         yield Task(source, content, plan.key(content, source.vehicle))
 
 
