@@ -83,8 +83,8 @@ class Store:
     def _at(self) -> tuple[Any, str]:
         return opened(self.url if "://" in self.url else os.path.abspath(self.url))  # noqa: PTH100
 
-    def claim(self, identity: Mapping[str, Any]) -> bool:
-        """Begin a run here or go on with it (True); raises UsageError where something else is here."""
+    def claim(self, identity: Mapping[str, Any]) -> None:
+        """Begin a run here or go on with it; raises UsageError where something else is here."""
         system, root = self._at
         with reached(self.url):
             if system.exists(f"{root}/run.json"):
@@ -93,11 +93,10 @@ class Store:
                     if here.get(name) != value:
                         other = f"its {name}: {_cut(json.dumps(here.get(name)))}, now {_cut(json.dumps(value))}"
                         raise UsageError(f"--output {self.url}: holds another run ({other}); choose another folder")
-                return True
+                return
             if system.exists(root) and system.ls(root, detail=False):
                 raise UsageError(f"--output {self.url}: is not empty and holds no run; choose another folder")
             self._write(f"{root}/run.json", json.dumps(dict(identity), indent=1).encode())
-        return False
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -125,8 +125,6 @@ class Run:
         read = [path for path in (*inputs, *(self.own or ())) if path is not None]
         self._outputs = {**outputs, "--json": self.json}
         claim(self._outputs, force=self.force, inputs=read)
-        for entry in self.inputs:
-            self._keep_input(Path(entry["file"]))
 
     @contextmanager
     def progress(self, label: str, first: str = "reading logs") -> Iterator[Report]:
@@ -140,22 +138,21 @@ class Run:
         from wrenchgap.plant import model_file
 
         found = model_file.load(name)
+        assert found.path is not None
         self.note_input(found.path, role)
         return found
 
-    def note_input(self, path: Path | None, role: str) -> None:
-        """Note a file that went into the result; None is a model that has no file."""
+    def note_input(self, path: Path, role: str) -> None:
+        """Note a file that went into the result.
+
+        Raises UsageError where an output would replace it; a model may be its own --output.
+        """
         from wrenchgap.replay.present.documents import sha256
 
-        if path is not None:
-            self._keep_input(path)
-        self.inputs.append({"role": role, "file": str(path or ""), "sha256": sha256(path) if path is not None else ""})
-
-    def _keep_input(self, path: Path) -> None:
-        """Raise UsageError where an output would replace a file that is read; a model may be its own --output."""
         for option, output in self._outputs.items():
             if output is not None and option != "--output" and output.resolve() == path.resolve():
                 raise UsageError(f"{option} {output}: is one of the inputs; choose another name")
+        self.inputs.append({"role": role, "file": str(path), "sha256": sha256(path)})
 
     def gp(self, path: Path | None) -> GaussianProcess | None:
         """The process of a file, where one is named."""
