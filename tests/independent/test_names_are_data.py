@@ -159,7 +159,7 @@ def printed(*parts):
 def test_a_name_on_a_terminal_is_one_line_without_markup(name):
     line = printed(tables.Line(name))
     assert line.rstrip("\n") == printable(name).rstrip(" ") or line.rstrip() == printable(name).rstrip()
-    table = printed(tables.plain(name, ("head", name), [(name, 1)]))
+    table = printed(tables.table(name, ("head", name), [(name, 1)]))
     found = table.replace("\x1b[1m", "").replace("\x1b[0m", "").replace("\x1b[22m", "")
     assert all(c == "\n" or c.isprintable() or c.isspace() for c in found)
     assert printable(name[:1000]).strip() in found, "of what is longer its beginning"
