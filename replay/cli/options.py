@@ -105,6 +105,12 @@ ModelOut = Annotated[Path, typer.Option("--output", "-o", metavar="MODEL2", help
 DespiteVerdict = Annotated[
     bool, typer.Option("--despite-verdict", help="Compensate in full, also where the verdict of learn is against it.")
 ]
+Fit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B", help="Effects to fit to each flight. Default: those of MODEL, else thrust_scale,com_offset."
+    ),
+]
 ChangesOnly = Annotated[
     str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
 ]

@@ -110,7 +110,7 @@ class LogSession:
         A GP belongs to the model that it was learnt on, and is left out once that has changed.
         """
         from wrenchgap.replay import api  # here: the page stands before they are there
-        from wrenchgap.replay.present.report import Repetition, Request, page
+        from wrenchgap.replay.present.report import Repetition, page
 
         working, model, one = self.working, self.model, self.working.flight(flight)
         others = [opened for name, opened in working.flights.items() if name != flight]
@@ -119,7 +119,7 @@ class LogSession:
         words += ["--validate", *(str(o.flight.path) for o in others)] if others else []
         gp = working.gp if model is working.opened_model else None
         made = api.report(one, model, validate=others, gp=gp, progress=progress)
-        return page(made, Repetition.of(made, Request(name, shlex.join([*words, "-o", "report.html"]))))
+        return page(made, Repetition.of(made, name, shlex.join([*words, "-o", "report.html"])))
 
     def _made(self, name: str) -> Scene:
         one, predictor = self.working.flight(name), self.working.predictor

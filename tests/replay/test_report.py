@@ -28,7 +28,7 @@ from wrenchgap.replay.present import report as report_package
 from wrenchgap.replay.present import staircase
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
-from wrenchgap.replay.present.report import Repetition, Request, page, sections
+from wrenchgap.replay.present.report import Repetition, page, sections
 from wrenchgap.replay.present.report import summary as page_words
 from wrenchgap.replay.present.report.sections import Image
 from wrenchgap.replay.report import NextFlight
@@ -78,7 +78,7 @@ def made(logs):
 @pytest.fixture(scope="module")
 def repetition(made):
     said = "wrenchgap report train.mcap -m tilt_hexarotor -o report.html"
-    return Repetition.of(made, Request(MODEL, said, " --cutoff 8"))
+    return Repetition.of(made, MODEL, said, " --cutoff 8")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
-from wrenchgap.replay.cli.values import complete_models, parse_effects, usage_error
+from wrenchgap.replay.cli.values import parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.identify.trend import Trend
@@ -52,16 +52,7 @@ def check(
 
 def inspect(
     logs: o.Logs,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model",
-            "-m",
-            metavar="MODEL",
-            help="Check the log against this model too.",
-            autocompletion=complete_models,
-        ),
-    ] = None,
+    model: o.OptionalModel = None,
     *,
     reading: Annotated[o.Reading, Omit("between")],
     run: DetailedRun,
@@ -215,7 +206,7 @@ def report(
     Example: `wrenchgap report train.mcap -m tilt_hexarotor --validate test.mcap -o report.html`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.present.report import Repetition, Request, save, to_json
+    from wrenchgap.replay.present.report import Repetition, save, to_json
 
     run.claim({"--output": output}, *logs, *(validate or ()), model, gp)
     if output.suffix.lower() not in (".html", ".htm"):
@@ -228,8 +219,7 @@ def report(
         flights, tests = run.open(reading.options, logs, base, validate)
         found = api.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
-        request = Request(model, run.command_line(), run.common_options(), options, gp)
-        repetition = Repetition.of(found, request)
+        repetition = Repetition.of(found, model, run.command_line(), run.common_options(), options, gp)
         save(found, output, force=run.force, repetition=repetition)
     run.result(found)
     run.write("report", {**to_json(found, repetition), "page": str(output)}, report=output)
@@ -281,13 +271,7 @@ def changed(
 def trend(
     logs: o.Logs,
     model: o.ModelOption,
-    fit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B",
-            help="Effects to fit to each flight. Default: those of MODEL, else thrust_scale,com_offset.",
-        ),
-    ] = None,
+    fit: o.Fit = None,
     figure: o.Figure = None,
     table: Annotated[Path | None, typer.Option(metavar="FILE", help="Every value as a table (.parquet).")] = None,
     page: o.Page = None,

@@ -134,13 +134,7 @@ def compare(
     logs: Sources,
     model: Models,
     output: Output,
-    fit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B",
-            help="Effects to fit to each flight, for `trend`. Default: those of MODEL, else thrust_scale,com_offset.",
-        ),
-    ] = None,
+    fit: o.Fit = None,
     *,
     reading: o.Reading,
     where: Where,

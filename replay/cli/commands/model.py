@@ -8,7 +8,7 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import DetailedRun, Run
-from wrenchgap.replay.cli.values import complete_effects, complete_models, parse_budget, parse_effects, usage_error
+from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, usage_error
 
 
 def new(
@@ -200,11 +200,7 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
     run.write_model("remove", {"removed": names, "effects": effects_json(saved.snapshot)}, saved, output)
 
 
-def history(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="Model file (.toml).", autocompletion=complete_models)],
-    *,
-    run: Run,
-) -> None:
+def history(model: o.ModelFile, *, run: Run) -> None:
     """Versions of a model: what each changed, from which flights, and what that did to the error.
 
     The model file carries its history itself; the files that it came from need not exist any more. Errors are on

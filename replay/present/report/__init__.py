@@ -6,7 +6,7 @@ come to the same numbers again, `summary` the sentences that are the page's own,
 
 from wrenchgap.replay.present.figures.report import picture
 from wrenchgap.replay.present.report.page import page, save
-from wrenchgap.replay.present.report.repetition import Repetition, Request
+from wrenchgap.replay.present.report.repetition import Repetition
 from wrenchgap.replay.present.report.summary import frame, parts, to_json
 
-__all__ = ["Repetition", "Request", "frame", "page", "parts", "picture", "save", "to_json"]
+__all__ = ["Repetition", "frame", "page", "parts", "picture", "save", "to_json"]

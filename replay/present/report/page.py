@@ -30,7 +30,7 @@ from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, grouped, warnings
 from wrenchgap.replay.present.numbers import quantity
 from wrenchgap.replay.present.posterior import classes_in_words
-from wrenchgap.replay.present.report.repetition import Repetition, Request
+from wrenchgap.replay.present.report.repetition import Repetition
 from wrenchgap.replay.present.report.sections import SECTIONS, Image
 from wrenchgap.replay.present.statements import statements
 from wrenchgap.replay.present.tables import Table, styled, table
@@ -40,8 +40,7 @@ from wrenchgap.replay.report import Report
 def save(report: Report, path: Path, *, force: bool = False, repetition: Repetition | None = None) -> None:
     """Write the page. Raises UsageError where the file exists and `force` is not given."""
     claim({"report": path}, force=force, inputs=[str(f.flight.path) for f in (*report.flights, *report.unseen)])
-    model = str(report.model.path or report.model.name)
-    write_page(page(report, repetition or Repetition.of(report, Request(model))), path)
+    write_page(page(report, repetition or Repetition.of(report)), path)
 
 
 def page(report: Report, repetition: Repetition) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -19,21 +19,6 @@ PACKAGES = ("numpy", "scipy", "GPy", "matplotlib", "mcap", "rosbags", "tomlkit",
 """Packages whose versions may change numbers."""
 FITTED = "fitted.toml"
 """What the fitted model is called in commands and in the page."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """How a report was asked for.
-
-    `model` is what the user called the model, `command` the command that asks for this, `common` those of its options
-    that other commands need as well to come to the same numbers (with a space before them), `options` what they mean.
-    """
-
-    model: str
-    command: str = ""
-    common: str = ""
-    options: Mapping[str, str] = field(default_factory=dict)
-    gp_file: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -51,33 +36,46 @@ class Repetition:
     fitted_model: str
 
     @classmethod
-    def of(cls, report: Report, request: Request) -> Repetition:
-        """That of a report."""
+    def of(
+        cls,
+        report: Report,
+        model: str = "",
+        command: str = "",
+        common: str = "",
+        options: Mapping[str, str] | None = None,
+        gp_file: Path | None = None,
+    ) -> Repetition:
+        """That of a report.
+
+        `model` is what the user called the model, by default its file, else its name; `command` the command that asks
+        for this, `common` those of its options that other commands need as well to come to the same numbers (with a
+        space before them), `options` what they mean.
+        """
+        named = model or str(report.model.path or report.model.name)
         cutoff = f"{report.flights[0].records[0].cutoff_hz:g} Hz"
         return cls(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-            _commands(report, request),
-            _inputs(report, request.gp_file),
-            tuple({"cut-off": cutoff, **request.options}.items()),
+            (*filter(None, [command]), *(f"{line}{common}" for line in _commands(report, named, gp_file))),
+            _inputs(report, gp_file),
+            tuple({"cut-off": cutoff, **(options or {})}.items()),
             _versions(),
-            _fitted_model(report, request.command),
+            _fitted_model(report, command),
         )
 
 
-def _commands(report: Report, request: Request) -> tuple[str, ...]:
-    """The command that was given, and those that lead to the same numbers one by one."""
+def _commands(report: Report, model: str, gp_file: Path | None) -> list[str]:
+    """Commands that lead to the same numbers one by one."""
     logs, unseen = (shlex.join(str(f.flight.path) for f in group) for group in (report.flights, report.unseen))
-    target = fitted = shlex.quote(request.model)
+    target = fitted = shlex.quote(model)
     listed = [f"wrenchgap explain {logs} -m {target}" + (f" --validate {unseen}" if unseen else "")]
     if names := report.explanation.effects:
         fitted = FITTED
         listed.append(f"wrenchgap add {' '.join(names)} -m {target} --from {logs} -o {fitted}")
         listed.append(f"wrenchgap compare {unseen or logs} -m {target} --against {fitted}")
     listed.append(f"wrenchgap where {unseen or logs} -m {fitted}")
-    if request.gp_file is None:
+    if gp_file is None:
         listed.append(f"wrenchgap learn {logs} -m {fitted} -o rest.gp")
-    given = (request.command,) if request.command else ()
-    return (*given, *(f"{line}{request.common}" for line in listed))
+    return listed
 
 
 def _inputs(report: Report, gp_file: Path | None) -> tuple[tuple[str, str, str], ...]:

@@ -188,16 +188,19 @@ def _maps(found: Where) -> dict[str, Any]:
     alt = f"Error of {found.name} against {', '.join(d.label for d in shown)}."
     caption = "RMS of the force and of the torque residual against what the vehicle did; pale: sensor noise."
     grid = found.failure_map.grid
-    over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where samples are too few."
+    over = "" if grid is None else f"{grid.x_label} and {grid.y_label}"
     empty = grid is not None and np.isnan([grid.force, grid.torque]).all()
+    alone = f"RMS over {over}; empty where samples are too few."
     return {
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_picture(found), alt, caption) if shown else None,
         "table": where.quantities(found),
         "grid": grid
         and not empty
-        and Image.of(where_figures.grid_picture(found), over, f"{over} Each map has its own scale."),
-        "no_grid": summary.no_grid(grid) if grid is not None and empty else "",
+        and Image.of(where_figures.grid_picture(found), alone, f"{alone} Each map has its own scale."),
+        "no_grid": f"No map over {over}: no cell has {grid.fewest:g} independent samples; that takes a longer flight."
+        if grid is not None and empty
+        else "",
         "worst": comparison.worst(found.name, found.worst),
     }
 

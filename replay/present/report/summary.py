@@ -5,13 +5,12 @@ from typing import Any
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
-from wrenchgap.learn.diagnose.failure_map import Grid
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import checks_json, sentences
 from wrenchgap.replay.present.numbers import by_axis, entries, separation, unmeasured
-from wrenchgap.replay.present.report.repetition import Repetition, Request
+from wrenchgap.replay.present.report.repetition import Repetition
 from wrenchgap.replay.present.tables import Line, Part
 from wrenchgap.replay.report import Absent, NextFlight, Report, Rest
 
@@ -44,14 +43,6 @@ def where_on(report: Report) -> str:
     return f"the given logs{', to which the effects were fitted (in-sample)' if report.addition.model.effects else ''}"
 
 
-def no_grid(grid: Grid) -> str:
-    """Why there is no map over two quantities."""
-    return (
-        f"No map over {grid.x_label} and {grid.y_label}: no cell has {grid.fewest:g} independent samples; that takes a "
-        "longer flight."
-    )
-
-
 def why_not(flight: NextFlight) -> str:
     """Why there is no designed flight."""
     return flight.why_not or f"not searched for this page; see `wrenchgap design {' '.join(flight.names)}`."
@@ -78,7 +69,7 @@ def parts(report: Report) -> list[Part]:
 
 def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, Any]:
     """The body of the `report` schema; without a `repetition`, one is made with the model's own name."""
-    repetition = repetition or Repetition.of(report, Request(str(report.model.path or report.model.name)))
+    repetition = repetition or Repetition.of(report)
     absorbed = report.rest.absorption
     return {
         "axes": list(AXES),
