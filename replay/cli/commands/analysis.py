@@ -110,7 +110,7 @@ def compare(
     from wrenchgap.replay.present.documents import check_tables
 
     check_tables(csv)
-    run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
+    run.claim({"--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
     process = run.gp(gp)
     with run.progress("reading") as report:
@@ -143,7 +143,7 @@ def where(
     """
     from wrenchgap.replay import api
 
-    run.claim({"--json": run.json, "--figure": figure}, *logs, model, gp)
+    run.claim({"--figure": figure}, *logs, model, gp)
     base, process = run.model(model), run.gp(gp)
     with run.progress("where") as report:
         flights, _ = run.open(reading.options, logs, base)
