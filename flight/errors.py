@@ -6,12 +6,16 @@ one line and exits with code 2; a library user catches `WrenchgapError`.
 
 from wrenchgap._escaping import printable
 
+LONGEST = 2000
+"""Characters of a message: a file may hold a name of a million."""
+
 
 class WrenchgapError(Exception):
     """Base of everything that wrenchgap raises on purpose: one line of printable text, whatever a file holds."""
 
     def __init__(self, said: object = "") -> None:
-        super().__init__(printable(" ".join(str(said).split())))
+        text, half = printable(" ".join(str(said).split())), LONGEST // 2 - 3
+        super().__init__(text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}")
 
 
 class LogError(WrenchgapError):

@@ -23,6 +23,7 @@ Columns of a vector that is taken from an array: wrench = force, torque; imu = a
 pose = position x y z, quaternion x y z w; twist and acceleration = linear, angular.
 """
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -186,7 +187,7 @@ class _Proposer:
         if good and not kept:
             self.notes.append(
                 f"{good[0][2]} could be the {part}, but it is of another vehicle than /{own}: left out; if it is not, "
-                f"say --topic {part}={good[0][2]}."
+                f"say --topic {shlex.quote(f'{part}={good[0][2]}')}."
             )
         return kept
 

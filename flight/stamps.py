@@ -17,11 +17,15 @@ Stamps = NDArray[np.int64]
 MANY = 4096
 """Stamps from which on it is worth looking whether others like them were sorted before."""
 
+SILENT = 60.0
+"""An interval [s] from which on it is a gap and never usual, however few samples there are: a clock was set, or the
+recorder slept. Nothing that plays a role is slower than once a minute."""
+
 
 @dataclass(frozen=True)
 class _Usual:
-    """Intervals [s]: the median, the mean without the longest hundredth, half of the central 68 %, the ninth tenth, the
-    longest.
+    """Intervals [s], but for the longest only those below `SILENT` if there are any: the median, the mean without the
+    longest hundredth, half of the central 68 %, the ninth tenth, the longest.
     """  # noqa: D205
 
     median: float
@@ -33,6 +37,8 @@ class _Usual:
 
 def _usual(time: Array) -> _Usual:
     ordered = np.sort(np.diff(time))
+    longest = float(ordered[-1])
+    ordered = ordered[: np.searchsorted(ordered, SILENT) or None]
 
     def quantile(share: float) -> float:
         """Straight between neighbours, as numpy's."""
@@ -42,7 +48,7 @@ def _usual(time: Array) -> _Usual:
         return float(ordered[low] + (place - low) * (ordered[high] - ordered[low]))
 
     mean = float(np.mean(ordered[: np.searchsorted(ordered, quantile(0.99), side="right")]))
-    return _Usual(quantile(0.5), mean, 0.5 * (quantile(0.84) - quantile(0.16)), quantile(0.9), float(ordered[-1]))
+    return _Usual(quantile(0.5), mean, 0.5 * (quantile(0.84) - quantile(0.16)), quantile(0.9), longest)
 
 
 _known: deque[tuple[weakref.ref[Array], _Usual]] = deque(maxlen=8)
@@ -88,13 +94,13 @@ class Steps:
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Intervals longer than `gap_factor` usual periods.
+        """Intervals longer than `gap_factor` usual periods, or than `SILENT`.
 
         Where more than a tenth of the intervals are long, as in bursts, long is usual.
         """
-        if len(self.time) < 3:
+        if len(self.time) < 2:
             return ()
-        longest = self.gap_factor * max(self.nominal_period, self._usual.long)
+        longest = min(self.gap_factor * max(self.nominal_period, self._usual.long), SILENT)
         if not self._usual.longest > longest:
             return ()
         found = np.flatnonzero(np.diff(self.time) > longest)

@@ -8,6 +8,7 @@ search loses nothing. They stay for the next call. What is large and the same in
 import atexit
 import importlib
 import os
+import re
 import threading
 import weakref
 from collections import OrderedDict, deque
@@ -23,7 +24,7 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
-from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
+from wrenchgap.flight.errors import FitError, ModelError, UsageError, WrenchgapError
 from wrenchgap.flight.work_files import remove, written
 from wrenchgap.learn.worker import WorkerDied, Workers
 from wrenchgap.plant import own_effects
@@ -47,10 +48,14 @@ DIED = (
 
 
 def cores() -> int:
-    """Cores that this process may use: affinity, the limit of a container and WRENCHGAP_CORES count."""
+    """Cores that this process may use: affinity, the limit of a container and WRENCHGAP_CORES count.
+
+    Raises UsageError where that is no number of cores.
+    """
     found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    asked = os.environ.get(CORES, "")
-    if asked.isdecimal():
+    if asked := os.environ.get(CORES, ""):
+        if not re.fullmatch(r"[1-9][0-9]{0,5}", asked):
+            raise UsageError(f"{CORES}={asked} in the environment: expected a number of cores, 1 or more; or unset it")
         found = min(found, int(asked))
     with suppress(OSError, ValueError):  # no container, or one without a limit
         time, period = QUOTA.read_text(encoding="ascii").split()

@@ -14,6 +14,7 @@ Sources: that form is PX4's THR_MDL_FAC and ArduPilot's MOT_THST_EXPO (both proj
 with the power of voltage: a motor's speed in proportion to voltage at a given duty, and thrust to its square.
 """
 
+import shlex
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -133,7 +134,8 @@ def as_speeds(found: Flight, curve: CommandCurve | None, vehicle: Vehicle, model
     if sent.rotor_speed.shape[1] != len(rotors):
         raise LogError(
             f"{found.path.name}: {sent.topic} has {sent.rotor_speed.shape[1]} rotor commands, {vehicle.name} has "
-            f"{len(rotors)} rotors; map the columns with --topic rotor_speed={sent.topic}[...] or use another model"
+            f"{len(rotors)} rotors; map the columns with --topic "
+            f"{shlex.quote(f'rotor_speed={sent.topic}[...]')} or use another model"
         )
     battery = found.battery
     voltage = None if battery is None else np.asarray(np.interp(sent.time, battery.time, battery.voltage))

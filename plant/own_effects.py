@@ -63,8 +63,8 @@ def files() -> tuple[Path, ...]:
 
 def load(path: Path) -> list[tuple[effects.AnyEffect, effects.Source]]:
     """The checked effects of a file; raises ModelError with file and line of the first error."""
-    if path.is_dir() or not path.exists():
-        raise ModelError(f"--effects {path}: no such file; expected a Python file with an effect, {PAGE}")
+    if path.suffix != ".py" or not path.exists() or path.is_dir():  # `*.csv` may be a log named --effects=x.csv
+        raise ModelError(f"--effects {path}: no such file ending in .py; expected a Python file with an effect, {PAGE}")
     text = text_of(path, "as --effects")
     try:
         code = compile(text, str(path), "exec")

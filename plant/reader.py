@@ -7,6 +7,7 @@ docs/decisions/0014-validating-reader.md says why.
 """
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, fields
@@ -242,6 +243,8 @@ def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlki
     """A TOML document with its comments."""
     if len(text) > LONGEST_TOML:
         raise error(f"is longer than {LONGEST_TOML:,} characters, which no file of wrenchgap is")
+    if re.search(r"0[xob]\w{1000}", text):  # no decimal has as many digits, and messages write it as one
+        raise error("is not TOML: a whole number of more than 64 bits")
     try:
         return tomlkit.parse(text)
     except RecursionError:

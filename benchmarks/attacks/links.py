@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,7 +12,11 @@ from pathlib import Path
 from time import perf_counter
 from unittest import mock
 
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
 from benchmarks.attacks import Attack, Outcome
+from benchmarks.attacks.outputs import MODEL, flown, run
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import sources
@@ -62,6 +67,41 @@ def _completed(folder: Path) -> Outcome:
     run = [sign for sign in "$`;|&*~\x1b" if sign in "".join(offered).replace(ZSH, "")]
     found = all("quad.toml" in said for said in offered)
     return Outcome(found and not bad and not run, f"of {len(SHELL)} such names offered: {len(bad)}; quad.toml: {found}")
+
+
+SPACES = ("a$(touch${IFS}pwned)", "b'$(touch${IFS}pwned)'", "c;touch${IFS}pwned")
+
+
+def _proposed(folder: Path) -> Outcome:
+    """The options that `check` and `inspect` propose for a log of three vehicles, given to a shell as they stand."""
+    with flown(folder).open("rb") as source, (folder / "log.mcap").open("wb") as target:
+        writer, channels = Writer(target), dict[str, int]()
+        writer.start()
+        for schema, channel, message in make_reader(source).iter_messages():
+            assert schema is not None
+            for topic in (f"/{space}{channel.topic}" for space in SPACES):
+                if topic not in channels:
+                    kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    channels[topic] = writer.register_channel(topic, channel.message_encoding, kind)
+                writer.add_message(channels[topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    proposed = set()
+    for command in ("check", "inspect"):
+        said = run(folder, command, "log.mcap", expected=(0, 3)).stdout.decode()
+        proposed |= {after.split(",")[0].strip() for after in re.findall("--topic (.*)", said)}
+    for words in proposed:
+        subprocess.run(["sh", "-c", f"true --topic {words}"], cwd=folder, capture_output=True, check=False)
+    ran = (folder / "pwned").exists()
+    return Outcome(bool(proposed) and not ran, f"{len(proposed)} proposed options; something ran: {ran}")
+
+
+def _globbed(folder: Path) -> Outcome:
+    """A table that is Python too, called as the option that names a file with effects."""
+    (folder / "--effects=a.csv").write_text("t,x=open('pwned','w'),1\n0.0,1.0,2.0\n", encoding="utf-8")
+    (folder / "b.csv").write_text("t,x\n0.0,1.0\n", encoding="utf-8")
+    said = run(folder, "explain", *sorted(p.name for p in folder.glob("*.csv")), "-m", MODEL, expected=(2,)).stderr
+    ran = (folder / "pwned").exists()
+    return Outcome(b"ending in .py" in said and not ran, f"refused in one line; it ran: {ran}")
 
 
 def _lists(folder: Path) -> Outcome:
@@ -159,6 +199,12 @@ def _pasted(_: Path) -> Outcome:
 
 ATTACKS = (
     Attack("model files whose names a shell would run; TAB behind `wrenchgap model show`", "not offered", _completed),
+    Attack(
+        "topics that a shell would run; the options that `check` and `inspect` propose, pasted into one",
+        "one word each",
+        _proposed,
+    ),
+    Attack("a table called `--effects=a.csv` that is Python too; `explain *.csv`", "not run", _globbed),
     Attack(
         "`batch` on a list that names itself, on thirty lists that name the next twice, on links to their own folder",
         "each is gone through once, 2 s",

@@ -1,8 +1,10 @@
-"""Damage that knows PX4's and ArduPilot's logs: messages that are well formed and say what cannot be."""
+"""Damage that knows PX4's, ArduPilot's and the Crazyflie's logs: well-formed messages that say what cannot be."""
 
 from __future__ import annotations
 
+import re
 import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -154,3 +156,33 @@ def dataflash_few(path: Path, rng: np.random.Generator) -> None:
 
 
 DATAFLASH: tuple[Fault, ...] = (dataflash_order, dataflash_format, dataflash_few)
+
+VARIABLES = (
+    *(b"gyro.x(?)\0", b"gyro.x(f\0", b"(f)\0", b"\0", b"gyro.x(d)\0", b"motor.m1(b)\0", b"\xff\xfe(f)\0", b"time(f)\0"),
+    *(b"stateEstimate.qw(e)\0", b"acc.x(q)\0", b"x" * 5000 + b"(f)\0"),
+)
+
+
+def _usd_save(path: Path, data: bytes) -> None:
+    path.write_bytes(data + struct.pack("<I", zlib.crc32(data)))
+
+
+def usd_variables(path: Path, rng: np.random.Generator) -> None:
+    """Variables that are none, twice, or of another type, under a checksum that is right."""
+    data = path.read_bytes()[:-4]
+    for _ in range(int(rng.integers(1, 4))):
+        found = list(re.finditer(rb"[\w.]+\(\w\)\0", data))
+        one = found[int(rng.integers(len(found)))]
+        data = data[: one.start()] + bytes(rng.choice(np.array(VARIABLES, dtype=object))) + data[one.end() :]
+    _usd_save(path, data)
+
+
+def usd_numbers(path: Path, rng: np.random.Generator) -> None:
+    """Times, identifiers and counts that cannot be, under a checksum that is right."""
+    data = bytearray(path.read_bytes()[:-4])
+    for at in rng.integers(1, int(rng.choice([50, len(data) - 8])), size=int(rng.choice([1, 5, 200]))):
+        data[at : at + 8] = struct.pack("<Q", int(rng.choice(np.array([0, 2**63, 2**64 - 1, 5, 300], dtype=object))))
+    _usd_save(path, bytes(data))
+
+
+CRAZYFLIE_USD: tuple[Fault, ...] = (usd_variables, usd_numbers)

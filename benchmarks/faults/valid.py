@@ -140,6 +140,12 @@ def _ulog(folder: Path) -> Path:
     return path
 
 
+def _usd(folder: Path) -> Path:
+    path = folder / "log00"
+    path.write_bytes(_writers("flight/formats/test_crazyflie_usd.py").log(_writers("flight/conftest.py")))
+    return path
+
+
 def _dataflash(folder: Path) -> Path:
     autopilots = _writers("flight/formats/conftest.py")
     time = np.arange(0.0, SECONDS, 0.01)
@@ -242,6 +248,7 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "folder-zstd": _recorded("folder-sqlite3-file"),
     "ulog": _ulog,
     "dataflash": _dataflash,
+    "crazyflie-usd": _usd,
     "csv": _table("csv"),
     "parquet": _table("parquet"),
 }

@@ -44,7 +44,7 @@ def vehicles(found: Sequence[tuple[str, str]]) -> tuple[Check, ...]:
     listed = ", ".join(topic for _, topic in found)
     part, topic = found[0]
     words = f"The log may be of {len(found)} vehicles: {listed} could each be the {part}; say which, the rest follows"
-    return (Check("vehicles", "bad", words, f"--topic {part}={topic}"),)
+    return (Check("vehicles", "bad", words, f"--topic {shlex.quote(f'{part}={topic}')}"),)
 
 
 def units(flight: Flight, rows: int = 20_000) -> Iterator[Check]:

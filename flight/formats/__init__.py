@@ -155,6 +155,8 @@ STAMPS = (
     ("timestamp.seconds", "timestamp.nanos"),
 )
 """Where a message has the time at which it was made: of ROS, and of Foxglove's schemas in JSON and protobuf."""
+LATEST_SECOND = 9e9
+"""Since 1970, in the year 2255: nanoseconds of 64 bits end soon after. What is said to be later is no time."""
 
 
 @dataclass
@@ -264,7 +266,7 @@ def _header_ns(columns: Columns) -> NDArray[np.int64] | None:
     if place is None:
         return None
     seconds, nanoseconds = (columns[name] for name in place)
-    if seconds.dtype.kind == "f":  # some messages were malformed
-        seconds, nanoseconds = np.nan_to_num(seconds), np.nan_to_num(nanoseconds)
+    known = (np.abs(seconds) < LATEST_SECOND) & (np.abs(nanoseconds) < 1e9 * LATEST_SECOND)  # NaN: malformed messages
+    seconds, nanoseconds = np.where(known, seconds, 0), np.where(known, nanoseconds, 0)
     stamps = seconds.astype(np.int64) * 1_000_000_000 + nanoseconds.astype(np.int64)
     return stamps if np.any(stamps) else None

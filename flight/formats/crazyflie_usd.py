@@ -135,10 +135,17 @@ class CrazyflieUsdReader(TableReader):
         unit = TIMES[int.from_bytes(data[1:3], "little")][1]
         known = fields["f1"] <= np.uint64(2**63 // unit - 1)
         stamps: NDArray[np.int64] = fields["f1"][known].astype(np.int64) * unit
+        if lost := int((~known).sum()):
+            self.notes.append(
+                f"{lost} of {len(known)} records of {event.name} have times that no clock shows: left out."
+            )
+        if not len(stamps):
+            return {}
         order = np.argsort(stamps, kind="stable")
-        columns: Columns = {
-            name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)
-        }
+        with np.errstate(invalid="ignore"):  # damaged bytes may be a NaN that signals
+            columns: Columns = {
+                name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)
+            }
         made, notes = tables_of_columns(f"/{event.name or 'event'}", columns, stamps[order], self.path)
         self.notes += notes
         return made

@@ -38,7 +38,7 @@ def storage(path: Path) -> str | None:
 
 def natural(path: Path) -> list[tuple[int, str]]:
     """Sorts bag_10.db3 after bag_9.db3."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
 
 def recordings(folder: Path, joined: float = 5.0, overlap: float = 1.0) -> list[list[Path]]:

@@ -4,6 +4,7 @@
 and files that were compressed by `ros2 bag record --compression-mode` are read as well.
 """
 
+import shlex
 import sqlite3
 import tempfile
 from array import array
@@ -80,8 +81,8 @@ class Rosbag2SqliteReader(Reader):
         if recent.is_file() and recent.stat().st_size:
             self.notes.append(
                 f"{recent.name} holds rows that the recorder, which still writes or was killed, had not moved to "
-                f"{self.path.name}: they are missing here; `sqlite3 {self.path.name} 'PRAGMA wal_checkpoint'` moves "
-                "them."
+                f"{self.path.name}: they are missing here; `sqlite3 {shlex.quote(self.path.name)} "
+                "'PRAGMA wal_checkpoint'` moves them."
             )
         if self._broken:
             self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")

@@ -56,9 +56,9 @@ class Place:
 def where_of(vehicle: Vehicle, effect: str, parameter: str) -> str:
     """The user's name of the rotor or arm that a parameter is of, else what the effect is about; "" for nothing."""
     kind, _, number = parameter.partition("_")
-    if number.isdigit() and kind == "rotor":
+    if number.isdecimal() and kind == "rotor":
         return vehicle.rotor_name(int(number))
-    if number.isdigit() and kind == "arm":
+    if number.isdecimal() and kind == "arm":
         return vehicle.arm_name(int(number))
     return WHOLE.get(effect, "")
 

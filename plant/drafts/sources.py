@@ -1,5 +1,6 @@
 """From a log, parameters, a robot description or answers of the user to a draft of a model."""
 
+import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -71,7 +72,9 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
         case ".urdf" | ".sdf" | ".world" | ".xml" | ".mjcf":
             return _over(_described(source), user)
         case ".xacro":
-            raise UsageError(f"--from {source}: a macro; expand it first, `xacro {source.name} > {source.stem}.urdf`")
+            raise UsageError(
+                f"--from {source}: a macro; expand it first, `xacro {shlex.quote(source.name)} > FILE.urdf`"
+            )
     raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
 
 

@@ -1,6 +1,7 @@
 """The keys of a model file and the model that they describe. docs/model-file.md explains them."""
 
 import re
+import shlex
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -153,7 +154,8 @@ class EffectTable(Table):
         if not file:
             return None, ""
         if name not in catalogue():
-            raise ModelError(f"effect {name!r} is a user's own, from {file}; pass that file with --effects {file}")
+            words = f"pass that file with --effects {shlex.quote(file)}"
+            raise ModelError(f"effect {name!r} is a user's own, from {file}; {words}")
         loaded, source = sources().get(name), Source(file, self.source.sha256)
         if loaded is None or loaded.sha256 == source.sha256:
             return source, ""

@@ -49,6 +49,11 @@ def prepare(
         raise UsageError(f"--duration {plan.duration:g}: expected at most {max_duration:g} s")
     file = trajectory_file(plan)
     trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed) if file is None else file.trajectory
+    if plan.duration is None and trajectory.duration > max_duration:
+        raise UsageError(
+            f"{plan.trajectory}: lasts {trajectory.duration:g} s; expected at most {max_duration:g} s, or a part of it "
+            "by --duration"
+        )
     believed = plan.believed
     if plan.integral is not None:
         size = (believed.controller.integral or 0.3) if plan.integral else 0.0

@@ -207,7 +207,10 @@ def stepped(
 
 def _compiler() -> list[str]:
     """The C compiler, with its options: $CC, or one of the usual names."""
-    asked = shlex.split(os.environ.get("CC", ""))
+    try:
+        asked = shlex.split(os.environ.get("CC", ""))
+    except ValueError as error:
+        raise UsageError(f"--export: CC={os.environ['CC']} in the environment: {error}; or unset it") from None
     for words in (asked, ["cc"], ["gcc"], ["clang"]):
         if words and (found := shutil.which(words[0])):
             return [found, *words[1:]]

@@ -1,5 +1,6 @@
 """What is in a log: topics, checks, timing."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from os.path import commonpath
@@ -37,7 +38,7 @@ def parts(seen: LogReport) -> list[Part]:
     out += note_lines(grouped(seen.notes))
     unused = {part: t for t in seen.inspection.topics for part in t.could_play if not t.plays}
     if unused:
-        others = ", ".join(f"--topic {part}={t.topic}" for part, t in unused.items())
+        others = ", ".join(f"--topic {shlex.quote(f'{part}={t.topic}')}" for part, t in unused.items())
         out.append(Line(f"could also be read: {others}", "dim"))
     return [*out, Line()]
 

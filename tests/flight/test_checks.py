@@ -1,5 +1,6 @@
 """The search for the mend, masks and clocks: each fault alone, and healthy logs that look like it."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -265,6 +266,18 @@ def test_two_vehicles_in_one_log_are_asked_for_not_guessed(logs, tmp_path):
     told = flight.load(path, topics={"commanded": "/uav2/command/wrench"})
     assert "vehicles" not in {check.name for check in told.checks}
     assert {series.topic.split("/")[1] for series in told.series().values()} == {"uav2"}
+
+
+@pytest.mark.parametrize("name", ["a$(id>pwned)", "a;id>pwned", "a'$(id>pwned)'", "a b"])
+def test_an_option_that_names_a_topic_is_one_word_to_a_shell(logs, tmp_path, name):
+    time, recording = np.arange(0, 6, 0.01), logs.Recording()
+    for space in (name, f"{name}2"):
+        for topic in ("/command/wrench", "/imu", "/odometry"):
+            kind, columns = logs.PLAIN[topic]
+            recording.series(f"/{space}{topic}", kind, time, columns(time), stamp_s=True)
+    check = flight.load(recording.save(tmp_path / "log.mcap")).checks[0]
+    assert check.name == "vehicles"
+    assert shlex.split(check.mend) == ["--topic", f"commanded=/{name}/command/wrench"]
 
 
 def test_a_follower_beside_a_leader_without_a_namespace_is_asked_for_and_never_mixed(logs, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchgap.flight.stamps import envelope
+from wrenchgap.flight.stamps import envelope, gaps_of, nominal_period
 
 
 def test_a_peak_of_one_sample_in_an_hour_is_still_there():
@@ -45,3 +45,14 @@ def test_unknown_samples_do_not_hide_known_ones():
     x, y = envelope(time, values, 0.0, 100.0)
     assert np.isnan(y[0, x < 49.0]).all()
     assert (y[0, x > 51.0] == 1.0).all()
+
+
+@pytest.mark.parametrize(("count", "every", "jump"), [(9, 8, 1.4e9), (200, 9, 1e8), (2, 1, 4e9), (1000, 9, 61.0)])
+def test_a_clock_that_is_set_leaves_a_gap_however_few_samples_there_are(count, every, jump):
+    """Eight samples and one of a real-time clock were a stretch of 44 years: 7 GB, a minute, the end of the process."""
+    number = np.arange(count)
+    time = 0.01 * number + jump * (number // every)
+    jumps = np.flatnonzero(np.diff(number // every))
+    assert [(gap.start, gap.stop) for gap in gaps_of(time)] == [(time[k], time[k + 1]) for k in jumps]
+    if every > 1:
+        assert nominal_period(time) == pytest.approx(0.01, abs=1e-6)

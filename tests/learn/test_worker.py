@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.attacks import processes as attacks
 from wrenchgap import _safe_path
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn import parallel, worker
 from wrenchgap.learn.worker import WorkerDied, Workers, tell
 
@@ -70,6 +71,10 @@ def test_cores_are_bounded_by_the_environment_and_the_container(tmp_path, monkey
     assert parallel.cores() == 3
     monkeypatch.setenv(parallel.CORES, "2")
     assert parallel.cores() == 2
+    for wrong in ("abc", "0", "-1", "2.5", "9" * 5000):
+        monkeypatch.setenv(parallel.CORES, wrong)
+        with pytest.raises(UsageError, match=r"WRENCHGAP_CORES=.* in the environment: expected a number of cores"):
+            parallel.cores()
 
 
 def test_no_relative_folder_is_on_the_path_of_a_child(monkeypatch):

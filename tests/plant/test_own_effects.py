@@ -146,6 +146,13 @@ def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path):
     assert saved.read_bytes() == before
 
 
+def test_a_log_with_the_name_of_an_option_is_not_run(tmp_path):
+    log = tmp_path / "--effects=a.csv"  # what `explain *.csv` is given by the shell
+    log.write_text("t,x=open('pwned','w'),1\n0.0,1.0,2.0\n")
+    with pytest.raises(ModelError, match=r"no such file ending in \.py"):
+        own_effects.use([log])
+
+
 def test_missing_file_and_the_same_file_twice(written, tmp_path):
     with pytest.raises(ModelError, match="no such file"):
         own_effects.use([tmp_path / "gone.py"])

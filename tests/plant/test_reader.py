@@ -2,14 +2,26 @@
 
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import own_effects
-from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, partial, read, text_of, values_of
+from wrenchgap.plant.reader import (
+    Flag,
+    Number,
+    Positive,
+    Table,
+    Text,
+    Vector,
+    check_schema,
+    partial,
+    read,
+    text_of,
+    toml,
+    values_of,
+)
 
 
 class Wheel(Table):
@@ -96,9 +108,23 @@ def test_defaults_need_nothing_but_are_checked():
 @pytest.mark.timeout(20)
 def test_a_pipe_is_not_waited_for(tmp_path):
     """`view --view PIPE` and `--effects PIPE` hung, `--effects /dev/zero` read until memory ended."""
-    os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero")):
+    os.mkfifo(tmp_path / "pipe.py")
+    (tmp_path / "zero.py").symlink_to("/dev/zero")
+    for path in (tmp_path / "pipe.py", tmp_path / "zero.py"):
         with pytest.raises(ModelError, match="cannot be read as a list: it is no ordinary file"):
             text_of(path, "as a list")
         with pytest.raises(ModelError, match="cannot be read as --effects: it is no ordinary file"):
             own_effects.load(path)
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "0b" + "1" * 20000])
+def test_a_number_of_thousands_of_digits_is_refused_in_one_line(number):
+    with pytest.raises(ModelError, match="more than 64 bits"):
+        toml(f"schema = {number}")
+
+
+def test_an_error_is_short_whatever_a_file_holds():
+    with pytest.raises(ModelError) as error:
+        check_schema({"schema": "A" * 1_000_000}, 1)
+    assert len(str(error.value)) <= 2000
+    assert str(error.value).endswith("this version of wrenchgap reads 1")

@@ -49,6 +49,7 @@ CASES = {
     "simulate HEXA -t hover --hide wind=velocity_x:3 -o out.mcap": "wind: has no force of its own | body_drag",
     "simulate HEXA -t looping -o out.mcap": "looping | figure8",
     "simulate HEXA -t hover -o out.bag": "out.bag | .mcap",
+    "simulate HEXA -t @long.toml -o out.mcap": "long.toml: lasts 20000 s | at most 3600 s",
     "compare LOG -m @another.toml --gp @some.gp OUT": "another | tilt_hexarotor | wrenchgap learn",
     "compare LOG HEXA --gp TRAIN OUT": "train.mcap | GP",
     "compare LOG -m crazyflie OUT": "rotor speeds | crazyflie",
@@ -174,6 +175,8 @@ def spoilt(logs, tmp_path_factory):
         (folder / name).write_text(text)
     tilt = TrajectoryFile("tilt", Moves(4.0, (0.0, 0.0, 1.0), (Tilt(0.0, 4.0, np.radians(20.0), ramp=1.0),)))
     (folder / "tilt.toml").write_text(trajectory_file.dumps(tilt))
+    still = TrajectoryFile("long", Moves(20000.0, (0.0, 0.0, 1.0), ()))
+    (folder / "long.toml").write_text(trajectory_file.dumps(still))
     flown = flight.load(logs.test)
     nan_imu = replace(flown.imu, omega_B=np.full_like(flown.imu.omega_B, np.nan))
     for name, lacks in {

@@ -16,6 +16,7 @@ import wrenchgap as wg
 from tests.replay.exported_c import COMPILER, DT, OFFSET, STRICT, needs_compiler, process, with_effects
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.replay.export import records
 
 pytestmark = needs_compiler
 PERIODS, HEAVY, BAD, LOST = 400, 57, 111, (200, 201)
@@ -418,3 +419,9 @@ def test_a_state_that_no_record_holds_is_not_exported(tmp_path):
         wg.export_compensator(None, with_effects(command_delay=[3000.0]), tmp_path / "comp", lead=0.05)
     with pytest.raises(UsageError, match="lead is 1000"):
         wg.export_compensator(None, with_effects(servo_lag=[0.06]), tmp_path / "comp", lead=1000.0)
+
+
+def test_a_compiler_that_a_shell_could_not_read_is_told(monkeypatch):
+    monkeypatch.setenv("CC", "gcc 'x")
+    with pytest.raises(UsageError, match="CC=gcc 'x in the environment: No closing quotation"):
+        records._compiler()

@@ -10,6 +10,7 @@ column j does. Rotor i of the model does b_i; the assignment of columns to rotor
 is found in polynomial time (Kuhn 1955; `scipy.optimize.linear_sum_assignment`).
 """
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -110,14 +111,16 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
 def _columns(flight: Flight, order: list[int]) -> str:
     """The mapping with the columns in another order."""
     source = flight.mapping.get("rotor_speed", "/topic")
-    head, _, rest = source.partition("[")
-    if rest:
+    head, bracket, rest = source.partition("[")
+    if bracket:
         text, _, tail = rest.partition("]")
-        present = [int(k) for k in text.split(",") if k.strip().isdigit()]
+        present = [int(k) for k in text.split(",") if k.strip().isdecimal()]
         order = [present[k] for k in order] if len(present) == len(order) else order
-        return f"--topic 'rotor_speed={head}[{','.join(map(str, order))}]{tail}'"
-    cut = min((head.index(mark) for mark in "*:" if mark in head), default=len(head))
-    return f"--topic 'rotor_speed={head[:cut]}[{','.join(map(str, order))}]{head[cut:]}'"
+    else:
+        cut = min((head.index(mark) for mark in "*:" if mark in head), default=len(head))
+        head, tail = head[:cut], head[cut:]
+    listed = ",".join(map(str, order))
+    return f"--topic {shlex.quote(f'rotor_speed={head}[{listed}]{tail}')}"
 
 
 def _yaw(seen: CommandsAndMotion, name: str) -> Iterator[Check]:

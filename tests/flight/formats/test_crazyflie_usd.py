@@ -111,7 +111,26 @@ def test_times_that_no_clock_counts_to_are_left_out(tmp_path):
     data = header(2, [(7, "e", names)])
     data += b"".join(record(2, 7, 0.01 * k, "3f", 0.1 * k, 0.0, 1.0) for k in range(20))
     data += struct.pack("<HQ3f", 7, 2**64 - 1, 1.0, 1.0, 1.0)
-    assert len(flight.load(save(tmp_path, data)).imu.time) == 20
+    found = flight.load(save(tmp_path, data))
+    assert len(found.imu.time) == 20
+    assert "1 of 21 records of e have times that no clock shows: left out." in found.notes
+
+
+def test_a_log_without_a_time_that_can_be_is_one_line(tmp_path):
+    data = header(2, [(7, "e", [f"gyro.{axis}(f)" for axis in "xyz"])])
+    data += struct.pack("<HQ3f", 7, 2**64 - 1, 1.0, 1.0, 1.0) * 5
+    with pytest.raises(LogError) as error:
+        flight.load(save(tmp_path, data))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.filterwarnings("error")
+def test_damaged_numbers_are_read_without_a_word_of_numpy(logs, tmp_path):
+    data = bytearray(log(logs))
+    row = data.index(record(2, 7, 3.0, "")[:10]) + 10
+    data[row : row + 4] = b"\x01\x00\x80\x7f"  # a NaN that signals
+    data[-4:] = struct.pack("<I", zlib.crc32(data[:-4]))
+    assert flight.load(save(tmp_path, bytes(data))).imu.dropped == {"not finite": 1}
 
 
 def test_a_header_of_very_many_variables_asks_the_budget_first(tmp_path):

@@ -243,3 +243,17 @@ def test_a_custom_message_of_any_package_needs_no_ros(logs, tmp_path):
     np.testing.assert_array_equal(read_log(path, lambda *_: True).tables["/state"].columns["all.rpm"], rpm)
     found = flight.load(path, {"rotor_speed": "/state.all.rpm"})
     np.testing.assert_array_equal(found.actuators.rotor_speed, rpm)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("second", ["NaN", "1e400", "-Infinity", "1e30", "1" * 25])
+def test_stamps_that_no_clock_shows_are_counted_and_not_converted(motion, tmp_path, second):
+    imus = in_json(motion)[1]
+    sound = imus[10]
+    for i in (10, 11, 12):
+        imus[i] = imus[i].replace(b'"sec": 1700000000', f'"sec": {second}'.encode())
+    assert imus[10] != sound
+    path = written(tmp_path / "log.mcap", [("/imu", "foxglove.Imu", "jsonschema", b"{}", "json", imus)])
+    found = flight.load(path)
+    assert found.imu.dropped == {"no stamp": 3}
+    np.testing.assert_allclose(np.delete(TIME, [10, 11, 12]), found.imu.time, atol=1e-6)

@@ -79,3 +79,9 @@ def test_a_summary_that_lies_tells_no_times(logs, tmp_path):
     struct.pack_into("<I", data, at + 9 + 42, 2**32 - 1)  # behind six counts and two times: bytes of those by channel
     path.write_bytes(data)
     assert len(flight.load(folder).imu.time) == 400
+
+
+def test_a_name_with_a_digit_that_is_no_number_has_its_place(logs, tmp_path):
+    for name in ("1\u00b23", "b"):
+        logs.plain_flight(1.0).save(tmp_path / f"{name}.mcap", "mcap-none")
+    assert [p.name for p in flights_in(tmp_path)] == ["1\u00b23.mcap", "b.mcap"]
