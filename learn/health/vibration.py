@@ -154,8 +154,9 @@ def _levels(recorded: Recorded, phases: FlightPhases) -> tuple[str, tuple[float,
         ("vehicle_imu_status", ("accel_vibration_metric",), VIBRATION.metric),
     ):
         for place, values, air in _aloft(recorded, phases, topic, *names):
-            high = np.percentile(values[air], VIBRATION.share, axis=0)
-            if np.isfinite(high).all() and high.any():
+            known = values[air][np.isfinite(values[air]).all(axis=1)]
+            if known.any():
+                high = np.percentile(known, VIBRATION.share, axis=0)
                 found.append((place, high, limits))
     if not found:
         return "", (), None

@@ -62,6 +62,7 @@ def main() -> None:
         _signals.catch()
         working_folder()
         address_space()
+        os.environ.pop("SOURCE_DATE_EPOCH", None)  # nothing here obeys it, and numpy.f2py fails where it is no number
         _safe_path.leave_working_folder()
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 

@@ -5,6 +5,7 @@ import pytest
 
 from wrenchgap.flight.autopilot import Autopilot, parameter_differences
 from wrenchgap.flight.flight import Flight, ImuSeries
+from wrenchgap.flight.formats.table import Table
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of
@@ -113,6 +114,17 @@ def test_a_peak_has_the_root_mean_square_of_its_sine():
     assert peak.rms == pytest.approx(2.0 / np.sqrt(2.0), rel=0.03)
     assert found.rms[0] == pytest.approx(2.0 / np.sqrt(2.0), rel=0.03)
     assert not peak.harmonic
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_a_level_that_is_no_number_leaves_those_of_the_other_messages(wrong):
+    stamps = np.arange(0, 20 * 10**9, 10**8)
+    level = np.full(len(stamps), 3.0)
+    level[50:60] = wrong
+    table = Table("vehicle_imu_status", "", stamps, stamps, {"accel_vibration_metric": level})
+    found = vibration_of(shaken([], 250.0), Recorded({"vehicle_imu_status": table}, 0), HOVER, ())
+    assert found.levels == (3.0,)
 
 
 def test_two_peaks_of_one_thing_that_turns_are_harmonics():

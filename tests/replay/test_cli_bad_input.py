@@ -269,6 +269,11 @@ def test_a_setting_that_a_library_refuses_is_named(setting, logs, tmp_path):
     assert "unset it" in done.stderr
 
 
+def test_a_date_of_builds_that_is_no_number_is_nobodys_business(logs, tmp_path):
+    done = real(f"SOURCE_DATE_EPOCH=x {sys.executable} -m wrenchgap compare {logs.test} -m {MODEL} -q", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="macOS knows no limit of address space")
 def test_too_little_address_space_is_told_and_not_waited_for(tmp_path):
     done = real(f"ulimit -v 400000; {sys.executable} -m wrenchgap inspect gone.mcap", tmp_path)
