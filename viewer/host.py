@@ -55,6 +55,8 @@ class Host(Protocol):
     scene: Scene
     cursor: Cursor
     view: ViewState
+    drops: dict[str, Any]
+    """`viewer.file_drop.FileDrop` by the id of their button."""
     max_waiting: ClassVar[int] = 16
     """Callbacks that wait for the page at most: viser calls them on 32 threads, and a flood must not take all."""
     max_jobs: ClassVar[int] = 8
@@ -73,6 +75,9 @@ class Host(Protocol):
 
     def refresh(self) -> None:
         """Ask the session for the flight again after the model changed; the cursor stays where it is."""
+
+    def replace(self, session: Session) -> None:
+        """Show another session on the same page; work for the one before is cancelled."""
 
     def replot(self) -> None:
         """Rebuild the plots after their selection changed."""

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import msgspec
@@ -31,6 +32,8 @@ class Limits:
         Bytes of one message: a picture of the scene on a 4K screen has 2 to 8 million.
     upload, uploads
         Bytes of one upload (a saved view has some hundreds), and how many of one client may be under way.
+    part, parts
+        Bytes of one piece of a file (viser's client cuts them at 524,288), and pieces of one upload.
     text
         Characters in a field: a saved view with a hundred channels has ten thousand.
     number
@@ -50,6 +53,8 @@ class Limits:
     message: int = 2**24
     upload: int = 1_000_000
     uploads: int = 4
+    part: int = 1_000_000
+    parts: int = 16
     text: int = 100_000
     number: float = 1e12
     pixels: int = 40_000_000
@@ -64,7 +69,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 Name = Annotated[str, Meta(max_length=256)]
 Number = Annotated[float, Meta(ge=-LIMITS.number, le=LIMITS.number)]
 Size = Annotated[int, Meta(ge=0, le=16384)]
-Part = Annotated[int, Meta(ge=0, le=16)]
+Count = Annotated[int, Meta(ge=0, le=2**40)]
 Vector = tuple[Number, Number, Number]
 _transfer = {"source_component_uuid": Name, "transfer_uuid": Name}
 FIELDS: Mapping[str, Mapping[str, Any]] = {
@@ -83,13 +88,12 @@ FIELDS: Mapping[str, Mapping[str, Any]] = {
     "FileTransferStartUpload": {
         **_transfer,
         **dict.fromkeys(("filename", "mime_type"), Name),
-        "part_count": Part,
-        "size_bytes": Annotated[int, Meta(ge=0, le=LIMITS.upload)],
+        **dict.fromkeys(("part_count", "size_bytes"), Count),
     },
     "FileTransferPart": {
         **_transfer,
-        "part_index": Part,
-        "content": Annotated[bytes, Meta(max_length=LIMITS.upload)],
+        "part_index": Count,
+        "content": Annotated[bytes, Meta(max_length=LIMITS.part)],
     },
 }
 """The messages that mean something to this page, and what their fields hold. viser knows a dozen more."""
@@ -142,10 +146,18 @@ def is_possible(control: Any, value: Any) -> bool:
 
 
 class Inbox:
-    """The messages of one client. `control` finds a control by its id, None where there is none."""
+    """The messages of one client. `control` finds a control by its id, None where there is none.
 
-    def __init__(self, control: Callable[[str], Any], clock: Callable[[], float] = time.monotonic) -> None:
-        self._control, self._clock = control, clock
+    `drops` (`viewer.file_drop.FileDrop`, by the id of their button) get the files that are uploaded to them.
+    """
+
+    def __init__(
+        self,
+        control: Callable[[str], Any],
+        drops: Mapping[str, Any] = MappingProxyType({}),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._control, self._drops, self._clock = control, drops, clock
         self._allowance, self._at = LIMITS.burst, clock()
         self._uploads: dict[str, int] = {}
 
@@ -179,11 +191,17 @@ class Inbox:
         return True
 
     def _admits_start(self, message: dict[str, Any]) -> bool:
-        """Whether an upload may start: to an upload button, and not too many at once."""
-        button, transfer = self._control(message["source_component_uuid"]), message["transfer_uuid"]
+        """Whether an upload may start: to an upload button, not too many at once; what a drop takes viser never sees."""
+        uuid, transfer = message["source_component_uuid"], message["transfer_uuid"]
+        button = self._control(uuid)
         if not isinstance(button, viser.GuiUploadButtonHandle) or transfer in self._uploads:
             return False
         if len(self._uploads) >= LIMITS.uploads or button.disabled or not button.visible:
+            return False
+        if uuid in self._drops:
+            self._drops[uuid].start(transfer, message["filename"], message["size_bytes"])
+            return False
+        if message["size_bytes"] > LIMITS.upload or message["part_count"] > LIMITS.parts:
             return False
         if message["part_count"] > 0:
             self._uploads[transfer] = message["size_bytes"]
@@ -191,9 +209,12 @@ class Inbox:
 
     def _admits_part(self, message: dict[str, Any]) -> bool:
         """Whether a part belongs to a started upload and is within its size."""
-        transfer = message["transfer_uuid"]
+        transfer, drop = message["transfer_uuid"], self._drops.get(message["source_component_uuid"])
+        if drop is not None:
+            drop.part(transfer, message["content"])
+            return False
         rest = self._uploads.get(transfer, 0) - len(message["content"])
-        if transfer not in self._uploads or rest < 0:
+        if transfer not in self._uploads or rest < 0 or message["part_index"] >= LIMITS.parts:
             return False
         self._uploads[transfer] = rest
         if rest == 0:

@@ -36,15 +36,31 @@ class Page(Host):
     """The page of one session, served from construction to `stop`."""
 
     def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 8080) -> None:
-        self.session = session
-        self.server, self.gate = serve(host, port)
+        self.server, self.gate, self.drops = serve(host, port)
         self.gui = self.server.gui
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
-        self.view = ViewState(zoom=ZOOMS[0], speed="1")
-        self.scene = session.scene(session.flights[0])
         self._jobs = []
         self._waiting = threading.BoundedSemaphore(self.max_waiting)
+        self._start(session)
+        self.server.on_client_disconnect(self._left)
+        self.cursor.run()
+
+    def replace(self, session: Session) -> None:
+        """Show another session on the same page; work for the one before is cancelled."""
+        with self.lock, self.server.atomic():
+            for job in self._jobs:
+                job.cancel()
+            self.cursor.listeners.clear()
+            self.drops.clear()
+            self.gui.reset()
+            self.server.scene.reset()
+            self._start(session)
+
+    def _start(self, session: Session) -> None:
+        self.session = session
+        self.view = ViewState(zoom=ZOOMS[0], speed="1")
+        self.scene = session.scene(session.flights[0])
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.drawing.open(self.scene)
@@ -52,8 +68,6 @@ class Page(Host):
             self.cursor.listeners.append(lambda _: self._show())
             self.open(session.flights[0])
             self.scene_panel.look("oblique")
-        self.server.on_client_disconnect(self._left)
-        self.cursor.run()
 
     @property
     def url(self) -> str:
@@ -151,8 +165,10 @@ class Page(Host):
             self.board.tab(group)
         self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
         self.tabs = gui.add_tab_group()
+        first = self.session.capabilities.first
+        before = [] if first is None else [first(self)]
         self.scene_panel = ScenePanel(self, self.drawing)
-        of_session = [make(self) for make in self.session.capabilities.panels]
+        of_session = [*before, *(make(self) for make in self.session.capabilities.panels)]
         last = (ExportPanel(self, self.board, self.scene_panel.legend_parts), NotesPanel(self))
         self.panels: list[Panel] = [self.scene_panel, *of_session, *last]
         self._parts: tuple[Part, ...] = (self.transport, *self.panels, self.channels)

@@ -133,12 +133,11 @@ class JobControls:
         self._progress(0.0, "starting")
 
         def done(result: T) -> None:
+            self._ended()  # before what comes of it, which may be another page
             try:
                 on_done(result)
             except Exception as error:  # what comes of it is shown; that must not end the page either
                 self.host.fail(error)
-            finally:
-                self._ended()
 
         def failed(error: Exception) -> None:
             self._ended()

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import viser
 import zstandard
+from viser._messages import FileTransferPartAck
 from websockets.asyncio import server as websockets
 from websockets.http11 import Request, Response
 from websockets.protocol import State
@@ -40,8 +41,10 @@ DIGITS = "".join(chr(c) for c in range(0x21, 0x7F) if chr(c) not in "\"&<>'`")
 _starting = threading.Lock()
 
 
-def serve(host: str, port: int) -> tuple[Any, Gate]:
-    """A viser server on this host and port, or the next free one, and the gate that it is behind.
+def serve(host: str, port: int) -> tuple[Any, Gate, dict[str, Any]]:
+    """A viser server on this host and port, or the next free one, the gate that it is behind, and its file drops.
+
+    The last are those `viewer.file_drop.FileDrop` that take the uploads of a button, by the id of that; at first none.
 
     Raises UsageError where it cannot listen, and for a viser that cannot be guarded.
     """
@@ -56,7 +59,15 @@ def serve(host: str, port: int) -> tuple[Any, Gate]:
         server.stop()
         raise UsageError(f"viser {viser.__version__}: its page cannot be guarded; install {SUPPORTED!r}")
     found.by_id = controls
-    return server, gate
+    return server, gate, found.drops
+
+
+def acknowledge(server: Any, button: str, transfer: str, done: int, size: int) -> None:
+    """Tell the clients that so many bytes of an upload to a button arrived."""
+    message = FileTransferPartAck(
+        source_component_uuid=button, transfer_uuid=transfer, transferred_bytes=done, total_bytes=size
+    )
+    server.gui._websock_interface.queue_message(message)
 
 
 def free_port(host: str, port: int, tries: int = 20) -> int:
@@ -107,9 +118,12 @@ def _unpacked(text: str) -> bytes:
 
 
 class _Controls:
-    """The controls of a page by id, once there is one."""
+    """The controls of a page by id, once there is one, and those that are drops for files."""
 
     by_id: dict[str, Any] | None = None
+
+    def __init__(self) -> None:
+        self.drops: dict[str, Any] = {}
 
     def __call__(self, uuid: str) -> Any:
         return None if self.by_id is None else self.by_id.get(uuid)
@@ -137,7 +151,7 @@ class _Connection(websockets.ServerConnection):
 
 
 @contextmanager
-def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]:
+def _guarded(gate: Gate, controls: _Controls) -> Iterator[list[bool]]:
     """While this lasts, a server that viser starts is behind the gate; the list gets an entry when one was."""
     original, guarded = websockets.serve, []
 
@@ -147,7 +161,9 @@ def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]
         guarded.append(True)
         options |= {
             "process_request": _checked(gate, process_request),
-            "create_connection": lambda *given, **more: _Connection(*given, inbox=Inbox(controls), **more),
+            "create_connection": lambda *given, **more: _Connection(
+                *given, inbox=Inbox(controls, controls.drops), **more
+            ),
             "compression": None,  # bytes that were sent are those that arrive
             "max_size": LIMITS.message,
             "max_queue": LIMITS.queued,

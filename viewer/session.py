@@ -116,9 +116,13 @@ MakePanel = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Capabilities:
-    """Optional features of a session, such as its own tabs (`panels`); those that are None have no controls."""
+    """Optional features of a session, such as its own tabs (`panels`); those that are None have no controls.
+
+    `first` is a tab that stands before all others.
+    """
 
     panels: Sequence[MakePanel] = ()
+    first: MakePanel | None = None
     channels: ReadChannels | None = None
     report: WriteReport | None = None
 

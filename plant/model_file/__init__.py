@@ -20,6 +20,7 @@ __all__ = [
     "loads",
     "next_version",
     "save",
+    "shipped_models",
     "tool_version",
 ]
 
@@ -33,13 +34,17 @@ def find_model(name_or_path: str | Path) -> Path:
         return path
     if path.is_dir():
         raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
-    shipped = {p.stem: p for p in sorted(_SHIPPED.glob("*.toml"))}
-    if str(name_or_path) in shipped:
-        return shipped[str(name_or_path)]
+    if str(name_or_path) in shipped_models():
+        return _SHIPPED / f"{name_or_path}.toml"
     raise ModelError(
         f"{name_or_path}: no such model file; give a path to a .toml file or one of the shipped models: "
-        f"{', '.join(sorted(shipped))}"
+        f"{', '.join(shipped_models())}"
     )
+
+
+def shipped_models() -> list[str]:
+    """Names of the models that come with this package."""
+    return sorted(path.stem for path in _SHIPPED.glob("*.toml"))
 
 
 def load(name_or_path: str | Path) -> Model:

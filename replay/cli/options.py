@@ -36,6 +36,12 @@ Logs = Annotated[
         callback=logs_in,
     ),
 ]
+SomeLogs = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="[LOG...]", help="Logs, as of other commands; none: they are dropped on the page.", callback=logs_in
+    ),
+]
 FromLogs = Annotated[
     list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", callback=logs_in)
 ]

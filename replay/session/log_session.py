@@ -51,7 +51,7 @@ class LogSession:
 
     `gp_name` is what the GP is called on the page; `against` are other models whose predictions are shown beside;
     models and trajectories that are saved on the page go into `folder`, without one the page offers them as downloads.
-    `budget` is that of reading a log again for its channels (`flight.budget`).
+    `budget` is that of reading a log again for its channels (`flight.budget`); `first` is a tab before all others.
     """
 
     def __init__(
@@ -64,6 +64,7 @@ class LogSession:
         against: Sequence[Model] = (),
         folder: SaveFolder | None = None,
         budget: Budget | str | None = None,
+        first: MakePanel | None = None,
     ) -> None:
         self.working = WorkingModel(listed(flights), model, gp)
         self._budget = budget
@@ -85,7 +86,7 @@ class LogSession:
 
             self.comparisons = changed.SessionComparisons(self.working)
             panels.insert(2, partial(changed.ChangedPanel, comparisons=self.comparisons))
-        self.capabilities = Capabilities(panels, self.channels, self.report)
+        self.capabilities = Capabilities(panels, first, self.channels, self.report)
         self._recorded: dict[str, Scene] = {}
 
     @property

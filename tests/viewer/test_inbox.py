@@ -16,7 +16,7 @@ from wrenchgap.viewer.serving import serve
 
 @pytest.fixture(scope="module")
 def gui():
-    server, _ = serve("127.0.0.1", 0)
+    server, _, _ = serve("127.0.0.1", 0)
     yield server.gui
     server.stop()
 
@@ -162,7 +162,7 @@ def test_a_picture_is_a_png_that_can_be_unpacked(inbox):
 
 def test_a_flood_waits_and_a_hand_does_not():
     now = SimpleNamespace(time=0.0)
-    inbox = Inbox({}.get, lambda: now.time)
+    inbox = Inbox({}.get, clock=lambda: now.time)
     assert [inbox.wait() for _ in range(int(LIMITS.burst))] == [0.0] * int(LIMITS.burst)
     waits = [inbox.wait() for _ in range(100)]
     assert waits[-1] == pytest.approx(100 / LIMITS.rate)

@@ -25,7 +25,7 @@ def websockets_serve():
 
 
 def test_the_link_opens_the_page_and_nothing_else_does():
-    server, gate = serve("127.0.0.1", 0)
+    server, gate, _ = serve("127.0.0.1", 0)
     try:
         with urllib.request.urlopen(gate.url(server.get_port()), timeout=10) as answer:
             assert b"<html" in answer.read(2000)
@@ -62,7 +62,7 @@ def test_a_page_of_viser_that_is_not_one_script_is_refused(monkeypatch, tmp_path
 
 def test_viser_has_what_is_taken_from_its_private_parts():
     """Fails when a release of viser moves it: read `viewer/serving.py` again before the range of versions grows."""
-    server, _ = serve("127.0.0.1", 0)
+    server, _, _ = serve("127.0.0.1", 0)
     try:
         button = server.gui.add_button("x")
         assert server.gui._gui_input_handle_from_uuid[button._impl.uuid] is button
@@ -74,7 +74,7 @@ def test_viser_has_what_is_taken_from_its_private_parts():
 
 def test_who_idles_without_the_link_takes_no_descriptors_and_keeps_nobody_out(caplog):
     """1,100 idle connections used up the file descriptors: accept stopped, with tracebacks on the terminal."""
-    server, gate = serve("127.0.0.1", 0)
+    server, gate, _ = serve("127.0.0.1", 0)
     idle = []
     try:
         for _ in range(3 * LIMITS.handshakes):
@@ -99,7 +99,7 @@ def test_who_idles_without_the_link_takes_no_descriptors_and_keeps_nobody_out(ca
 
 
 def test_a_descriptor_that_cannot_be_had_is_no_traceback(caplog):
-    server, _ = serve("127.0.0.1", 0)
+    server, _, _ = serve("127.0.0.1", 0)
     server.stop()
     logging.getLogger("asyncio").error("socket.accept() out of system resource\nsocket: x")
     logging.getLogger("asyncio").error("another")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from socket import gethostname
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,8 +14,8 @@ from wrenchgap.replay.cli.values import parse_cutoff, usage_error
 
 
 def view(
-    logs: o.Logs,
-    model: o.ModelOption,
+    logs: o.SomeLogs = None,
+    model: o.OptionalModel = None,
     gp: o.GpOption = None,
     against: o.Against = None,
     saved: Annotated[
@@ -45,7 +45,8 @@ def view(
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
     The first log is shown first; the others are one choice away, and are flights to test on. Everybody who opens the
-    page sees the same state, with a camera of their own.
+    page sees the same state, with a camera of their own. Without a model, or without logs, the page begins with what
+    `wrenchgap check` says: logs are dropped there, and a form makes the model.
 
     Example: `wrenchgap view train.mcap test.mcap -m tilt_hexarotor --gp torque.gp`
     """
@@ -58,22 +59,33 @@ def view(
     with uncollected(), needed_for("pages in the browser"):
         from wrenchgap.flight import cache
         from wrenchgap.learn.process.predictors import cutoff_of
+        from wrenchgap.replay.session.intake import Intake
         from wrenchgap.replay.session.log_session import LogSession
         from wrenchgap.replay.session.saving import SaveFolder
         from wrenchgap.viewer.gate import ANYWHERE, exposed
         from wrenchgap.viewer.page import Page
+        from wrenchgap.viewer.session import Session
         from wrenchgap.viewer.view_state import read
 
     if force and save_to is None:
         raise usage_error("--force: the page writes no files; name a folder for them, --save-to FOLDER")
     folder = None if save_to is None else SaveFolder(save_to, force=force)
     opening = None if saved is None else read(saved)
-    base, others, process = run.model(model), list(map(run.model, against or ())), run.gp(gp)
+    base, others, process = None if model is None else run.model(model), list(map(run.model, against or ())), run.gp(gp)
     options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
+    session: Session
     with run.progress("opening") as report:
-        flights = run.open(options, logs, base, load=cache.load)[0]
-        name = "GP" if gp is None else gp.name
-        session = LogSession(flights, base, process, gp_name=name, against=others, folder=folder, budget=options.budget)
+        if logs and base is not None:
+            flights = run.open(options, logs, base, load=cache.load)[0]
+            name = "GP" if gp is None else gp.name
+            more: dict[str, Any] = {"gp_name": name, "against": others, "folder": folder, "budget": options.budget}
+            session = LogSession(flights, base, process, **more)
+        elif given := [f"--{k}" for k, v in {"gp": gp, "against": against, "view": saved}.items() if v]:
+            raise usage_error(f"{', '.join(given)}: needs logs and a model; give them with LOG... and -m MODEL")
+        else:
+            intake = Intake(model=base, options=options, folder=folder)
+            intake.check(logs or (), report)
+            session = intake.session(report)
         report(0.8, "starting the page")
         page = Page(session, host, port)
     if opening is not None:
@@ -85,7 +97,8 @@ def view(
         run.notes(
             [f"{words}the way is encrypted; `ssh -L {page.port}:localhost:{page.port}` needs no --host."], "warning"
         )
-    run.line(f"{', '.join(session.flights)}: {page.url}   (Ctrl-C to stop)")
+    what = ", ".join(session.flights) if logs else "drop a log"
+    run.line(f"{what}: {page.url}   (Ctrl-C to stop)")
     if host in ANYWHERE:
         run.line(f"from other machines: {page.gate.url(page.port, gethostname())}")
     with opened(page.url) if browser else nullcontext():

@@ -1,0 +1,152 @@
+"""Logs that somebody drops on a page that was started without a model: what `check` says of them, and a model for them.
+
+Before there is a model a session of the page shows what the logs themselves hold; afterwards it is a `LogSession`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from wrenchgap.flight import so3, work_files
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.plant.reader import text_of
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.health.health import Health, LogHealth
+from wrenchgap.learn.health.phases import AIRBORNE
+from wrenchgap.plant import model_file
+from wrenchgap.plant.drafts.draft import Sheet
+from wrenchgap.plant.drafts.sources import Given
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Body, Vehicle
+from wrenchgap.replay.session.log_session import FLOORS, XYZ, LogSession
+from wrenchgap.replay.session.panels.logs import LogsPanel
+from wrenchgap.replay.session.saving import SaveFolder
+from wrenchgap.viewer.session import Capabilities, Scene, Series, Session, Stretch
+
+NOTHING_YET = "no log yet"
+MOST_LOGS = 8
+"""On the page: `check` shows them side by side."""
+UNKNOWN = Vehicle("a vehicle without a model", Body(1.0, 0.01 * np.eye(3), np.zeros(3)), None, None, np.zeros(3))
+"""What is drawn before there is a model: a ball of 0.3 m with a nose."""
+Report = Callable[[float, str], None]
+
+
+class Intake:
+    """Logs, those that were named when the page was started first, and the model once there is one.
+
+    `options` say how logs are read, `folder` where the page may save. What is dropped goes into a folder of this
+    process, which ends with it (`flight.work_files`).
+    """
+
+    def __init__(
+        self,
+        logs: Sequence[Path] = (),
+        model: Model | None = None,
+        options: ReadOptions | None = None,
+        folder: SaveFolder | None = None,
+    ) -> None:
+        self.logs, self.model, self.options, self.save_to = tuple(logs), model, options or ReadOptions(), folder
+        self.dropped = Path(tempfile.mkdtemp(dir=work_files.folder()))
+        self.health: Health | None = None
+        self.sheet: Sheet | None = None
+
+    def add(self, path: Path, report: Report) -> None:
+        """Take a log, and look at all of them again, or a model file. Raises LogError, UsageError, ModelError."""
+        if path.suffix.lower() == ".toml":
+            self.use(replace(model_file.loads(text_of(path, "as a model file")), path=Path(path.name)))
+            return
+        if len(self.logs) >= MOST_LOGS:
+            raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
+        self.check((*self.logs, path), report)
+
+    def check(self, logs: Sequence[Path], report: Report) -> None:
+        """Look at these logs, and keep them."""
+        from wrenchgap.replay.api_flights import check  # here: the page stands before it is there
+
+        self.health = check(list(logs), self.model, self.options, progress=report) if logs else None
+        self.logs = tuple(logs)
+
+    def draft(self, given: Given) -> None:
+        """Make a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
+        from wrenchgap.replay.api_models import draft_model
+
+        known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin")
+        self.sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
+        self.use(self.sheet.model)
+
+    def use(self, model: Model) -> None:
+        """Take this model for all logs."""
+        self.model = model
+
+    def session(self, report: Report) -> Session:
+        """What the page shows now: flights for the model, or what the logs hold."""
+        if self.model is None or not self.logs:
+            return BareSession(self)
+        report(0.0, "opening the flights")
+        flights = open_flights(self.logs, self.model, self.options)
+        first = partial(LogsPanel, intake=self)
+        return LogSession(flights, self.model, folder=self.save_to, budget=self.options.budget, first=first)
+
+
+class BareSession:
+    """Implements `viewer.session.Session` for logs without a model: attitude, path, commands, what the IMU measured."""
+
+    def __init__(self, intake: Intake) -> None:
+        seen = () if intake.health is None else intake.health.logs
+        self._logs = {log.name: log for log in seen}
+        self.vehicle, self.flights = UNKNOWN, tuple(self._logs) or (NOTHING_YET,)
+        self.capabilities = Capabilities(first=partial(LogsPanel, intake=intake))
+
+    def scene(self, flight: str) -> Scene:
+        """What the log of this name holds."""
+        log = self._logs.get(flight)
+        if log is None or log.inspection.flight is None:
+            return Scene(flight, np.array([0.0, 1.0]), np.zeros((2, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
+        return recorded_alone(log, log.inspection.flight)
+
+
+def recorded_alone(log: LogHealth, flight: Flight, rate_hz: float = 50.0, most: int = 100_000) -> Scene:
+    """A flight without any model, at `rate_hz` instants a second, or fewer where they were more than `most`.
+
+    Position and attitude of the odometry, at rest at the origin without one; rates and specific force of the IMU and
+    commands of the actuators in the units of the log.
+    """
+    ends = [(s.time[0], s.time[-1]) for s in flight.series().values() if len(s.time)]
+    start, stop = min(a for a, _ in ends), max(b for _, b in ends)
+    count = int(np.clip((stop - start) * rate_hz, 2, most))
+    time = np.linspace(start, stop, count)
+    position, quat = np.zeros((count, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    series: list[Series] = []
+    odometry, imu, actuators = flight.odometry, flight.imu, flight.actuators
+    if odometry is not None:
+        place = np.nan_to_num(odometry.position_E)
+        position = np.stack([np.interp(time, odometry.time, column) for column in place.T], axis=1)
+        if np.isfinite(odometry.quat_EB).all():
+            quat = so3.interpolate(time, odometry.time, odometry.quat_EB)
+    if imu is not None:
+        series.append(_series("specific force", "m/s^2", "Sensors", imu.time, imu.specific_force_B, XYZ, count))
+        series.append(_series("body rate", "rad/s", "Sensors", imu.time, imu.omega_B, XYZ, count))
+    if actuators is not None and actuators.rotor_speed.size:
+        names = [f"motor {k + 1}" for k in range(actuators.rotor_speed.shape[1])]
+        series.append(
+            _series("motor command", actuators.unit, "Actuators", actuators.time, actuators.rotor_speed, names, count)
+        )
+    gaps = tuple(
+        Stretch(phase.start, phase.stop, str(phase.name)) for phase in log.phases.phases if phase.name not in AIRBORNE
+    )
+    return Scene(log.name, time, position, quat, series=tuple(series), gaps=gaps, notes=log.inspection.notes)
+
+
+def _series(title: str, unit: str, group: str, time: Array, values: Array, names: Sequence[str], count: int) -> Series:
+    """Columns of values (N, C), every so many samples that there are about `count` of them."""
+    some = slice(None, None, max(1, len(time) // count))
+    columns = dict(zip(names, values[some].T, strict=True))
+    return Series(title, unit, time[some], columns, group, FLOORS.get(unit, 0.0))

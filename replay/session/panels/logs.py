@@ -1,0 +1,114 @@
+"""Log: drop logs, read what `check` says of them, and make the model that all other tabs need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.drafts.ardupilot import FRAMES
+from wrenchgap.plant.drafts.sources import Given
+from wrenchgap.plant.model_file import load, shipped_models
+from wrenchgap.replay.session.panels import html
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.file_drop import FileDrop
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.panel import JobControls, Panel
+from wrenchgap.viewer.session import Report, Session
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.session.intake import Intake
+
+DROP = (
+    "Drop a flight log here: .ulg (PX4), .bin (ArduPilot), .mcap, .bag, .csv, .parquet (Crazyflie, Betaflight, your own). "
+    "It stays on this machine."
+)
+MORE = "Drop another log of the same vehicle, to compare it with, or a model file (.toml)."
+OF_LOG = "made from the log"
+AS_LOGGED = "as in the log"
+
+
+class LogsPanel(Panel):
+    """Dropped logs are checked at once; the model comes from the log and this form, or is a shipped one."""
+
+    def __init__(self, host: Host, intake: Intake) -> None:
+        super().__init__(host)
+        self.intake = intake
+        gui, there = host.gui, bool(intake.logs)
+        with host.tab("Log"):
+            self.drop = FileDrop(host, MORE if there else DROP, intake.dropped, self._received)
+            self.work = JobControls(host, "Check again", lambda: self._show(self._checked))
+            self.work.button.visible = False
+            self.answer = gui.add_html(self._answer())
+            with gui.add_folder("Model", visible=there and intake.model is None):
+                gui.add_html(markup.sentences("What is missing, how it changed, what to fly next: all need a model."))
+                self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=OF_LOG)
+                self.mass = _number(gui, "mass [kg]", "with battery, as it flew")
+                self.frame = gui.add_dropdown("frame", (AS_LOGGED, *FRAMES), initial_value=AS_LOGGED)
+                self.arm = _number(gui, "arm [m]", "from the middle to a motor")
+                self.radius = _number(gui, "rotor radius [m]", "0: estimated from the distance between rotors")
+                self.thrust = _number(gui, "full thrust of a rotor [N]", "0: from hover, as the log shows it")
+                self.make = JobControls(host, "Make the model, open the flights", lambda: self._start(self._modelled))
+            self.sheet = gui.add_html(self._sheet())
+
+    def _received(self, path: Path) -> None:
+        self._show(lambda report: self.intake.add(path, report))
+
+    def _checked(self, report: Report) -> None:
+        self.intake.check(self.intake.logs, report)
+
+    def _modelled(self, report: Report) -> None:
+        report(0.0, "making the model")
+        if self.source.value != OF_LOG:
+            self.intake.use(load(self.source.value))
+            return
+        if not self.mass.value:
+            raise UsageError("mass: weigh the vehicle with its battery and say how many kilograms it has")
+        frame = None if self.frame.value == AS_LOGGED else self.frame.value
+        lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
+        self.intake.draft(Given(None, self.mass.value, None, frame, *lengths))
+
+    def _show(self, change: Callable[[Report], None]) -> None:
+        self._run(self.work, change)
+
+    def _start(self, change: Callable[[Report], None]) -> None:
+        self._run(self.make, change)
+
+    def _run(self, controls: JobControls, change: Callable[[Report], None]) -> None:
+        """Change the logs or the model beside the page, which then shows what there is."""
+
+        def work(report: Report) -> Session:
+            change(report)
+            return self.intake.session(report)
+
+        controls.start(work, self.host.replace)
+
+    def _answer(self) -> str:
+        """What `check` says of all logs: its sentences and its table."""
+        from wrenchgap.replay.present import health  # here: the page stands before it is there
+
+        found = self.intake.health
+        if found is None:
+            return ""
+        return html.render(
+            "check", lines=health.answer(found)[:-1], head=[log.name for log in found.logs], rows=health.rows(found)
+        )
+
+    def _sheet(self) -> str:
+        """What was understood of the vehicle, drawn, and what was assumed."""
+        from wrenchgap.replay.present import model as words
+
+        if (sheet := self.intake.sheet) is None:
+            return ""
+        from wrenchgap.replay.present.report.elements import Image
+
+        drawn = Image.of(words.picture(sheet), "the vehicle from above", "", form="svg").src
+        return html.render(
+            "sheet", lines=words.overview(sheet.model), assumed=[*sheet.assumed, *sheet.notes], drawn=drawn
+        )
+
+
+def _number(gui: Any, label: str, hint: str) -> Any:
+    """A field for a size; 0 says nothing."""
+    return gui.add_number(label, 0.0, min=0.0, max=1000.0, step=0.001, hint=hint)

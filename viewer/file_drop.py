@@ -1,0 +1,111 @@
+"""A place on the page to drop files on: they go to the disk piece by piece as they arrive, whatever their size.
+
+viser keeps an upload in memory, at its end twice; a log may have a gigabyte. The inbox gives the pieces of an upload to
+the drop that its button belongs to (`viewer.inbox`), and viser never has them. A browser puts a file that is dropped on
+an input for files into it by itself; viser's is hidden, and the style sheet shows it, so that no script is needed.
+"""
+
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import IO, Any, ClassVar
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.serving import acknowledge
+
+NAME = re.compile(r"(?!\.)[\w .()+=,@-]{1,200}")
+"""What a file may be called: no way out of the folder, nothing hidden."""
+
+
+class FileDrop:
+    """Files that are dropped here, or chosen, are put into new folders below `folder`, and `received` gets their path.
+
+    `received` is called under the page's lock. One file arrives at a time: another one ends it. `largest` and `most`
+    are bytes of one file, and of all that were dropped.
+    """
+
+    largest: ClassVar[int] = 2**30
+    most: ClassVar[int] = 2**32
+
+    def __init__(self, host: Host, words: str, folder: Path, received: Callable[[Path], None]) -> None:
+        self.host, self._folder, self._received = host, folder, received
+        host.gui.add_html(markup.render("drop", words=words))
+        self.button: Any = host.gui.add_upload_button("Choose a file")
+        self._uuid = str(self.button._impl.uuid)  # viser has no public way to the id of an element
+        host.drops[self._uuid] = self
+        self._transfer, self._file, self._size, self._done = "", None, 0, 0
+        self._path, self._file = folder, None
+
+    _file: IO[bytes] | None
+
+    def start(self, transfer: str, name: str, size: int) -> None:
+        """A file of this name and size [bytes] begins to arrive; called by the inbox, of any client."""
+        self._forget()
+        self._transfer, self._size, self._done = transfer, size, 0
+        try:
+            self._check(name, size)
+            number = sum(1 for _ in self._folder.iterdir())
+            place = self._folder / str(number)
+            place.mkdir(mode=0o700)
+            self._path = place / name
+            self._file = self._path.open("xb")
+        except (UsageError, OSError) as error:
+            self._refuse(error)
+        else:
+            self._written(b"")
+
+    def part(self, transfer: str, content: bytes) -> None:
+        """The next piece of it; those of a file that was refused, or ended by another, are dropped."""
+        if transfer == self._transfer and self._file is not None:
+            self._written(content)
+
+    def _written(self, content: bytes) -> None:
+        assert self._file is not None
+        try:
+            if self._done + len(content) > self._size:
+                raise UsageError(f"{self._path.name}: is longer than the browser said; drop it again")
+            self._file.write(content)
+            self._done += len(content)
+            if self._done == self._size:
+                self._file.close()
+                self._file = None
+        except (UsageError, OSError) as error:
+            self._refuse(error)
+            return
+        acknowledge(self.host.server, self._uuid, self._transfer, self._done, self._size)
+        if self._done == self._size:
+            path = self._path
+            event = SimpleNamespace(client=None)
+            threading.Thread(target=self.host.guarded(lambda _: self._received(path)), args=(event,)).start()
+
+    def _check(self, name: str, size: int) -> None:
+        if NAME.fullmatch(name) is None:
+            raise UsageError(
+                "a file whose name is no plain one was dropped; give it letters, digits and ._- and drop it again"
+            )
+        if size > self.largest:
+            raise UsageError(
+                f"{name}: {size / 2**30:.1f} GiB, of which the page takes {self.largest / 2**30:g}; start it beside the "
+                "log, `wrenchgap view LOG`"
+            )
+        kept = sum(file.stat().st_size for file in self._folder.rglob("*") if file.is_file())
+        if kept + size > self.most:
+            raise UsageError(f"{name}: more than {self.most / 2**30:g} GiB were dropped; start the page again")
+
+    def _refuse(self, error: Exception) -> None:
+        """Say why, and let the browser see the end of it, so that another file can be dropped."""
+        acknowledge(self.host.server, self._uuid, self._transfer, self._size, self._size)
+        self._forget()
+        said = error if isinstance(error, UsageError) else UsageError(f"the file cannot be kept: {error}")
+        self.host.fail(said)
+
+    def _forget(self) -> None:
+        """Remove what arrived of a file that does not arrive any more."""
+        if self._file is not None:
+            self._file.close()
+            self._path.unlink(missing_ok=True)
+        self._transfer, self._file = "", None
