@@ -89,7 +89,7 @@ class FileDrop:
             )
         if size > self.largest:
             raise UsageError(
-                f"{name}: {size / 2**30:.1f} GiB, of which the page takes {self.largest / 2**30:g}; start it beside the "
+                f"{name}: {size / 2**30:.1f} GiB, of which the page takes {self.largest / 2**30:g}; start it with the "
                 "log, `wrenchgap view LOG`"
             )
         kept = sum(file.stat().st_size for file in self._folder.rglob("*") if file.is_file())

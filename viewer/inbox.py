@@ -191,7 +191,7 @@ class Inbox:
         return True
 
     def _admits_start(self, message: dict[str, Any]) -> bool:
-        """Whether an upload may start: to an upload button, not too many at once; what a drop takes viser never sees."""
+        """Whether an upload may start: to an upload button, not too many at once. Viser never sees those of a drop."""
         uuid, transfer = message["source_component_uuid"], message["transfer_uuid"]
         button = self._control(uuid)
         if not isinstance(button, viser.GuiUploadButtonHandle) or transfer in self._uploads:

@@ -161,7 +161,7 @@ class Page(Host):
         self.choice = self.connect(choice, self._chosen)
         self.board = Board(gui)
         self.transport = Transport(self, self.board)
-        for group in GROUPS:
+        for group in GROUPS if self.scene.wrenches else dict.fromkeys(s.group for s in self.scene.series):
             self.board.tab(group)
         self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
         self.tabs = gui.add_tab_group()

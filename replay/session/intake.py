@@ -6,7 +6,7 @@ Before there is a model a session of the page shows what the logs themselves hol
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.plant.reader import text_of
+from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.health.health import Health, LogHealth
@@ -25,6 +25,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.drafts.draft import Sheet
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.reader import text_of
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.replay.session.log_session import FLOORS, XYZ, LogSession
 from wrenchgap.replay.session.panels.logs import LogsPanel
@@ -103,7 +104,14 @@ class BareSession:
         seen = () if intake.health is None else intake.health.logs
         self._logs = {log.name: log for log in seen}
         self.vehicle, self.flights = UNKNOWN, tuple(self._logs) or (NOTHING_YET,)
-        self.capabilities = Capabilities(first=partial(LogsPanel, intake=intake))
+        self.capabilities = Capabilities(first=partial(LogsPanel, intake=intake), channels=self.channels)
+        self._budget = intake.options.budget
+
+    def channels(self, flight: str) -> Mapping[str, Channel]:
+        """Everything in the log of this name; nothing where no topic of it plays a role."""
+        log = self._logs.get(flight)
+        found = None if log is None else log.inspection.flight
+        return {} if found is None else channels_of(found.path, found, self._budget)
 
     def scene(self, flight: str) -> Scene:
         """What the log of this name holds."""

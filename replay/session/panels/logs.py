@@ -1,4 +1,4 @@
-"""Log: drop logs, read what `check` says of them, and make the model that all other tabs need."""
+"""Logs: drop them, read what `check` says of them, and make the model that all other tabs need."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from wrenchgap.replay.session.intake import Intake
 
 DROP = (
-    "Drop a flight log here: .ulg (PX4), .bin (ArduPilot), .mcap, .bag, .csv, .parquet (Crazyflie, Betaflight, your own). "
-    "It stays on this machine."
+    "Drop a flight log here: .ulg (PX4), .bin (ArduPilot), .mcap, .bag, .csv, .parquet (Crazyflie, Betaflight, your "
+    "own). It stays on this machine."
 )
 MORE = "Drop another log of the same vehicle, to compare it with, or a model file (.toml)."
 OF_LOG = "made from the log"
@@ -36,7 +36,7 @@ class LogsPanel(Panel):
         super().__init__(host)
         self.intake = intake
         gui, there = host.gui, bool(intake.logs)
-        with host.tab("Log"):
+        with host.tab("Logs"):
             self.drop = FileDrop(host, MORE if there else DROP, intake.dropped, self._received)
             self.work = JobControls(host, "Check again", lambda: self._show(self._checked))
             self.work.button.visible = False
