@@ -35,12 +35,11 @@ class FileDrop:
         self.host, self._folder, self._received = host, folder, received
         host.gui.add_html(markup.render("drop", words=words))
         self.button: Any = host.gui.add_upload_button("Choose a file")
+        self._words: Any = host.gui.add_html("")
         self._uuid = str(self.button._impl.uuid)  # viser has no public way to the id of an element
         host.drops[self._uuid] = self
-        self._transfer, self._file, self._size, self._done = "", None, 0, 0
-        self._path, self._file = folder, None
-
-    _file: IO[bytes] | None
+        self._transfer, self._size, self._done, self._path = "", 0, 0, folder
+        self._file: IO[bytes] | None = None
 
     def start(self, transfer: str, name: str, size: int) -> None:
         """A file of this name and size [bytes] begins to arrive; called by the inbox, of any client."""
@@ -77,6 +76,9 @@ class FileDrop:
             self._refuse(error)
             return
         acknowledge(self.host.server, self._uuid, self._transfer, self._done, self._size)
+        said = markup.sentences(f"{self._path.name}: {20 * self._done // max(self._size, 1) * 5} % is here")
+        if self._words.content != said:
+            self._words.content = said
         if self._done == self._size:
             path = self._path
             event = SimpleNamespace(client=None)
@@ -99,6 +101,7 @@ class FileDrop:
     def _refuse(self, error: Exception) -> None:
         """Say why, and let the browser see the end of it, so that another file can be dropped."""
         acknowledge(self.host.server, self._uuid, self._transfer, self._size, self._size)
+        self._words.content = ""
         self._forget()
         said = error if isinstance(error, UsageError) else UsageError(f"the file cannot be kept: {error}")
         self.host.fail(said)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.host import Host, Job
+from wrenchgap.viewer.host import Host, Job, error_text
 from wrenchgap.viewer.session import Report, Scene
 from wrenchgap.viewer.view_state import ViewState
 
@@ -141,6 +141,7 @@ class JobControls:
 
         def failed(error: Exception) -> None:
             self._ended()
+            self.words.content, self.words.visible = markup.sentences(error_text(error), look="wg-bad"), True
             self.host.fail(error)
 
         self._job = self.host.background(function, self._progress, done, failed)

@@ -17,6 +17,7 @@ from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.inspection import Channel, channels_of
+from wrenchgap.learn.data.checks import usable_cutoff
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.health.health import Health, LogHealth
@@ -33,6 +34,8 @@ from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer.session import Capabilities, Scene, Series, Session, Stretch
 
 NOTHING_YET = "no log yet"
+FILTERED = ("imu", "actuators", "commanded")
+"""Roles of which the low-pass has to leave something."""
 MOST_LOGS = 8
 """On the page: `check` shows them side by side."""
 UNKNOWN = Vehicle("a vehicle without a model", Body(1.0, 0.01 * np.eye(3), np.zeros(3)), None, None, np.zeros(3))
@@ -82,6 +85,17 @@ class Intake:
         known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin")
         self.sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
         self.use(self.sheet.model)
+
+    @property
+    def cutoff_hz(self) -> float:
+        """A cut-off for which motion and commands of all logs come fast enough, at most that of the options [Hz]."""
+        logs = () if self.health is None else self.health.logs
+        slowest = min((r.hz for log in logs for r in log.rates if r.role in FILTERED), default=np.inf)
+        return min(self.options.cutoff_hz, usable_cutoff(slowest))
+
+    def read_with(self, cutoff_hz: float, accept: Sequence[str]) -> None:
+        """Open logs with this cut-off [Hz], and although these checks are bad."""
+        self.options = self.options.changed(cutoff_hz=cutoff_hz, accept=tuple(accept))
 
     def use(self, model: Model) -> None:
         """Take this model for all logs."""

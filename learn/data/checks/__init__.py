@@ -76,9 +76,13 @@ def rates(
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])
-    usable = np.floor(9.7 * rate / faster) / 10.0
     words = (
         f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {faster * cutoff_hz:g}: "
         "what is faster is folded into what is slower"
     )
-    return (Check("rate", "bad", words, f"--cutoff {usable:g}"),)
+    return (Check("rate", "bad", words, f"--cutoff {usable_cutoff(rate, faster):g}"),)
+
+
+def usable_cutoff(rate_hz: float, faster: float = RATE_OVER_CUTOFF) -> float:
+    """The highest cut-off [Hz], to a tenth, for which readings at this rate are `faster` times as fast."""
+    return float(np.floor(9.7 * rate_hz / faster) / 10.0)

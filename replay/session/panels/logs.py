@@ -49,6 +49,10 @@ class LogsPanel(Panel):
                 self.arm = _number(gui, "arm [m]", "from the middle to a motor")
                 self.radius = _number(gui, "rotor radius [m]", "0: estimated from the distance between rotors")
                 self.thrust = _number(gui, "full thrust of a rotor [N]", "0: from hover, as the log shows it")
+                hint = "of wrenches; as the slowest of IMU and commands allows, 8 at most"
+                self.cutoff = gui.add_number("low-pass [Hz]", intake.cutoff_hz, min=0.1, max=100.0, step=0.1, hint=hint)
+                hint = "checks of the logs that may be bad, with commas between"
+                self.accept = gui.add_text("accept checks", ", ".join(intake.options.accept), hint=hint)
                 self.make = JobControls(host, "Make the model, open the flights", lambda: self._start(self._modelled))
             self.sheet = gui.add_html(self._sheet())
 
@@ -60,6 +64,8 @@ class LogsPanel(Panel):
 
     def _modelled(self, report: Report) -> None:
         report(0.0, "making the model")
+        accepted = [name.strip() for name in self.accept.value.split(",") if name.strip()]
+        self.intake.read_with(self.cutoff.value, accepted)
         if self.source.value != OF_LOG:
             self.intake.use(load(self.source.value))
             return
@@ -92,7 +98,10 @@ class LogsPanel(Panel):
         if found is None:
             return ""
         return html.render(
-            "check", lines=health.answer(found)[:-1], head=[log.name for log in found.logs], rows=health.rows(found)
+            "check",
+            lines=health.answer(found)[:-1],
+            head=[log.name for log in found.logs],
+            rows=health.overview(found).cells,
         )
 
     def _sheet(self) -> str:
@@ -101,7 +110,7 @@ class LogsPanel(Panel):
 
         if (sheet := self.intake.sheet) is None:
             return ""
-        from wrenchgap.replay.present.report.elements import Image
+        from wrenchgap.replay.present.report.sections import Image
 
         drawn = Image.of(words.picture(sheet), "the vehicle from above", "", form="svg").src
         return html.render(
