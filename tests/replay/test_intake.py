@@ -1,0 +1,107 @@
+"""Logs without a model, as the page shows them, and the model that is made of them."""
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from tests.replay.autopilot_logs import MASS, write_dataflash, write_ulog
+from wrenchgap.plant.drafts.sources import Given
+from wrenchgap.replay.session.intake import NOTHING_YET, BareSession, Intake
+from wrenchgap.replay.session.log_session import LogSession
+
+
+def quiet(share, words):
+    """Progress that nobody reads."""
+
+
+@pytest.fixture(scope="module")
+def folder(autopilot_flights, tmp_path_factory):
+    place = tmp_path_factory.mktemp("intake")
+    write_ulog(autopilot_flights[0], place / "flight1.ulg")
+    write_ulog(autopilot_flights[1], place / "flight2.ulg")
+    write_dataflash(autopilot_flights[0], place / "quad.bin")
+    return place
+
+
+def test_a_page_begins_with_nothing():
+    session = Intake().session(quiet)
+    assert session.flights == (NOTHING_YET,)
+    assert session.channels(NOTHING_YET) == {}
+    assert not session.scene(NOTHING_YET).wrenches
+
+
+def test_a_log_without_a_model_shows_what_it_holds(folder, autopilot_flights):
+    """Path, attitude, what the IMU felt and what the motors were told; no wrench, for which a mass is needed."""
+    intake = Intake()
+    intake.add(folder / "flight1.ulg", quiet)
+    session = intake.session(quiet)
+    assert isinstance(session, BareSession)
+    assert intake.health.logs[0].motors is not None
+    scene, truth = session.scene("flight1.ulg"), autopilot_flights[0].odometry
+    middle = 0.5 * (scene.time[0] + scene.time[-1])
+    flown = np.array([np.interp(truth.time[0] + middle - scene.time[0], truth.time, c) for c in truth.position_E.T])
+    shown = np.array([np.interp(middle, scene.time, c) for c in scene.position_E.T])
+    np.testing.assert_allclose(np.linalg.norm(shown), np.linalg.norm(flown), atol=0.05)
+    felt = next(s for s in scene.series if s.title == "specific force")
+    assert np.median(felt.values["z"]) == pytest.approx(9.81, abs=0.5)
+    assert {s.title for s in scene.series} == {"specific force", "body rate", "motor command"}
+    assert not scene.wrenches
+    assert len(session.channels("flight1.ulg")) > 10
+
+
+def test_the_form_makes_the_model_of_a_px4_log_and_a_second_log_joins(folder):
+    intake = Intake()
+    intake.add(folder / "flight1.ulg", quiet)
+    intake.draft(Given(mass=MASS))
+    session = intake.session(quiet)
+    assert isinstance(session, LogSession)
+    assert session.model.vehicle.body.mass == MASS
+    assert any("kappa" in words or "radius" in words for words in intake.sheet.assumed)
+    intake.add(folder / "flight2.ulg", quiet)
+    both = intake.session(quiet)
+    assert len(both.flights) == 2
+    assert both.comparisons is not None, "two flights can be compared"
+
+
+def test_an_ardupilot_log_says_what_it_lacks_and_then_is_a_model(folder):
+    intake = Intake()
+    intake.add(folder / "quad.bin", quiet)
+    with pytest.raises(wg.ModelError, match="--arm"):
+        intake.draft(Given(mass=MASS))
+    assert intake.model is None
+    intake.draft(Given(mass=MASS, arm=0.26))
+    assert len(intake.session(quiet).model.vehicle.rotors) == 4
+
+
+def test_a_dropped_model_file_is_the_model_and_opens_no_other_file(folder, tmp_path):
+    intake = Intake()
+    intake.add(folder / "flight1.ulg", quiet)
+    path = tmp_path / "mine.toml"
+    path.write_text((wg.load_model("asymmetric_quadrotor")).text)
+    intake.add(path, quiet)
+    assert intake.model.vehicle.name == wg.load_model("asymmetric_quadrotor").vehicle.name
+    path.write_text('schema = 1\n[vehicle]\nname = "x"\n[command]\ntable = "/etc/passwd"\n')
+    with pytest.raises(wg.ModelError) as refused:
+        intake.add(path, quiet)
+    assert "root:" not in str(refused.value)
+
+
+def test_what_is_no_log_leaves_the_others_as_they_are(folder, tmp_path):
+    intake = Intake()
+    intake.add(folder / "flight1.ulg", quiet)
+    (tmp_path / "notes.ulg").write_text("no log")
+    with pytest.raises(wg.LogError):
+        intake.add(tmp_path / "notes.ulg", quiet)
+    with pytest.raises(wg.UsageError, match="same log"):
+        intake.add(folder / "flight1.ulg", quiet)
+    assert [p.name for p in intake.logs] == ["flight1.ulg"]
+
+
+def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(folder):
+    intake = Intake()
+    intake.add(folder / "flight1.ulg", quiet)
+    assert intake.cutoff_hz == 8.0
+    rates = {r.role: r.hz for r in intake.health.logs[0].rates}
+    assert rates["actuators"] > 20.0
+    object.__setattr__(next(r for r in intake.health.logs[0].rates if r.role == "actuators"), "hz", 10.0)
+    assert intake.cutoff_hz == pytest.approx(3.8)
