@@ -8,7 +8,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +28,8 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.reader import text_of
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.replay.session.log_session import FLOORS, XYZ, LogSession
-from wrenchgap.replay.session.panels.logs import LogsPanel
 from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.viewer.session import Capabilities, Scene, Series, Session, Stretch
+from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Session, Stretch
 
 NOTHING_YET = "no log yet"
 FILTERED = ("imu", "actuators", "commanded")
@@ -101,24 +99,23 @@ class Intake:
         """Take this model for all logs."""
         self.model = model
 
-    def session(self, report: Report) -> Session:
-        """What the page shows now: flights for the model, or what the logs hold."""
+    def session(self, report: Report, first: MakePanel | None = None) -> Session:
+        """What the page shows now: flights for the model, or what the logs hold; `first` is a tab before all others."""
         if self.model is None or not self.logs:
-            return BareSession(self)
+            return BareSession(self, first)
         report(0.0, "opening the flights")
         flights = open_flights(self.logs, self.model, self.options)
-        first = partial(LogsPanel, intake=self)
         return LogSession(flights, self.model, folder=self.save_to, budget=self.options.budget, first=first)
 
 
 class BareSession:
     """Implements `viewer.session.Session` for logs without a model: attitude, path, commands, what the IMU measured."""
 
-    def __init__(self, intake: Intake) -> None:
+    def __init__(self, intake: Intake, first: MakePanel | None = None) -> None:
         seen = () if intake.health is None else intake.health.logs
         self._logs = {log.name: log for log in seen}
         self.vehicle, self.flights = UNKNOWN, tuple(self._logs) or (NOTHING_YET,)
-        self.capabilities = Capabilities(first=partial(LogsPanel, intake=intake), channels=self.channels)
+        self.capabilities = Capabilities(first=first, channels=self.channels)
         self._budget = intake.options.budget
 
     def channels(self, flight: str) -> Mapping[str, Channel]:

@@ -6,6 +6,7 @@ import pytest
 
 from tests.replay.autopilot_logs import MASS, flight, write_ulog
 from wrenchgap.replay.session.intake import Intake
+from wrenchgap.replay.session.panels.logs import session_of
 from wrenchgap.viewer.page import Page
 
 pytestmark = pytest.mark.browser
@@ -14,7 +15,7 @@ pytestmark = pytest.mark.browser
 @pytest.fixture
 def page():
     """A page that was started without anything."""
-    made = Page(Intake().session(lambda share, words: None), port=0)
+    made = Page(session_of(Intake(), lambda share, words: None), port=0)
     made.server.scene.configure_environment_map(hdri=None)
     yield made
     made.stop()

@@ -61,6 +61,7 @@ def view(
         from wrenchgap.learn.process.predictors import cutoff_of
         from wrenchgap.replay.session.intake import Intake
         from wrenchgap.replay.session.log_session import LogSession
+        from wrenchgap.replay.session.panels.logs import session_of
         from wrenchgap.replay.session.saving import SaveFolder
         from wrenchgap.viewer.gate import ANYWHERE, exposed
         from wrenchgap.viewer.page import Page
@@ -85,7 +86,7 @@ def view(
         else:
             intake = Intake(model=base, options=options, folder=folder)
             intake.check(logs or (), report)
-            session = intake.session(report)
+            session = session_of(intake, report)
         report(0.8, "starting the page")
         page = Page(session, host, port)
     if opening is not None:

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model_file import load, shipped_models
+from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels import html
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.file_drop import FileDrop
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.session import Report, Session
-
-if TYPE_CHECKING:
-    from wrenchgap.replay.session.intake import Intake
 
 DROP = (
     "Drop a flight log here: .ulg (PX4), .bin (ArduPilot), .mcap, .bag, .csv, .parquet (Crazyflie, Betaflight, your "
@@ -85,8 +84,10 @@ class LogsPanel(Panel):
         """Change the logs or the model beside the page, which then shows what there is."""
 
         def work(report: Report) -> Session:
+            if (model := getattr(self.host.session, "model", None)) is not None:
+                self.intake.use(model)  # with the effects that were added meanwhile
             change(report)
-            return self.intake.session(report)
+            return session_of(self.intake, report)
 
         controls.start(work, self.host.replace)
 
@@ -116,6 +117,11 @@ class LogsPanel(Panel):
         return html.render(
             "sheet", lines=words.overview(sheet.model), assumed=[*sheet.assumed, *sheet.notes], drawn=drawn
         )
+
+
+def session_of(intake: Intake, report: Report) -> Session:
+    """What the page shows of these logs now, with the tab that takes more of them."""
+    return intake.session(report, partial(LogsPanel, intake=intake))
 
 
 def _number(gui: Any, label: str, hint: str) -> Any:
