@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import so3, work_files
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.checks import usable_cutoff
@@ -61,7 +61,18 @@ class Intake:
         self.sheet: Sheet | None = None
 
     def add(self, path: Path, report: Report) -> None:
-        """Take a log, and look at all of them again, or a model file. Raises LogError, UsageError, ModelError."""
+        """Take a log, and look at all of them again, or a model file; what was dropped and is neither goes.
+
+        Raises LogError, UsageError, ModelError.
+        """
+        try:
+            self._take(path, report)
+        except WrenchgapError:
+            if self.dropped in path.parents:
+                path.unlink(missing_ok=True)
+            raise
+
+    def _take(self, path: Path, report: Report) -> None:
         if path.suffix.lower() == ".toml":
             self.use(replace(model_file.loads(text_of(path, "as a model file")), path=Path(path.name)))
             return

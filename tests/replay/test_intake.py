@@ -95,6 +95,12 @@ def test_what_is_no_log_leaves_the_others_as_they_are(folder, tmp_path):
     with pytest.raises(wg.UsageError, match="same log"):
         intake.add(folder / "flight1.ulg", quiet)
     assert [p.name for p in intake.logs] == ["flight1.ulg"]
+    assert (tmp_path / "notes.ulg").exists(), "what nobody dropped is not ours to remove"
+    dropped = intake.dropped / "notes.ulg"
+    dropped.write_text("no log")
+    with pytest.raises(wg.LogError):
+        intake.add(dropped, quiet)
+    assert not dropped.exists()
 
 
 def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(folder):
