@@ -234,6 +234,7 @@ WRITERS = ("write_text", "write_bytes", "to_csv", "savefig", "savez", "to_parque
 NO_OUTPUT = {
     "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
     "flight/work_files.py": "what worker processes read, in a folder that goes again",
+    "viewer/file_drop.py": "a log on its way in, in a folder that goes again",
     "learn/worker.py": "the pipe to whoever asks",
     "plant/trajectory/file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
