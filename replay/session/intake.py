@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,8 @@ from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Ses
 NOTHING_YET = "no log yet"
 FILTERED = ("imu", "actuators", "commanded")
 """Roles of which the low-pass has to leave something."""
+LEAST_CUTOFF = 0.1
+"""Of the form [Hz]."""
 MOST_LOGS = 8
 """On the page: `check` shows them side by side."""
 UNKNOWN = Vehicle("a vehicle without a model", Body(1.0, 0.01 * np.eye(3), np.zeros(3)), None, None, np.zeros(3))
@@ -41,81 +43,72 @@ UNKNOWN = Vehicle("a vehicle without a model", Body(1.0, 0.01 * np.eye(3), np.ze
 Report = Callable[[float, str], None]
 
 
-class Intake:
-    """Logs, those that were named when the page was started first, and the model once there is one.
+def _folder() -> Path:
+    """A new folder of this process, which ends with it."""
+    return Path(tempfile.mkdtemp(dir=work_files.folder()))
 
-    `options` say how logs are read, `folder` where the page may save. What is dropped goes into a folder of this
-    process, which ends with it (`flight.work_files`).
+
+@dataclass(frozen=True)
+class Intake:
+    """Logs of one vehicle, what `check` says of them, and the model once there is one; changes make another intake.
+
+    `options` say how logs are read, `save_to` where the page may save, `sheet` what was assumed of a model that was
+    made here. What is dropped lies in `dropped`.
     """
 
-    def __init__(
-        self,
-        logs: Sequence[Path] = (),
-        model: Model | None = None,
-        options: ReadOptions | None = None,
-        folder: SaveFolder | None = None,
-    ) -> None:
-        self.logs, self.model, self.options, self.save_to = tuple(logs), model, options or ReadOptions(), folder
-        self.dropped = Path(tempfile.mkdtemp(dir=work_files.folder()))
-        self.health: Health | None = None
-        self.sheet: Sheet | None = None
+    logs: tuple[Path, ...] = ()
+    model: Model | None = None
+    options: ReadOptions = field(default_factory=ReadOptions)
+    save_to: SaveFolder | None = None
+    health: Health | None = None
+    sheet: Sheet | None = None
+    dropped: Path = field(default_factory=_folder)
 
-    def add(self, path: Path, report: Report) -> None:
-        """Take a log, and look at all of them again, or a model file; what was dropped and is neither goes.
+    def with_file(self, path: Path, report: Report) -> Intake:
+        """With another log, all being looked at again, or with a model file; what was dropped and is neither goes.
 
         Raises LogError, UsageError, ModelError.
         """
         try:
-            self._take(path, report)
+            if path.suffix.lower() == ".toml":
+                model = model_file.loads(text_of(path, "as a model file"))
+                return replace(self, model=replace(model, path=Path(path.name)), sheet=None)
+            if len(self.logs) >= MOST_LOGS:
+                raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
+            return self.with_logs((*self.logs, path), report)
         except WrenchgapError:
             if self.dropped in path.parents:
                 path.unlink(missing_ok=True)
             raise
 
-    def _take(self, path: Path, report: Report) -> None:
-        if path.suffix.lower() == ".toml":
-            self.use(replace(model_file.loads(text_of(path, "as a model file")), path=Path(path.name)))
-            return
-        if len(self.logs) >= MOST_LOGS:
-            raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
-        self.check((*self.logs, path), report)
-
-    def check(self, logs: Sequence[Path], report: Report) -> None:
-        """Look at these logs, and keep them."""
+    def with_logs(self, logs: Sequence[Path], report: Report) -> Intake:
+        """With these logs, looked at."""
         from wrenchgap.replay.api_flights import check  # here: the page stands before it is there
 
-        self.health = check(list(logs), self.model, self.options, progress=report) if logs else None
-        self.logs = tuple(logs)
+        health = check(list(logs), self.model, self.options, progress=report) if logs else None
+        return replace(self, health=health, logs=tuple(logs))
 
-    def draft(self, given: Given) -> None:
-        """Make a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
+    def drafted(self, given: Given) -> Intake:
+        """With a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
         from wrenchgap.replay.api_models import draft_model
 
         known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin")
-        self.sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
-        self.use(self.sheet.model)
+        sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
+        return replace(self, model=sheet.model, sheet=sheet)
 
     @property
     def cutoff_hz(self) -> float:
-        """A cut-off for which motion and commands of all logs come fast enough, at most that of the options [Hz]."""
+        """The cut-off of the options, or a lower one for which motion and commands of all logs are fast enough [Hz]."""
         logs = () if self.health is None else self.health.logs
         slowest = min((r.hz for log in logs for r in log.rates if r.role in FILTERED), default=np.inf)
-        return min(self.options.cutoff_hz, usable_cutoff(slowest))
-
-    def read_with(self, cutoff_hz: float, accept: Sequence[str]) -> None:
-        """Open logs with this cut-off [Hz], and although these checks are bad."""
-        self.options = self.options.changed(cutoff_hz=cutoff_hz, accept=tuple(accept))
-
-    def use(self, model: Model) -> None:
-        """Take this model for all logs."""
-        self.model = model
+        return min(self.options.cutoff_hz, max(usable_cutoff(slowest), LEAST_CUTOFF))
 
     def session(self, report: Report, first: MakePanel | None = None) -> Session:
         """What the page shows now: flights for the model, or what the logs hold; `first` is a tab before all others."""
         if self.model is None or not self.logs:
             return BareSession(self, first)
         report(0.0, "opening the flights")
-        flights = open_flights(self.logs, self.model, self.options)
+        flights = open_flights(self.logs, self.model, self.options.changed(cutoff_hz=self.cutoff_hz))
         return LogSession(flights, self.model, folder=self.save_to, budget=self.options.budget, first=first)
 
 
@@ -124,7 +117,9 @@ class BareSession:
 
     def __init__(self, intake: Intake, first: MakePanel | None = None) -> None:
         seen = () if intake.health is None else intake.health.logs
-        self._logs = {log.name: log for log in seen}
+        names = [log.name for log in seen]
+        told_apart = [n if names.count(n) == 1 else f"{n} ({k})" for k, n in enumerate(names, 1)]
+        self._logs = dict(zip(told_apart, seen, strict=True))
         self.vehicle, self.flights = UNKNOWN, tuple(self._logs) or (NOTHING_YET,)
         self.capabilities = Capabilities(first=first, channels=self.channels)
         self._budget = intake.options.budget
@@ -140,10 +135,10 @@ class BareSession:
         log = self._logs.get(flight)
         if log is None or log.inspection.flight is None:
             return Scene(flight, np.array([0.0, 1.0]), np.zeros((2, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
-        return recorded_alone(log, log.inspection.flight)
+        return recorded_alone(flight, log, log.inspection.flight)
 
 
-def recorded_alone(log: LogHealth, flight: Flight, rate_hz: float = 50.0, most: int = 100_000) -> Scene:
+def recorded_alone(name: str, log: LogHealth, flight: Flight, rate_hz: float = 50.0, most: int = 100_000) -> Scene:
     """A flight without any model, at `rate_hz` instants a second, or fewer where they were more than `most`.
 
     Position and attitude of the odometry, at rest at the origin without one; rates and specific force of the IMU and
@@ -172,7 +167,7 @@ def recorded_alone(log: LogHealth, flight: Flight, rate_hz: float = 50.0, most: 
     gaps = tuple(
         Stretch(phase.start, phase.stop, str(phase.name)) for phase in log.phases.phases if phase.name not in AIRBORNE
     )
-    return Scene(log.name, time, position, quat, series=tuple(series), gaps=gaps, notes=log.inspection.notes)
+    return Scene(name, time, position, quat, series=tuple(series), gaps=gaps, notes=log.inspection.notes)
 
 
 def _series(title: str, unit: str, group: str, time: Array, values: Array, names: Sequence[str], count: int) -> Series:

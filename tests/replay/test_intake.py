@@ -1,5 +1,7 @@
 """Logs without a model, as the page shows them, and the model that is made of them."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -32,8 +34,7 @@ def test_a_page_begins_with_nothing():
 
 def test_a_log_without_a_model_shows_what_it_holds(folder, autopilot_flights):
     """Path, attitude, what the IMU felt and what the motors were told; no wrench, for which a mass is needed."""
-    intake = Intake()
-    intake.add(folder / "flight1.ulg", quiet)
+    intake = Intake().with_file(folder / "flight1.ulg", quiet)
     session = intake.session(quiet)
     assert isinstance(session, BareSession)
     assert intake.health.logs[0].motors is not None
@@ -50,62 +51,61 @@ def test_a_log_without_a_model_shows_what_it_holds(folder, autopilot_flights):
 
 
 def test_the_form_makes_the_model_of_a_px4_log_and_a_second_log_joins(folder):
-    intake = Intake()
-    intake.add(folder / "flight1.ulg", quiet)
-    intake.draft(Given(mass=MASS))
+    intake = Intake().with_file(folder / "flight1.ulg", quiet)
+    intake = intake.drafted(Given(mass=MASS))
     session = intake.session(quiet)
     assert isinstance(session, LogSession)
     assert session.model.vehicle.body.mass == MASS
     assert any("kappa" in words or "radius" in words for words in intake.sheet.assumed)
-    intake.add(folder / "flight2.ulg", quiet)
-    both = intake.session(quiet)
+    both = intake.with_file(folder / "flight2.ulg", quiet).session(quiet)
     assert len(both.flights) == 2
     assert both.comparisons is not None, "two flights can be compared"
 
 
 def test_an_ardupilot_log_says_what_it_lacks_and_then_is_a_model(folder):
-    intake = Intake()
-    intake.add(folder / "quad.bin", quiet)
+    intake = Intake().with_file(folder / "quad.bin", quiet)
     with pytest.raises(wg.ModelError, match="--arm"):
-        intake.draft(Given(mass=MASS))
-    assert intake.model is None
-    intake.draft(Given(mass=MASS, arm=0.26))
-    assert len(intake.session(quiet).model.vehicle.rotors) == 4
+        intake.drafted(Given(mass=MASS))
+    made = intake.drafted(Given(mass=MASS, arm=0.26))
+    assert len(made.session(quiet).model.vehicle.rotors) == 4
 
 
 def test_a_dropped_model_file_is_the_model_and_opens_no_other_file(folder, tmp_path):
-    intake = Intake()
-    intake.add(folder / "flight1.ulg", quiet)
+    intake = Intake().with_file(folder / "flight1.ulg", quiet)
     path = tmp_path / "mine.toml"
     path.write_text((wg.load_model("asymmetric_quadrotor")).text)
-    intake.add(path, quiet)
-    assert intake.model.vehicle.name == wg.load_model("asymmetric_quadrotor").vehicle.name
+    assert intake.with_file(path, quiet).model.vehicle.name == wg.load_model("asymmetric_quadrotor").vehicle.name
     path.write_text('schema = 1\n[vehicle]\nname = "x"\n[command]\ntable = "/etc/passwd"\n')
     with pytest.raises(wg.ModelError) as refused:
-        intake.add(path, quiet)
+        intake.with_file(path, quiet)
     assert "root:" not in str(refused.value)
 
 
 def test_what_is_no_log_leaves_the_others_as_they_are(folder, tmp_path):
-    intake = Intake()
-    intake.add(folder / "flight1.ulg", quiet)
+    intake = Intake().with_file(folder / "flight1.ulg", quiet)
     (tmp_path / "notes.ulg").write_text("no log")
     with pytest.raises(wg.LogError):
-        intake.add(tmp_path / "notes.ulg", quiet)
+        intake.with_file(tmp_path / "notes.ulg", quiet)
     with pytest.raises(wg.UsageError, match="same log"):
-        intake.add(folder / "flight1.ulg", quiet)
+        intake.with_file(folder / "flight1.ulg", quiet)
     assert [p.name for p in intake.logs] == ["flight1.ulg"]
     assert (tmp_path / "notes.ulg").exists(), "what nobody dropped is not ours to remove"
     dropped = intake.dropped / "notes.ulg"
     dropped.write_text("no log")
     with pytest.raises(wg.LogError):
-        intake.add(dropped, quiet)
+        intake.with_file(dropped, quiet)
     assert not dropped.exists()
 
 
+def test_two_logs_of_one_name_are_two_flights(folder, tmp_path):
+    shutil.copy(folder / "flight2.ulg", tmp_path / "flight1.ulg")
+    both = Intake().with_logs((folder / "flight1.ulg", tmp_path / "flight1.ulg"), quiet).session(quiet)
+    assert both.flights == ("flight1.ulg (1)", "flight1.ulg (2)")
+    assert [both.scene(name).name for name in both.flights] == list(both.flights)
+
+
 def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(folder):
-    intake = Intake()
-    intake.add(folder / "flight1.ulg", quiet)
+    intake = Intake().with_file(folder / "flight1.ulg", quiet)
     assert intake.cutoff_hz == 8.0
     rates = {r.role: r.hz for r in intake.health.logs[0].rates}
     assert rates["actuators"] > 20.0

@@ -84,9 +84,8 @@ def view(
         elif given := [f"--{k}" for k, v in {"gp": gp, "against": against, "view": saved}.items() if v]:
             raise usage_error(f"{', '.join(given)}: needs logs and a model; give them with LOG... and -m MODEL")
         else:
-            intake = Intake(model=base, options=options, folder=folder)
-            intake.check(logs or (), report)
-            session = session_of(intake, report)
+            intake = Intake(model=base, options=options, save_to=folder)
+            session = session_of(intake.with_logs(logs or (), report), report)
         report(0.8, "starting the page")
         page = Page(session, host, port)
     if opening is not None:

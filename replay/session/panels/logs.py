@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model_file import load, shipped_models
-from wrenchgap.replay.session.intake import Intake
+from wrenchgap.replay.session.intake import LEAST_CUTOFF, Intake
 from wrenchgap.replay.session.panels import html
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.file_drop import FileDrop
@@ -24,6 +25,8 @@ DROP = (
     "own). It stays on this machine."
 )
 MORE = "Drop another log of the same vehicle, to compare it with, or a model file (.toml)."
+SLOW = "the IMU or the commands come too slowly for more."
+MAKE = "Make the model, open the flights"
 OF_LOG = "made from the log"
 AS_LOGGED = "as in the log"
 
@@ -37,8 +40,8 @@ class LogsPanel(Panel):
         gui, there = host.gui, bool(intake.logs)
         with host.tab("Logs"):
             self.drop = FileDrop(host, MORE if there else DROP, intake.dropped, self._received)
-            self.work = JobControls(host, "Check again", lambda: self._show(self._checked))
-            self.work.button.visible = False
+            self.work = JobControls(host, "Check again", lambda: self._run(self.work, _again))
+            self.work.button.visible = there
             self.answer = gui.add_html(self._answer())
             with gui.add_folder("Model", visible=there and intake.model is None):
                 gui.add_html(markup.sentences("What is missing, how it changed, what to fly next: all need a model."))
@@ -49,45 +52,39 @@ class LogsPanel(Panel):
                 self.radius = _number(gui, "rotor radius [m]", "0: estimated from the distance between rotors")
                 self.thrust = _number(gui, "full thrust of a rotor [N]", "0: from hover, as the log shows it")
                 hint = "of wrenches; as the slowest of IMU and commands allows, 8 at most"
-                self.cutoff = gui.add_number("low-pass [Hz]", intake.cutoff_hz, min=0.1, max=100.0, step=0.1, hint=hint)
+                self.cutoff = gui.add_number(
+                    "low-pass [Hz]", intake.cutoff_hz, min=LEAST_CUTOFF, max=100.0, step=0.1, hint=hint
+                )
                 hint = "checks of the logs that may be bad, with commas between"
                 self.accept = gui.add_text("accept checks", ", ".join(intake.options.accept), hint=hint)
-                self.make = JobControls(host, "Make the model, open the flights", lambda: self._start(self._modelled))
+                self.make = JobControls(
+                    host, "Make the model, open the flights", lambda: self._run(self.make, self._modelled)
+                )
+            if intake.model is not None and intake.cutoff_hz < intake.options.cutoff_hz:
+                gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
 
     def _received(self, path: Path) -> None:
-        self._show(lambda report: self.intake.add(path, report))
+        self._run(self.work, lambda now, report: now.with_file(path, report))
 
-    def _checked(self, report: Report) -> None:
-        self.intake.check(self.intake.logs, report)
-
-    def _modelled(self, report: Report) -> None:
+    def _modelled(self, now: Intake, report: Report) -> Intake:
         report(0.0, "making the model")
-        accepted = [name.strip() for name in self.accept.value.split(",") if name.strip()]
-        self.intake.read_with(self.cutoff.value, accepted)
+        accepted = tuple(name.strip() for name in self.accept.value.split(",") if name.strip())
+        now = replace(now, options=now.options.changed(cutoff_hz=self.cutoff.value, accept=accepted))
         if self.source.value != OF_LOG:
-            self.intake.use(load(self.source.value))
-            return
+            return replace(now, model=load(self.source.value), sheet=None)
         if not self.mass.value:
             raise UsageError("mass: weigh the vehicle with its battery and say how many kilograms it has")
         frame = None if self.frame.value == AS_LOGGED else self.frame.value
         lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
-        self.intake.draft(Given(None, self.mass.value, None, frame, *lengths))
+        return now.drafted(Given(None, self.mass.value, None, frame, *lengths))
 
-    def _show(self, change: Callable[[Report], None]) -> None:
-        self._run(self.work, change)
-
-    def _start(self, change: Callable[[Report], None]) -> None:
-        self._run(self.make, change)
-
-    def _run(self, controls: JobControls, change: Callable[[Report], None]) -> None:
-        """Change the logs or the model beside the page, which then shows what there is."""
+    def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake]) -> None:
+        """Change logs or model beside the page, which then shows what there is; where that fails nothing changes."""
 
         def work(report: Report) -> Session:
-            if (model := getattr(self.host.session, "model", None)) is not None:
-                self.intake.use(model)  # with the effects that were added meanwhile
-            change(report)
-            return session_of(self.intake, report)
+            model = getattr(self.host.session, "model", self.intake.model)  # with effects that were added meanwhile
+            return session_of(change(replace(self.intake, model=model), report), report)
 
         controls.start(work, self.host.replace)
 
@@ -117,6 +114,10 @@ class LogsPanel(Panel):
         return html.render(
             "sheet", lines=words.overview(sheet.model), assumed=[*sheet.assumed, *sheet.notes], drawn=drawn
         )
+
+
+def _again(now: Intake, report: Report) -> Intake:
+    return now.with_logs(now.logs, report)
 
 
 def session_of(intake: Intake, report: Report) -> Session:
