@@ -124,8 +124,11 @@ class JobControls:
         """Whether the job runs."""
         return self._job is not None
 
-    def start(self, function: Callable[[Report], T], on_done: Callable[[T], None]) -> None:
-        """Start the job in the background; one that runs is cancelled."""
+    def start(self, function: Callable[[Report], T], on_done: Callable[[T], None], *, then_gone: bool = False) -> None:
+        """Start the job in the background; one that runs is cancelled.
+
+        With `then_gone`, `on_done` removes these controls, which show the end of the job before it.
+        """
         if self.host.crowded:
             raise UsageError("earlier work is still ending; try again in a moment")
         self.cancel()
@@ -133,11 +136,15 @@ class JobControls:
         self._progress(0.0, "starting")
 
         def done(result: T) -> None:
-            self._ended()  # before what comes of it, which may be another page
+            if then_gone:
+                self._ended()
             try:
                 on_done(result)
             except Exception as error:  # what comes of it is shown; that must not end the page either
                 self.host.fail(error)
+            finally:
+                if not then_gone:
+                    self._ended()
 
         def failed(error: Exception) -> None:
             self._ended()

@@ -230,7 +230,7 @@ def test_port_that_is_taken_gives_the_next_one(show):
 
 def test_what_is_no_get_is_refused_without_a_word_on_the_console(capfd, caplog):
     """`curl -I` asks for the head of the page alone."""
-    server, _ = serve("127.0.0.1", 0)
+    server, _, _ = serve("127.0.0.1", 0)
     try:
         with socket.create_connection((server.get_host(), server.get_port()), timeout=10.0) as line:
             line.sendall(b"HEAD / HTTP/1.1\r\nHost: x\r\n\r\n")

@@ -86,7 +86,7 @@ class LogsPanel(Panel):
             model = getattr(self.host.session, "model", self.intake.model)  # with effects that were added meanwhile
             return session_of(change(replace(self.intake, model=model), report), report)
 
-        controls.start(work, self.host.replace)
+        controls.start(work, self.host.replace, then_gone=True)
 
     def _answer(self) -> str:
         """What `check` says of all logs: its sentences and its table."""
