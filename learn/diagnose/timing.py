@@ -207,9 +207,9 @@ def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
 def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not.
 
-    A vehicle follows its commands unless they balance a disturbance, so that what is fitted or compared between flights
-    takes no gain from these axes; `answering_axes` are those of which `explain` says it. Of an axis on which nothing
-    changes, or of which there are too few seconds, it is not asked.
+    A vehicle follows its commands unless they balance a disturbance. `calibrate`, `changed` and `trend` therefore take
+    no gain from these axes; `explain` leaves out those of `answering_axes` alone. An axis on which nothing changes is
+    none of them, nor one that was recorded for too few seconds to compare command and motion.
     """
     unasked = (Problem.STILL, Problem.SHORT)
     not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem not in unasked}
