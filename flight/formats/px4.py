@@ -18,6 +18,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
+from wrenchgap.flight.formats.px4_allocation import motor_commands_of_setpoints
 from wrenchgap.flight.formats.standard_topics import (
     RPM,
     Made,
@@ -215,10 +216,13 @@ def actuators(said: Messages) -> Made:
     """Motor commands, outputs in pulse widths, and the speeds that the controllers of the motors measured."""
     motors = said.read("actuator_motors", "control")
     if motors and (used := np.isfinite(motors[1]).any(axis=0)).any():
-        table, control = motors
+        (table, control), name = motors, "motor_command_normalised"
+        if found := motor_commands_of_setpoints(said, table, control[:, used]):
+            asked, command = found
+            yield asked.topic, said.made(name, asked, sent(asked)).actuators(command, unit="normalised")
+            name = f"{name}/actuator_motors"
         stopped = np.nan_to_num(control[:, used])  # NaN is PX4's word for a motor that is disarmed
-        made = said.made("motor_command_normalised", table, sent(table))
-        yield table.topic, made.actuators(stopped, unit="normalised")
+        yield table.topic, said.made(name, table, sent(table)).actuators(stopped, unit="normalised")
     for instance, name in said.instances("actuator_outputs"):
         outputs = said.read(name, "output")
         pulses = _pulses(outputs[1], said.parameters) if outputs else None

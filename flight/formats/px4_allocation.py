@@ -1,0 +1,71 @@
+"""Motor commands at the rate of PX4's thrust and torque setpoints, by the allocation that the log itself shows.
+
+By default PX4 logs `actuator_motors` at 10 Hz and the setpoints that they are made of at 50 Hz or more. Where no motor
+is at a limit the allocation is linear with constant coefficients, u = B (F, M). B is fitted to the messages of one
+`timestamp_sample`, and used only where it gives every one of them back: nothing is assumed of the vehicle's geometry,
+of normalisation or firmware. After a motor failed it does not. At a limit PX4 gives up torque and thrust in an order of
+its own; there, and while all motors stand, the last command that was logged is held.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.standard_topics import Messages, taken
+from wrenchgap.flight.formats.table import Table
+
+EXACT = 1e-4
+"""Largest misfit of a motor command, as a share of full throttle: a tenth of a step of an output of 1000 to 2000 us.
+Single precision leaves 1e-7; what is not in the setpoints leaves more than 1e-3."""
+NEAR_LIMIT = 0.02
+"""Share of full throttle, within which of a limit a logged command may be one that was taken back from beyond it: PX4
+does it in two steps, the second one half of what is left, which ends at up to 0.002 from the limit in logs."""
+FEWEST = 50
+"""Messages off the limits to fit six coefficients a motor to, and to see that they stay the same: 5 s at 10 Hz."""
+
+
+def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -> tuple[Table, Array] | None:
+    """The torque setpoints' messages (N rows) and the motor commands (N, R) that were made of them.
+
+    `control` (M, R) is what the messages `motors` say, NaN where disarmed. None where the setpoints do not come faster,
+    or do not give the logged commands.
+    """
+    thrust, torque = said.read("vehicle_thrust_setpoint", "xyz"), said.read("vehicle_torque_setpoint", "xyz")
+    if not thrust or not torque or len(torque[0]) < 1.5 * len(motors):
+        return None
+    tables = motors, thrust[0], torque[0]
+    if any("timestamp_sample" not in table.columns for table in tables):
+        return None
+    of_motors, of_thrust, of_torque = (np.asarray(table.columns["timestamp_sample"]) for table in tables)
+    sample, row_thrust, row_torque = np.intersect1d(of_thrust, of_torque, return_indices=True)
+    setpoint = np.hstack((thrust[1][row_thrust], torque[1][row_torque]))
+    finite = np.isfinite(setpoint).all(axis=1)
+    lowest = -1.0 if np.nanmin(control) < 0.0 else 0.0  # motors that turn both ways
+    off_limits = ((control > lowest + NEAR_LIMIT) & (control < 1.0 - NEAR_LIMIT)).all(axis=1)
+    _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
+    fitted = off_limits[logged] & finite[asked]
+    allocation = _allocation(setpoint[asked[fitted]], control[logged[fitted]])
+    if allocation is None:
+        return None
+    command = np.nan_to_num(setpoint) @ allocation
+    messages = taken(torque[0], row_torque)
+    last = np.clip(np.searchsorted(_sent(motors), _sent(messages), side="right") - 1, 0, None)
+    held = np.nan_to_num(control)[last]
+    within = finite & ((command >= lowest) & (command <= 1.0)).all(axis=1)
+    said.notes.append(
+        f"{said.prefix}/motor_command_normalised: {len(command)} commands of the setpoints of thrust and torque instead "
+        f"of {len(motors)} of actuator_motors, whose allocation the log shows to be exact."
+    )
+    return messages, np.where((within & held.any(axis=1))[:, None], command, held)
+
+
+def _allocation(setpoint: Array, control: Array) -> Array | None:
+    """The matrix (6, R) that turns setpoints (N, 6) into motor commands (N, R); None where none does."""
+    if len(control) < FEWEST:
+        return None
+    allocation = np.linalg.lstsq(setpoint, control, rcond=None)[0]
+    return allocation if np.abs(setpoint @ allocation - control).max() < EXACT else None
+
+
+def _sent(table: Table) -> NDArray[np.float64]:
+    return np.asarray(table.columns["timestamp"], dtype=float)
