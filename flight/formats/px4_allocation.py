@@ -8,7 +8,6 @@ its own; there, and while all motors stand, the last command that was logged is 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.standard_topics import Messages, taken
@@ -53,8 +52,8 @@ def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -
     held = np.nan_to_num(control)[last]
     within = finite & ((command >= lowest) & (command <= 1.0)).all(axis=1)
     said.notes.append(
-        f"{said.prefix}/motor_command_normalised: {len(command)} commands of the setpoints of thrust and torque instead "
-        f"of {len(motors)} of actuator_motors, whose allocation the log shows to be exact."
+        f"{said.prefix}/motor_command_normalised: {len(command)} commands of the setpoints of thrust and torque "
+        f"instead of {len(motors)} of actuator_motors; the log shows their allocation to be exact."
     )
     return messages, np.where((within & held.any(axis=1))[:, None], command, held)
 
@@ -63,9 +62,9 @@ def _allocation(setpoint: Array, control: Array) -> Array | None:
     """The matrix (6, R) that turns setpoints (N, 6) into motor commands (N, R); None where none does."""
     if len(control) < FEWEST:
         return None
-    allocation = np.linalg.lstsq(setpoint, control, rcond=None)[0]
+    allocation = np.asarray(np.linalg.lstsq(setpoint, control, rcond=None)[0], dtype=float)
     return allocation if np.abs(setpoint @ allocation - control).max() < EXACT else None
 
 
-def _sent(table: Table) -> NDArray[np.float64]:
+def _sent(table: Table) -> Array:
     return np.asarray(table.columns["timestamp"], dtype=float)

@@ -14,7 +14,7 @@ ARMED, SECONDS, LOOP = 1.0, 20.0, 400.0
 
 
 class Vehicle:
-    """Armed after a second; a torque that no motor can make at 10 s for half a second; another matrix from `fails` on."""
+    """Armed after a second; at 10 s an impossible torque for half a second; motor 1 halves from `fails` on."""
 
     def __init__(self, fails=np.inf):
         self.time = np.arange(0.0, SECONDS, 1.0 / LOOP)
