@@ -96,8 +96,6 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
             used[source.topic] = replace(log.tables[source.topic], header_ns=scaled.astype(np.int64))
     timing = one_clock(used, [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources])
     builder = _Builder(log, assignment, timing, axis_names(unmeasured))
-    if not builder.parts:
-        raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
         name=printable(log.path.name if log.path.is_dir() else log.path.name.removesuffix(log.path.suffix)),
         path=log.path,
@@ -112,6 +110,8 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         battery=builder.one("battery", 0),
         autopilot=log.autopilot,
     )
+    if not flight.series():
+        raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     builder.parts.clear()
     give_back(max((len(series.time) for series in flight.series().values()), default=0))
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})

@@ -6,8 +6,10 @@ an input for files into it by itself; viser's is hidden, and the style sheet sho
 """
 
 import re
+import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any, ClassVar
@@ -19,13 +21,15 @@ from wrenchgap.viewer.serving import acknowledge
 
 NAME = re.compile(r"(?!\.)[\w .()+=,@-]{1,200}")
 """What a file may be called: no way out of the folder, nothing hidden."""
+LONGEST_NAME = 255
+"""Bytes of a name on most file systems."""
 
 
 class FileDrop:
     """Files that are dropped here, or chosen, are put into new folders below `folder`, and `received` gets their path.
 
-    `received` is called under the page's lock. One file arrives at a time: another one ends it. `largest` and `most`
-    are bytes of one file, and of all that were dropped.
+    `received` is called under the page's lock. One file arrives at a time: another one ends it, and so does `end`.
+    `largest` and `most` are bytes of one file, and of all that are kept.
     """
 
     largest: ClassVar[int] = 2**30
@@ -40,27 +44,34 @@ class FileDrop:
         host.drops[self._uuid] = self
         self._transfer, self._size, self._done, self._path = "", 0, 0, folder
         self._file: IO[bytes] | None = None
+        self._lock = threading.RLock()  # pieces come by the thread of the connections, `end` by any other
 
     def start(self, transfer: str, name: str, size: int) -> None:
         """A file of this name and size [bytes] begins to arrive; called by the inbox, of any client."""
-        self._forget()
-        self._transfer, self._size, self._done = transfer, size, 0
-        try:
-            self._check(name, size)
-            number = sum(1 for _ in self._folder.iterdir())
-            place = self._folder / str(number)
-            place.mkdir(mode=0o700)
-            self._path = place / name
-            self._file = self._path.open("xb")
-        except (UsageError, OSError) as error:
-            self._refuse(error)
-        else:
-            self._written(b"")
+        with self._lock:
+            self.end()
+            self._transfer, self._size, self._done = transfer, size, 0
+            try:
+                self._check(name, size)
+                self._path = Path(tempfile.mkdtemp(dir=self._folder)) / name
+                self._file = self._path.open("xb")
+            except (UsageError, OSError) as error:
+                self._refuse(error)
+            else:
+                self._written(b"")
 
     def part(self, transfer: str, content: bytes) -> None:
         """The next piece of it; those of a file that was refused, or ended by another, are dropped."""
-        if transfer == self._transfer and self._file is not None:
-            self._written(content)
+        with self._lock:
+            if transfer == self._transfer and self._file is not None:
+                self._written(content)
+
+    def end(self) -> None:
+        """The page changes, or another file comes: what has come of one that is on its way goes, and that is said."""
+        with self._lock:
+            if self._file is not None:
+                words = "did not come whole before the page changed, or before another file; drop it again"
+                self._refuse(UsageError(f"{self._path.name}: {words}"))
 
     def _written(self, content: bytes) -> None:
         assert self._file is not None
@@ -85,7 +96,7 @@ class FileDrop:
             threading.Thread(target=self.host.guarded(lambda _: self._received(path)), args=(event,)).start()
 
     def _check(self, name: str, size: int) -> None:
-        if NAME.fullmatch(name) is None:
+        if NAME.fullmatch(name) is None or len(name.encode()) > LONGEST_NAME:
             raise UsageError(
                 "a file whose name is no plain one was dropped; give it letters, digits and ._- and drop it again"
             )
@@ -96,7 +107,7 @@ class FileDrop:
             )
         kept = sum(file.stat().st_size for file in self._folder.rglob("*") if file.is_file())
         if kept + size > self.most:
-            raise UsageError(f"{name}: more than {self.most / 2**30:g} GiB were dropped; start the page again")
+            raise UsageError(f"{name}: more than {self.most / 2**30:g} GiB would be kept; start the page again")
 
     def _refuse(self, error: Exception) -> None:
         """Say why, and let the browser see the end of it, so that another file can be dropped."""
@@ -109,6 +120,14 @@ class FileDrop:
     def _forget(self) -> None:
         """Remove what arrived of a file that does not arrive any more."""
         if self._file is not None:
-            self._file.close()
-            self._path.unlink(missing_ok=True)
+            with suppress(OSError):  # of a disk that is full
+                self._file.close()
+            discard(self._path)
         self._transfer, self._file = "", None
+
+
+def discard(path: Path) -> None:
+    """Remove a file that was dropped, and the folder that it has for itself."""
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+        path.parent.rmdir()

@@ -52,6 +52,8 @@ class Page(Host):
             for job in self._jobs:
                 job.cancel()
             self.cursor.listeners.clear()
+            for drop in self.drops.values():
+                drop.end()
             self.drops.clear()
             self.gui.reset()
             self.server.scene.reset()

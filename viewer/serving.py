@@ -63,11 +63,12 @@ def serve(host: str, port: int) -> tuple[Any, Gate, dict[str, Any]]:
 
 
 def acknowledge(server: Any, button: str, transfer: str, done: int, size: int) -> None:
-    """Tell the clients that so many bytes of an upload to a button arrived."""
+    """Tell the clients that so many bytes of an upload to a button arrived; viser would keep what all are told."""
     message = FileTransferPartAck(
         source_component_uuid=button, transfer_uuid=transfer, transferred_bytes=done, total_bytes=size
     )
-    server.gui._websock_interface.queue_message(message)
+    for client in server.get_clients().values():
+        client.gui._websock_interface.queue_message(message)
 
 
 def free_port(host: str, port: int, tries: int = 20) -> int:

@@ -111,7 +111,10 @@ def spikes(series: Series) -> NDArray[np.bool_]:
 
 
 def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, split: bool) -> Flight:
-    """The flight without some samples of a role, counted as dropped; with `split` each run of them is a gap."""
+    """The flight without some samples of a role, counted as dropped; with `split` each run of them is a gap.
+
+    What is left of a series does not begin or end with a gap.
+    """
     series = flight.series()[role]
     keep = ~bad
     if keep.sum() < 2:
@@ -120,7 +123,8 @@ def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, spli
         name: value[keep] for name, value in vars(series).items() if isinstance(value, np.ndarray)
     }
     dropped = {**series.dropped, why: series.dropped.get(why, 0) + int(bad.sum())}
-    gaps = gaps_of(arrays["time"]) if split else series.gaps
+    time = arrays["time"]
+    gaps = gaps_of(time) if split else tuple(g for g in series.gaps if time[0] <= g.start and g.stop <= time[-1])
     replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps, dropped=dropped)}
     return replace(flight, **replaced)
 

@@ -82,7 +82,12 @@ def _opened(path: Path, account: Account) -> Any:
 
 
 def _counted(kind: Any, account: Account) -> Any:
-    """Pyulog's reader, which asks before it lays out the fields of a subscription: formats may hold formats."""
+    """Pyulog's reader, which asks at every message, and before it lays out fields: formats may hold formats."""
+
+    class Header(kind._MessageHeader):  # type: ignore[misc]
+        def initialize(self, data: bytes) -> None:
+            account.check_time()
+            super().initialize(data)
 
     class Subscription(kind._MessageAddLogged):  # type: ignore[misc]
         def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
@@ -91,7 +96,15 @@ def _counted(kind: Any, account: Account) -> Any:
             account.check_time()
             super()._parse_format(message_formats)
 
-    return type(kind.__name__, (kind,), {"_MessageAddLogged": Subscription})
+    class Log(kind):  # type: ignore[misc]
+        _MessageHeader, _MessageAddLogged = Header, Subscription
+
+        def _check_packet_corruption(self, header: Any) -> bool:
+            """What reaches beyond the end is the last message: pyulog would go back from there for ever."""
+            ended = self._file_handle.tell() == account.path.stat().st_size
+            return bool(super()._check_packet_corruption(header)) and not ended
+
+    return Log
 
 
 def _fields(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import so3, work_files
-from wrenchgap.flight.errors import UsageError, WrenchgapError
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.checks import usable_cutoff
@@ -65,21 +65,16 @@ class Intake:
     dropped: Path = field(default_factory=_folder)
 
     def with_file(self, path: Path, report: Report) -> Intake:
-        """With another log, all being looked at again, or with a model file; what was dropped and is neither goes.
+        """With another log, all being looked at again, or with a model file.
 
         Raises LogError, UsageError, ModelError.
         """
-        try:
-            if path.suffix.lower() == ".toml":
-                model = model_file.loads(text_of(path, "as a model file"))
-                return replace(self, model=replace(model, path=Path(path.name)), sheet=None)
-            if len(self.logs) >= MOST_LOGS:
-                raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
-            return self.with_logs((*self.logs, path), report)
-        except WrenchgapError:
-            if self.dropped in path.parents:
-                path.unlink(missing_ok=True)
-            raise
+        if path.suffix.lower() == ".toml":
+            model = model_file.loads(text_of(path, "as a model file"))
+            return replace(self, model=replace(model, path=Path(path.name)), sheet=None)
+        if len(self.logs) >= MOST_LOGS:
+            raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
+        return self.with_logs((*self.logs, path), report)
 
     def with_logs(self, logs: Sequence[Path], report: Report) -> Intake:
         """With these logs, looked at."""

@@ -16,6 +16,8 @@ from wrenchgap.flight.checks.remedies import _with, option
 from wrenchgap.flight.clocks import relation, without_jumps
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries, WrenchSeries
+from wrenchgap.flight.resample import resample
+from wrenchgap.flight.stamps import gaps_of
 
 SECOND = 1_000_000_000
 
@@ -71,6 +73,21 @@ def moving(seconds=12.0, rate=100.0, change=lambda name, values: values):
     wrench = np.hstack((15.0 * force / 9.81, white(rng, len(time), 0.1)))
     commanded = WrenchSeries("/w", time, change("wrench", wrench))
     return Flight("f", "f.mcap", "0" * 64, 0, commanded=commanded, imu=imu, odometry=odometry)
+
+
+def test_a_sample_alone_behind_a_gap_that_is_left_out_takes_the_gap_with_it():
+    """Else a series ends in a gap, behind which nothing is."""
+    found = moving()
+    force = found.imu.specific_force_B.copy()
+    force[-1] = 1e6
+    alone = {**vars(found.imu), "time": np.append(found.imu.time[:-1], 100.0), "specific_force_B": force}
+    imu = ImuSeries(**{name: alone[name] for name in ("topic", "time", "omega_B", "specific_force_B")})
+    imu = replace(imu, gaps=gaps_of(imu.time))
+    assert imu.gaps[-1].stop == 100.0
+    clean = with_checks(replace(found, imu=imu, odometry=None))
+    assert len(clean.imu.time) == len(imu.time) - 1
+    assert clean.imu.gaps == ()
+    assert len(resample(clean, 50.0, ("commanded", "imu")).samples) == 1
 
 
 def spoilt(name, rows, value=None, column=slice(None)):

@@ -90,12 +90,6 @@ def test_what_is_no_log_leaves_the_others_as_they_are(folder, tmp_path):
     with pytest.raises(wg.UsageError, match="same log"):
         intake.with_file(folder / "flight1.ulg", quiet)
     assert [p.name for p in intake.logs] == ["flight1.ulg"]
-    assert (tmp_path / "notes.ulg").exists(), "what nobody dropped is not ours to remove"
-    dropped = intake.dropped / "notes.ulg"
-    dropped.write_text("no log")
-    with pytest.raises(wg.LogError):
-        intake.with_file(dropped, quiet)
-    assert not dropped.exists()
 
 
 def test_two_logs_of_one_name_are_two_flights(folder, tmp_path):

@@ -1,5 +1,6 @@
 """Files that are dropped on the page: what arrives is on the disk, what does not fit is refused in one line."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import msgspec
@@ -58,12 +59,12 @@ def test_a_file_is_on_the_disk_as_it_was_sent(drop, page, eventually):
 
 
 @pytest.mark.parametrize(
-    "name", ["../a.ulg", "/etc/a.ulg", ".hidden", "a\x00.ulg", "a/b", "a\\b", "", "a\nb", "x" * 201]
+    "name", ["../a.ulg", "/etc/a.ulg", ".hidden", "a\x00.ulg", "a/b", "a\\b", "", "a\nb", "x" * 201, "é" * 200]
 )
 def test_no_name_leads_out_of_the_folder(drop, page, tmp_path, name):
     sent(drop, name, b"0123")
     assert len(page.said) == 1
-    assert not [p for p in tmp_path.rglob("*") if p.is_file()]
+    assert not any(tmp_path.iterdir())
     assert page.came == [4], "the browser would wait for ever"
 
 
@@ -93,6 +94,33 @@ def test_another_file_ends_one_that_is_on_its_way(drop, page, tmp_path, eventual
     (path,) = eventually(lambda: page.received)
     assert path.name == "second.ulg"
     assert [p.name for p in tmp_path.rglob("*") if p.is_file()] == ["second.ulg"]
+    assert [said.partition(":")[0] for said in page.said] == ["first.ulg"], "nobody was told that it did not come"
+
+
+def test_a_page_that_changes_ends_a_file_that_is_on_its_way(drop, page, tmp_path):
+    drop.start("a", "first.ulg", 8)
+    drop.part("a", b"0123")
+    drop.end()
+    drop.part("a", b"4567")
+    assert [said.partition(":")[0] for said in page.said] == ["first.ulg"]
+    assert page.received == []
+    assert not any(tmp_path.iterdir())
+    drop.end()
+    assert len(page.said) == 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_is_one_line_and_the_next_file_comes(drop, page, eventually):
+    """What the system has not taken yet fails once more when the file is closed."""
+    drop.start("a", "first.ulg", 8)
+    drop._file = Path("/dev/full").open("wb")  # noqa: SIM115
+    drop._file.write(b"0123")
+    with pytest.raises(OSError, match="space"):
+        drop._file.flush()
+    drop.end()
+    sent(drop, "second.ulg", b"01234567", "b")
+    (path,) = eventually(lambda: page.received)
+    assert path.read_bytes() == b"01234567"
 
 
 def test_viser_never_has_what_a_drop_takes(drop, page, eventually):

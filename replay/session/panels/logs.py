@@ -15,7 +15,7 @@ from wrenchgap.plant.model_file import load, shipped_models
 from wrenchgap.replay.session.intake import LEAST_CUTOFF, Intake
 from wrenchgap.replay.session.panels import html
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.file_drop import FileDrop
+from wrenchgap.viewer.file_drop import FileDrop, discard
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.session import Report, Session
@@ -65,7 +65,7 @@ class LogsPanel(Panel):
             self.sheet = gui.add_html(self._sheet())
 
     def _received(self, path: Path) -> None:
-        self._run(self.work, lambda now, report: now.with_file(path, report))
+        self._run(self.work, lambda now, report: now.with_file(path, report), path)
 
     def _modelled(self, now: Intake, report: Report) -> Intake:
         report(0.0, "making the model")
@@ -79,12 +79,28 @@ class LogsPanel(Panel):
         lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
         return now.drafted(Given(None, self.mass.value, None, frame, *lengths))
 
-    def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake]) -> None:
-        """Change logs or model beside the page, which then shows what there is; where that fails nothing changes."""
+    def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake], came: Path | None = None) -> None:
+        """Change logs or model beside the page, which then shows what there is; where that fails nothing changes.
+
+        What `came` and is no log of it in the end, is removed. One thing at a time: another one would be lost.
+        """
+        if self.work.running or self.make.running:
+            if came is not None:
+                discard(came)
+            again = "click again" if came is None else f"drop {came.name} again"
+            raise UsageError(f"the page is at work; {again} when that has ended")
 
         def work(report: Report) -> Session:
+            kept: tuple[Path, ...] = ()
             model = getattr(self.host.session, "model", self.intake.model)  # with effects that were added meanwhile
-            return session_of(change(replace(self.intake, model=model), report), report)
+            try:
+                made = change(replace(self.intake, model=model), report)
+                session = session_of(made, report)
+                kept = made.logs
+            finally:
+                if came is not None and came not in kept:
+                    discard(came)
+            return session
 
         controls.start(work, self.host.replace, then_gone=True)
 

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import struct
 import sys
 from pathlib import Path
 
@@ -235,6 +236,29 @@ def test_a_log_that_was_cut_gives_what_is_left_or_one_line(log, tmp_path, share)
     found, complaint = opened(path)
     assert "\n" not in complaint
     assert len(found.imu.time) > 30 if found else share < 0.01
+
+
+def test_a_damaged_message_that_reaches_beyond_the_end_is_the_last(tmp_path):
+    """Pyulog goes back from the end by the length that it claims: always to the same place, for ever."""
+    info = b"\x20char[9] sys_name_that_is_not_read" + bytes(9)
+    whole = b"ULog\x01\x12\x35\x01" + bytes(8) + 2000 * (struct.pack("<HB", len(info), ord("I")) + info)
+    path = tmp_path / "log.ulg"
+    path.write_bytes(whole + struct.pack("<HB", 60_000, 0) + bytes(10))
+    assert "damaged" in opened(path)[1]
+
+
+def test_a_velocity_alone_is_no_flight(autopilots, tmp_path):
+    """Of a position that is no number nothing is left, and the velocity beside it plays no role."""
+    log, stamps = autopilots.Ulog(), micro(at_rate(20))
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))
+    log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": stamps, "q": q})
+    rows = dict.fromkeys(("x", "y", "z"), np.full(len(stamps), np.inf))
+    rows |= dict.fromkeys(("vx", "vy", "vz", "xy_valid", "z_valid"), np.ones(len(stamps)))
+    fields = ";".join([STAMP, *(f"{'bool' if 'valid' in name else 'float'} {name}" for name in rows)])
+    log.topic("vehicle_local_position", fields, {"timestamp": stamps} | rows)
+    path = log.save(tmp_path / "log.ulg")
+    assert "nothing usable" in opened(path)[1]
+    assert flight.inspect(path).duration == pytest.approx(SECONDS - 0.05)
 
 
 def test_flipped_bytes_never_end_in_a_traceback(log, tmp_path):

@@ -1,0 +1,84 @@
+"""The page that takes logs, without a browser: what is kept of what was dropped, and what the server keeps of it."""
+
+import pytest
+
+from tests.replay.autopilot_logs import flight, write_ulog
+from wrenchgap.replay.session.intake import Intake
+from wrenchgap.replay.session.panels.logs import session_of
+from wrenchgap.viewer.file_drop import FileDrop
+from wrenchgap.viewer.page import Page
+
+
+def quiet(share, words):
+    """Progress that nobody reads."""
+
+
+@pytest.fixture
+def page():
+    """A page that was started without anything."""
+    made = Page(session_of(Intake(), quiet), port=0)
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def said(page, monkeypatch):
+    """The errors that the page showed."""
+    found: list[str] = []
+    monkeypatch.setattr(page, "fail", lambda error, client=None: found.append(str(error)))
+    return found
+
+
+@pytest.fixture
+def log(once, tmp_path):
+    return write_ulog(once("autopilot flight 1", lambda: flight(1)), tmp_path / "flight.ulg").read_bytes()
+
+
+def panel(page):
+    """The tab that takes logs; the page makes a new one whenever it changes."""
+    (found,) = (one for one in page.panels if isinstance(getattr(one, "drop", None), FileDrop))
+    return found
+
+
+def send(page, name, content, transfer="a"):
+    drop = panel(page).drop
+    drop.start(transfer, name, len(content))
+    drop.part(transfer, content)
+
+
+def kept(page):
+    return list(panel(page).intake.dropped.iterdir())
+
+
+def test_what_is_no_log_and_a_model_file_leave_nothing_on_the_disk(page, said, eventually):
+    send(page, "notes.ulg", b"no log")
+    eventually(lambda: said and not panel(page).work.running)
+    assert "notes.ulg" in said[0]
+    assert kept(page) == []
+    before = panel(page)
+    send(page, "mine.toml", b'schema = 1\n[vehicle]\nname = "x"\nmass = 1.0\ninertia = [0.01, 0.01, 0.02]\n')
+    eventually(lambda: panel(page) is not before, "the model was not taken")
+    assert panel(page).intake.model is not None
+    assert kept(page) == []
+
+
+def test_a_log_that_comes_during_work_is_refused_and_the_first_one_stays(page, said, log, eventually):
+    before = panel(page)
+    send(page, "first.ulg", log)
+    eventually(lambda: before.work.running)
+    send(page, "second.ulg", log + b"\0", "b")
+    eventually(lambda: panel(page) is not before, "the first log was not opened", 60.0)
+    assert ["drop second.ulg again" in words for words in said] == [True]
+    assert page.session.flights == ("first.ulg",)
+    assert [path.name for path in panel(page).intake.dropped.glob("*/*")] == ["first.ulg"]
+
+
+def test_the_server_keeps_no_message_for_each_piece(page):
+    """Thousands of pieces of one byte would otherwise stay in memory, and be sent to whoever opens the page later."""
+    drop, buffer = panel(page).drop, page.server._websock_server.get_message_buffer()
+    before = len(buffer.message_from_id)
+    drop.start("a", "log.ulg", 10_000)
+    for _ in range(3000):
+        drop.part("a", b"x")
+    assert len(buffer.message_from_id) < before + 100
+    drop.end()
