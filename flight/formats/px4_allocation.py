@@ -40,7 +40,7 @@ def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -
     setpoint = np.hstack((thrust[1][row_thrust], torque[1][row_torque]))
     finite = np.isfinite(setpoint).all(axis=1)
     lowest = -1.0 if np.nanmin(control) < 0.0 else 0.0  # motors that turn both ways
-    off_limits = ((control > lowest + NEAR_LIMIT) & (control < 1.0 - NEAR_LIMIT)).all(axis=1)
+    off_limits = np.all((control > lowest + NEAR_LIMIT) & (control < 1.0 - NEAR_LIMIT), axis=1)
     _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
     fitted = off_limits[logged] & finite[asked]
     allocation = _allocation(setpoint[asked[fitted]], control[logged[fitted]])
