@@ -78,10 +78,9 @@ def shared(found: Weighed, names: Sequence[str]) -> Array:
     return np.concatenate([origins[n] + pool.shared_values(always, n) for n in names])
 
 
-COMPARED = ("thrust", "tilt", "speed", "height", "rate")
-SLACK = {"thrust": 0.15, "tilt": 5.0, "speed": 0.3, "height": 0.3, "rate": 0.3}
-"""How far beyond the healthy flights a quantity may go without a word: of thrust as a share of it, else in its unit
-(deg, m/s, m, rad/s)."""
+SLACK = {"thrust": 0.15, "tilt": 5.0, "speed": 0.3, "height": 0.3, "rate": 0.3, "voltage": 0.03}
+"""How far beyond the healthy flights a quantity may go without a word: thrust and voltage as a share of it (thrust goes
+with about the square of the voltage), else in its unit (deg, m/s, m, rad/s)."""
 OUTSIDE = 0.2
 """Share of the suspect flights' time outside what healthy flights did that is worth a word."""
 
@@ -115,10 +114,10 @@ def not_compared(pool: PooledFlights, suspects: Collection[int]) -> tuple[NotCom
     rows = pool.rows(suspects)
     found = []
     for q in known:
-        if q.name not in COMPARED:
+        if q.name not in SLACK:
             continue
         healthy, suspect = q.values[~rows], q.values[rows]
-        slack = SLACK[q.name] * (float(np.median(healthy)) if q.name == "thrust" else 1.0)
+        slack = SLACK[q.name] * (float(np.median(healthy)) if q.name in ("thrust", "voltage") else 1.0)
         low, high = float(np.min(healthy)) - slack, float(np.max(healthy)) + slack
         outside = float(np.mean((suspect < low) | (suspect > high)))
         if outside > OUTSIDE:

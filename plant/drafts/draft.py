@@ -250,6 +250,8 @@ def _text(value: str) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, str):
         return _text(value)
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_value(v)}' for key, v in value.items())} }}"
     if np.ndim(value):
         return f"[{', '.join(_value(v) for v in value)}]"
     text = f"{float(value):.6g}"

@@ -3,9 +3,14 @@
 In the air the accelerometer along the thrust reads m f_z = T_max sum_r n_r,z [f u_r^2 + (1 - f) u_r]. Both columns are
 known, so T_max and f follow from least squares. f is accepted where its standard deviation by the jackknife over blocks
 of the flight is small (`FitLimits.max_std`); else the assumed f stays, and T_max alone is the median over the samples.
+
+Where the voltage of the battery is logged, T_max goes with (V / V_0)^k. Speed goes with the voltage at a given command,
+and thrust with the square of speed, so k = 2. That holds of commands as motors got them, whether or not the autopilot
+makes up for the voltage before. Where the flight shows k, it is the slope of log thrust over log V.
 Source: Newton's second law along the thrust; Efron, "The jackknife", 1982.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +37,9 @@ class FitLimits:
     max_std: float = 0.15  # of the factor
     min_variation: float = 0.02  # range of the throttle (5 to 95 %), over its median, that shows the curve's shape
     blocks: int = 8  # of the jackknife
+    max_std_of_exponent: float = 0.3  # of k: 1 % of the thrust at a voltage 3 % lower
+    drift: float = 0.01  # share of the thrust by which propellers and sensors change in a flight with the voltage
+    least_voltage: float = 2.0  # [V], below which it is no battery's
 
 
 LIMITS = FitLimits()
@@ -48,20 +56,26 @@ def with_fitted_thrust(draft: Draft, flown: Flight) -> Draft:
     if sent.unit != command.keys["unit"].value or sent.rotor_speed.shape[1] != len(draft.rotors):
         return draft
     columns = _columns(draft, sent.rotor_speed)
-    lift, force = _in_the_air(flown, sent.time, columns)
+    lift, force, voltage = _in_the_air(flown, sent.time, columns)
     seconds = len(force) * float(np.median(np.diff(sent.time)))
     if seconds < LIMITS.min_time:
         return draft
     carried = float(draft.mass.value) * force
     where = f"{seconds:.0f} s of {flown.path.name}"
     factor, keys = command.keys["factor"], dict(command.keys)
-    if factor.assumed and (found := _factor(lift, carried)) is not None:
+    nominal = float(np.median(voltage))
+    charge = voltage / nominal if nominal > LIMITS.least_voltage and voltage.min() > 0.0 else np.ones(len(voltage))
+    if factor.assumed and (found := _factor(lift * charge[:, None] ** 2, carried)) is not None:
         value, std = found
         factor = Sourced(
             round(value, 3), f"fitted: the accelerometer's force over the commands, {where}, +-{max(std, 0.01):.2g}"
         )
         keys["factor"] = factor
     shape = lift @ (1.0 - float(factor.value), float(factor.value))
+    if np.ptp(charge) > 0.0:
+        exponent = _exponent(charge, carried / shape, where)
+        keys["voltage"] = replace(exponent, value={"nominal": round(nominal, 2), "exponent": exponent.value})
+        shape = shape * charge ** float(exponent.value)
     low, middle, high = np.percentile(carried / shape, (25.0, 50.0, 75.0))
     words = (
         f"fitted: the accelerometer's force over the commands, median of {where} "
@@ -86,9 +100,12 @@ def _columns(draft: Draft, raw: Array) -> Array:
     return np.stack((u @ up, u**2 @ up), axis=1)
 
 
-def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array]:
-    """Columns (M, 2) and specific force along z (M,), averaged, where the rotors carry the vehicle."""
-    nothing = np.empty((0, 2)), np.empty(0)
+def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array, Array]:
+    """Columns (M, 2), specific force along z (M,) and voltage (M,), averaged, where the rotors carry the vehicle.
+
+    The voltage is zero where none is logged.
+    """
+    nothing = np.empty((0, 2)), np.empty(0), np.empty(0)
     assert flown.imu is not None
     time, force = flown.imu.time, flown.imu.specific_force_B[:, 2]
     known = np.isfinite(force)
@@ -104,7 +121,10 @@ def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array]
     large = float(np.percentile(lift[spinning, 1], 90.0))
     flying = covered & spinning & (lift[:, 1] > LIMITS.lift_share * large) & (specific > 0.5 * GRAVITY)
     flying &= _off_the_ground(flown, at, spinning)
-    return lift[flying], specific[flying]
+    voltage = np.zeros(len(at))
+    if flown.battery is not None:
+        voltage = np.interp(at, flown.battery.time, _averaged(flown.battery.time, flown.battery.voltage))
+    return lift[flying], specific[flying], voltage[flying]
 
 
 def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -133,9 +153,26 @@ def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
     low, middle, high = np.percentile(lift[:, 0], (5.0, 50.0, 95.0))
     if high - low < LIMITS.min_variation * middle:
         return None
-    block = np.arange(len(carried)) * LIMITS.blocks // len(carried)
-    without = np.array([share(block != k) for k in range(LIMITS.blocks)])
-    std = float(np.sqrt((LIMITS.blocks - 1) * np.var(without)))
-    found = share(block >= 0)
+    found, std = _jackknifed(share, len(carried))
     sure = std < LIMITS.max_std and -3.0 * LIMITS.max_std < found < 1.0 + 3.0 * LIMITS.max_std
     return (float(np.clip(found, 0.0, 1.0)), std) if sure else None
+
+
+def _exponent(charge: Array, thrust: Array, where: str) -> Sourced:
+    """The power k with which `thrust` (M,) goes with `charge` (M,), V / V_0: 2, or what the flight shows."""
+
+    def slope(rows: NDArray[np.bool_]) -> float:
+        return float(np.polyfit(np.log(charge[rows]), np.log(thrust[rows]), 1)[0])
+
+    found, std = _jackknifed(slope, len(charge))
+    std = float(np.hypot(std, LIMITS.drift / np.ptp(np.log(charge))))
+    if std < LIMITS.max_std_of_exponent:
+        return Sourced(round(float(np.clip(found, 0.0, 3.0)), 2), f"fitted: thrust over voltage, {where}, +-{std:.2g}")
+    return Sourced(2.0, "speed in proportion to the voltage at a given command, as usual", assumed=True)
+
+
+def _jackknifed(estimate: Callable[[NDArray[np.bool_]], float], count: int) -> tuple[float, float]:
+    """An estimate from `count` rows, and its standard deviation by the jackknife over blocks of them."""
+    block = np.arange(count) * LIMITS.blocks // count
+    without = [estimate(block != k) for k in range(LIMITS.blocks)]
+    return estimate(block >= 0), float(np.sqrt((LIMITS.blocks - 1) * np.var(without)))

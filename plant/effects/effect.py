@@ -141,6 +141,8 @@ class Effect(ABC):
     """Names of the effects that look alike on many flights."""
     parts: ClassVar[tuple[str, ...]] = ()
     """Effects that this one stands for when they come together (a payload: mass, centre of mass, inertia)."""
+    stands_in_for: ClassVar[str] = ""
+    """The effect that is the one to try where the log has what it needs."""
     family: ClassVar[str] = ""
     """The name that several forms of one effect share: that of the first of them. Empty where there is one form."""
     form: ClassVar[str] = ""

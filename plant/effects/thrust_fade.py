@@ -14,7 +14,8 @@ class ThrustFade(WrenchEffect):
     """
 
     name = "thrust_fade"
-    excited_by = "minutes of flight without a logged voltage"
+    excited_by = "minutes in the air, where no voltage is logged"
+    stands_in_for = "battery_sag"
     confused_with = ("battery_sag", "thrust_scale")
 
     min_time, min_span = 20.0, 15.0

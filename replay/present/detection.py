@@ -33,6 +33,7 @@ def sentences(
         words = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
         said.append(f"Would have been shown: {_listed(words, most_shown)}.")
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
+    lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     if hidden or lacking:
         words = []
         for name, own in hidden.items():

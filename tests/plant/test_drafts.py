@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
+from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries, OdometrySeries
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import px4
@@ -189,13 +189,14 @@ def test_published_inertias_lie_within_twice_the_tolerance(mass, arm, published)
     assert np.all(np.abs(away) < 2.0)
 
 
-def flown(u, force, unit="normalised", rate=50.0):
+def flown(u, force, unit="normalised", rate=50.0, voltage=None):
     """A flight in which commands u (N,), the same for all rotors, felt `force` (N,) [m/s^2] along z."""
     time = np.arange(len(u)) / rate
     sent = ActuatorSeries("/motors", time, np.zeros((len(u), 0)), np.tile(u[:, None], (1, 4)), unit=unit)
     felt = np.stack((0 * force, 0 * force, force), axis=1)
     imu = ImuSeries("/imu", time, np.zeros_like(felt), felt)
-    return Flight("test", Path("test.ulg"), "0" * 64, 0, actuators=sent, imu=imu)
+    battery = None if voltage is None else BatterySeries("/battery", time, voltage)
+    return Flight("test", Path("test.ulg"), "0" * 64, 0, actuators=sent, imu=imu, battery=battery)
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.4, 1.0])
@@ -219,6 +220,29 @@ def test_a_steady_hover_shows_the_level_and_not_the_shape():
     command = with_fitted_thrust(iris(), flown(u, force)).command
     assert command.keys["factor"].assumed
     assert command.thrust_max.value * 0.25 * 4 == pytest.approx(1.5 * GRAVITY, rel=0.01)
+
+
+@pytest.mark.parametrize(("exponent", "drop", "assumed"), [(2.0, 2.0, False), (0.0, 2.0, False), (1.0, 0.05, True)])
+def test_thrust_goes_with_the_square_of_the_voltage_unless_the_flight_shows_another_power(exponent, drop, assumed):
+    """Speed controllers that hold a speed: 0. A battery that hardly sags shows nothing."""
+    rng = np.random.default_rng(2)
+    voltage = np.linspace(16.6, 16.6 - drop, 2000)
+    u = 0.5 + 0.05 * np.sin(0.02 * np.arange(2000))
+    force = 4 * 7.0 * u**2 * (voltage / voltage.mean()) ** exponent / 1.5 + 0.05 * rng.normal(size=2000)
+    command = with_fitted_thrust(iris(), flown(u, force, voltage=voltage)).command
+    charge = command.keys["voltage"]
+    assert charge.assumed == assumed
+    assert charge.value["exponent"] == pytest.approx(2.0 if assumed else exponent, abs=0.3)
+    nominal = charge.value["nominal"]
+    assert voltage.min() < nominal < voltage.max()
+    assert command.thrust_max.value == pytest.approx(7.0 * (nominal / voltage.mean()) ** exponent, rel=0.02)
+
+
+def test_what_reads_no_battery_is_none():
+    """PX4 without a power module logs millivolts."""
+    u = 0.5 + 0.05 * np.sin(0.02 * np.arange(2000))
+    found = with_fitted_thrust(iris(), flown(u, 4 * 7.0 * u**2 / 1.5, voltage=np.full(2000, 0.05) + 0.01 * u))
+    assert "voltage" not in found.command.keys
 
 
 def test_idling_on_the_ground_is_no_flight():

@@ -75,8 +75,14 @@ def throttle(speed):
     return (FACTOR - 1 + np.sqrt((1 - FACTOR) ** 2 + 4 * FACTOR * share)) / (2 * FACTOR)
 
 
-def write_ulog(flown, path):
-    """The flight as PX4 logs it: FRD and NED, microseconds, throttles."""
+ALLOCATION = np.array(
+    [[-0.7, 0.7, 1.0, -1.0], [0.7, -0.7, 1.0, -1.0], [0.7, 0.7, -1.0, -1.0], [-0.7, -0.7, -1.0, -1.0]]
+)
+"""PX4's motor commands by setpoints of roll, pitch, yaw and thrust."""
+
+
+def write_ulog(flown, path, setpoints_of=None):
+    """The flight as PX4 logs it: FRD and NED, microseconds, throttles; with the setpoints of another form of it."""
     log = autopilots().Ulog(parameters())
     imu, sent, odometry = flown.imu, flown.actuators, flown.odometry
     u = throttle(sent.rotor_speed)
@@ -90,7 +96,18 @@ def write_ulog(flown, path):
     columns |= {"accelerometer_timestamp_relative": np.zeros(len(imu.time), int)}
     fields = f"{STAMP};float[3] gyro_rad;uint32_t gyro_integral_dt;int32_t accelerometer_timestamp_relative"
     log.topic("sensor_combined", f"{fields};float[3] accelerometer_m_s2", columns)
-    log.topic("actuator_motors", f"{STAMP};float[4] control", {"timestamp": micro(sent.time), "control": u})
+    stamps = f"{STAMP};uint64_t timestamp_sample"
+
+    def commanded(name, field, time, values):
+        log.topic(name, f"{stamps};{field}", {"timestamp": micro(time), "timestamp_sample": micro(time)} | values)
+
+    commanded("actuator_motors", "float[4] control", sent.time, {"control": u})
+    if setpoints_of is not None:
+        asked = setpoints_of.actuators
+        setpoint = throttle(asked.rotor_speed) @ np.linalg.inv(ALLOCATION).T
+        thrust = setpoint[:, [3]] * [0.0, 0.0, 1.0]
+        commanded("vehicle_torque_setpoint", "float[3] xyz", asked.time, {"xyz": setpoint[:, :3]})
+        commanded("vehicle_thrust_setpoint", "float[3] xyz", asked.time, {"xyz": thrust})
     w, x, y, z = odometry.quat_EB.T
     q = np.stack((w + z, x + y, x - y, w - z), axis=1) / np.sqrt(2.0)  # its own inverse
     log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": micro(odometry.time), "q": q})

@@ -1,6 +1,7 @@
 """The commands of docs/start/px4.md and docs/start/ardupilot.md, run as written on logs that are made here.
 
-The logs have motor commands at 10 Hz, as both autopilots log them by default, and a centre of mass that no file knows.
+The logs have motor commands at 10 Hz, as both autopilots log them by default, PX4's beside setpoints at 50 Hz, and a
+centre of mass that no file knows.
 """
 
 import re
@@ -25,8 +26,8 @@ def commands(page, log):
 
 @pytest.fixture(scope="module")
 def flights(autopilot_flights):
-    """What the pages' commands are run on, and a later flight of the same vehicle."""
-    return [every(flown, 10.0) for flown in autopilot_flights]
+    """What the pages' commands are run on, and a later flight of the same vehicle; with setpoints for PX4."""
+    return [(every(flown, 10.0), every(flown, 50.0)) for flown in autopilot_flights]
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def judged(folder, later):
 @pytest.mark.slow
 def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_path):
     """From a log with CA_ROTOR* to model, checks, comparison, calibration, explanation, report and page."""
-    write_ulog(flights[0], tmp_path / "flight.ulg")
+    write_ulog(flights[0][0], tmp_path / "flight.ulg", flights[0][1])
     asked = commands("px4.md", "flight.ulg")
     assert [words[0] for words in asked if words[0] != "convert"] == STEPS
     said = {shlex.join(words): ran(run, words, tmp_path) for words in asked}
@@ -83,14 +84,14 @@ def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_
     assert any(text.startswith("model new") and "fitted" in out for text, out in said.items())
     assert "com_offset" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert b"<html" in looked["flight",].lower()
-    judged(tmp_path, write_ulog(flights[1], tmp_path / "later.ulg"))
+    judged(tmp_path, write_ulog(flights[1][0], tmp_path / "later.ulg", flights[1][1]))
 
 
 def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
     """The same in short: frame, order of motors and curve are of the log's parameters."""
-    write_dataflash(flights[0], tmp_path / "flight.bin")
+    write_dataflash(flights[0][0], tmp_path / "flight.bin")
     asked = commands("ardupilot.md", "flight.bin")
     assert [words[0] for words in asked] == ["check", "model", "compare", "calibrate", "explain"]
     for words in asked:
         ran(run, words, tmp_path)
-    judged(tmp_path, write_dataflash(flights[1], tmp_path / "later.bin"))
+    judged(tmp_path, write_dataflash(flights[1][0], tmp_path / "later.bin"))
