@@ -95,7 +95,7 @@ def _columns(draft: Draft, raw: Array) -> Array:
     assert draft.command is not None
     keys = draft.command.keys
     low, high = keys["range"].value if "range" in keys else (0.0, 1.0)
-    u = np.clip((np.nan_to_num(raw) - low) / (high - low), 0.0, 1.0)
+    u = np.clip((np.nan_to_num(raw) - low) / (high - low or 1.0), 0.0, 1.0)  # a model with one end twice is refused
     up = np.array([r.direction_B.value for r in draft.rotors])[:, 2]
     return np.stack((u @ up, u**2 @ up), axis=1)
 

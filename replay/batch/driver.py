@@ -9,10 +9,12 @@ import logging
 import signal
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
 from multiprocessing import resource_tracker
+from threading import Thread
 from typing import Any
 
 from wrenchgap.flight import UsageError, work_files
@@ -30,8 +32,8 @@ Tell = Callable[[int, int, int, str], None]
 UNWATCHED = {"distributed.worker.profile.enabled": False}
 """Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log."""
 LOOPBACK = "127.0.0.1"
-PATIENCE = "15s"
-"""How long a scheduler is waited for."""
+PATIENCE = 15.0
+"""How long a scheduler is waited for [s]; twice as long for what it says first."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +88,8 @@ def client(
             yield found
         return
     try:
-        found = distributed.Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        found = _client_of(scheduler)
+    except (OSError, ValueError, TypeError, TimeoutError, MemoryError) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
             f"--scheduler {scheduler}: no Dask scheduler answers ({said}); start one with `dask scheduler` (for tls:// "
@@ -95,6 +97,20 @@ def client(
         ) from None
     with found:
         yield found
+
+
+def _client_of(scheduler: str) -> Any:
+    """A client of a scheduler; asked in a thread, as dask waits for ever for one that accepts and says nothing."""
+    distributed, answer = dask_distributed(), Future[Any]()
+
+    def ask() -> None:
+        try:
+            answer.set_result(distributed.Client(scheduler, timeout=PATIENCE))
+        except BaseException as error:
+            answer.set_exception(error)
+
+    Thread(target=ask, daemon=True).start()
+    return answer.result(2.0 * PATIENCE)
 
 
 @contextmanager

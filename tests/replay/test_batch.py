@@ -4,8 +4,10 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -204,7 +206,7 @@ def test_an_etag_stands_for_the_content():
     ],
 )
 def test_bad_input_is_one_line(refused, logs, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.setattr(driver, "PATIENCE", "1s")
+    monkeypatch.setattr(driver, "PATIENCE", 1.0)
     monkeypatch.setitem(sys.modules, "s3fs", None)
     (tmp_path / "empty").mkdir()
     (tmp_path / "full").mkdir()
@@ -212,6 +214,24 @@ def test_bad_input_is_one_line(refused, logs, tmp_path, monkeypatch, arguments, 
     places = {"LOGS": str(logs / "alpha"), "EMPTY": str(tmp_path / "empty")}
     line = refused(*(places.get(a, a.replace("EMPTY", places["EMPTY"])) for a in arguments.split()))
     assert words in line
+
+
+@pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"], ids=["silent", "another server"])
+def test_what_listens_and_is_no_scheduler_is_one_line(refused, logs, tmp_path, monkeypatch, said):
+    """Dask waits for ever for the first, and takes the answer of the second for the size of a message."""
+    monkeypatch.setattr(driver, "PATIENCE", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        line_to: list[socket.socket] = []
+
+        def answer():
+            line_to.append(server.accept()[0])
+            line_to[0].sendall(said)
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        line = refused("batch", "inspect", logs, "-o", tmp_path / "out", "--scheduler", address)
+        assert f"{address}: no Dask scheduler answers" in line
+        line_to[0].close()
 
 
 def test_the_output_of_another_run_is_left_alone(batch, refused, cluster, logs, tmp_path):
