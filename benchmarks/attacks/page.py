@@ -36,7 +36,9 @@ from benchmarks.attacks._page import (
     update,
     web_page,
 )
+from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels.effects import EffectsPanel
+from wrenchgap.replay.session.panels.logs import LogsPanel, session_of
 from wrenchgap.viewer.host import error_text
 from wrenchgap.viewer.page import Page
 
@@ -414,6 +416,30 @@ def large_uploads(folder: Path) -> Outcome:
     )
 
 
+def dropped_logs(folder: Path) -> Outcome:
+    """Files that are no logs, unfinished ones, and pieces of one byte, to the place where a page takes logs."""
+    page = Page(session_of(Intake(), lambda share, words: None), port=0)
+    try:
+        panel = next(one for one in page.panels if isinstance(one, LogsPanel))
+        source, dropped = panel.drop.button._impl.uuid, panel.intake.dropped
+        told = page.server._websock_server.get_message_buffer().message_from_id
+        with client(page) as connection:
+            send(connection, **CAMERA)
+            for k in range(300):
+                names = {"source_component_uuid": source, "transfer_uuid": str(k)}
+                begin = {"filename": f"{k}.ulg", "mime_type": "x", "part_count": 9, "size_bytes": (0, 9, 10**6)[k % 3]}
+                send(connection, type="FileTransferStartUpload", **names, **begin)
+                for part in range(9):
+                    send(connection, type="FileTransferPart", **names, part_index=part, content=b"x")
+            lives = eventually(lambda: panel.drop._transfer == "299", 40.0) and alive(page)
+        eventually(lambda: len(list(dropped.iterdir())) <= 1)
+        left, kept = len(list(dropped.iterdir())), len(told)
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            page.stop()
+    return Outcome(lives and left <= 1 and kept < 500, f"{left} kept on the disk; {kept} messages kept; alive: {lives}")
+
+
 def share_tunnel(folder: Path) -> Outcome:
     """Viser opens a tunnel to share.viser.studio for any client that asks: a loopback page on the internet."""
     with shown(folder) as page:
@@ -487,6 +513,12 @@ ATTACKS = (
         "uploads that say one size and have another; a message of 100 MB",
         "4 MB kept; the sender is disconnected",
         large_uploads,
+    ),
+    Attack(
+        "300 files that are no logs, are not finished or come in pieces of one byte, to the place for logs",
+        "no more than the one on its way is kept, 500 messages; the page is alive",
+        dropped_logs,
+        slow=True,
     ),
     Attack("a client asks for viser's public tunnel", "none is opened", share_tunnel),
     Attack("the link in the list of processes, `--browser`", "not there", link_in_processes),

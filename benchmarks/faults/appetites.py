@@ -47,6 +47,12 @@ def ulog_subscriptions(path: Path, size: int) -> None:
     path.write_bytes(b"".join(found))
 
 
+def ulog_beyond(path: Path, size: int) -> None:
+    """`size` pieces of information, then a message that claims more than is there: pyulog went back from the end."""
+    about = ulog_message("I", b"\x08char[9] x" + bytes(9))
+    path.write_bytes(ULOG + ulog_message("B", bytes(40)) + size * about + struct.pack("<HB", 60_000, 0) + bytes(10))
+
+
 def dataflash_instances(path: Path, size: int) -> None:
     """`size` messages, each of an instance of its own."""
     mark = b"\xa3\x95"
@@ -392,6 +398,7 @@ def folder_zstd(path: Path, size: int) -> None:
 MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "ulog-nested": (ulog_nested, "a.ulg", 500, 2),
     "ulog-subscriptions": (ulog_subscriptions, "a.ulg", 300_000, 5),
+    "ulog-beyond": (ulog_beyond, "a.ulg", 5000, 3000),
     "dataflash-instances": (dataflash_instances, "a.bin", 100_000, 20),
     "parquet-rows": (parquet_rows, "a.parquet", 50_000_000, 20),
     "parquet-text": (parquet_text, "a.parquet", 100_000, 2),
