@@ -37,6 +37,8 @@ class Model:
         Remarks on the file, for the user.
     unmeasured
         Axes that the IMU does not measure (`flight.unmeasured`).
+    cutoff_hz
+        Cut-off of the low-pass [Hz] behind which logs of this vehicle are analysed, where the usual one is too high.
     between_flights : (6,)
         Standard deviation of the constant wrench between flights [N, Nm] (`learn.identify.bias_and_trim`), where it was
         measured.
@@ -54,6 +56,7 @@ class Model:
     history: tuple[Version, ...] = ()
     notes: tuple[str, ...] = ()
     unmeasured: tuple[str, ...] = ()
+    cutoff_hz: float | None = None
     between_flights: tuple[float, ...] | None = None
     command: CommandCurve | None = None
 

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.budget import Budget
+from wrenchgap.learn.data.checks import usable_cutoff
+from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.plant import Model, model_file
-from wrenchgap.plant.drafts.draft import Sheet, assumptions, completed, text_of
+from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed, text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, with_spins
 
 
@@ -38,6 +40,9 @@ def draft_model(
         said = Given(**answers(asdict(said), found, ask))  # type: ignore[arg-type]
         found = with_spins(draft_of_source(path, said, budget), ask)
     found = completed(found)
+    if found.slowest_hz is not None and (cutoff := usable_cutoff(found.slowest_hz)) < CUTOFF_HZ:
+        why = f"IMU and motor commands come at {found.slowest_hz:.3g} Hz or faster, which allows no more"
+        found = replace(found, cutoff_hz=Sourced(cutoff, why))
     words = command or shlex.join(["wrenchgap", "model", "new", *(["--from", str(path)] if path else [])])
     origin = found.origin if path is None else f"{found.origin} (SHA-256 {sha256(path.read_bytes()).hexdigest()})"
     headline = (

@@ -105,7 +105,7 @@ def opened(
     `gate` a check that is bad and not among the names `accept` raises LogError.
     """
     options = (options or ReadOptions()).changed(**more)
-    cutoff_hz, between, keep = options.cutoff_hz, options.between, options.keep
+    cutoff_hz, between, keep = options.low_pass_hz(model), options.between, options.keep
     found = flight.in_si(as_speeds(found, model.command, model.vehicle, model.name))
     asked = _Asked(found.path.name, accepted_names(options.accept), gate)
     found, unlikely = without_impossible_commands(with_checks(found), model)

@@ -16,6 +16,7 @@ from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
+from wrenchgap.plant.model import Model
 
 Interval = tuple[float, float]
 Between = Interval | Sequence[Interval] | None
@@ -86,7 +87,7 @@ class ReadOptions:
     shifts
         What is added to the stamps of a role [s], by role.
     cutoff_hz
-        Cut-off of the low-pass [Hz] that commanded and measured wrench both pass.
+        Cut-off of the low-pass [Hz] that commanded and measured wrench both pass; by default the model file's, else 8.
     between
         Time [s] that is kept, `(start, stop)`, or several such intervals; by default all of it.
     unmeasured
@@ -106,7 +107,7 @@ class ReadOptions:
 
     topics: Mapping[str, str] | None = None
     shifts: Mapping[str, float] | None = None
-    cutoff_hz: float = CUTOFF_HZ
+    cutoff_hz: float | None = None
     between: Between = None
     unmeasured: Sequence[str] = ()
     accept: Sequence[str] = ()
@@ -122,6 +123,11 @@ class ReadOptions:
         if unknown := sorted(options.keys() - set(names)):
             raise TypeError(f"{', '.join(unknown)}: no option of reading logs; there are {', '.join(names)}")
         return replace(self, **options)
+
+    def low_pass_hz(self, model: Model | None = None) -> float:
+        """The cut-off [Hz] that holds for a model."""
+        of_model = None if model is None else model.cutoff_hz
+        return next(hz for hz in (self.cutoff_hz, of_model, CUTOFF_HZ) if hz is not None)
 
     def to_json(self) -> dict[str, Any]:
         """The options by name; the budget where there is one."""

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrenchgap.flight.errors import FitError, ModelError
-from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
@@ -36,9 +35,9 @@ class OtherPhysics:
     physics: str
 
 
-def cutoff_of(gp: GaussianProcess | None) -> float:
-    """Cut-off [Hz] of the data that a process was learnt on; the usual one where there is none."""
-    return CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
+def cutoff_of(gp: GaussianProcess | None) -> float | None:
+    """Cut-off [Hz] of the data that a process was learnt on; None where there is none."""
+    return None if gp is None else gp.provenance.cutoff_hz
 
 
 def check_effects(gp: GaussianProcess, *models: Model) -> None:

@@ -93,7 +93,10 @@ class CommandDraft:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A vehicle as far as it is known; `origin` names in a line what it was drafted from."""
+    """A vehicle as far as it is known; `origin` names in a line what it was drafted from.
+
+    `slowest_hz` is the rate of the slower of IMU and rotor commands in its log, `cutoff_hz` what that allows.
+    """
 
     name: str
     origin: str
@@ -105,6 +108,8 @@ class Draft:
     command: CommandDraft | None = None
     notes: tuple[str, ...] = ()
     topics: Mapping[str, str] = field(default_factory=dict)
+    slowest_hz: float | None = None
+    cutoff_hz: Sourced | None = None
 
 
 def completed(draft: Draft) -> Draft:
@@ -229,7 +234,8 @@ SHARED = ("c_f", "kappa", "radius", "speed_max")
 def text_of(draft: Draft, headline: Sequence[str]) -> str:
     """TOML of a completed draft; `headline` are lines for its top."""
     top = [f"# {printable(line)}" for line in headline]
-    lines = [*top, "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
+    cutoff = [] if draft.cutoff_hz is None else [_line("cutoff_hz", draft.cutoff_hz)]
+    lines = [*top, "schema = 1", *cutoff, "", "[vehicle]", f"name = {_text(draft.name)}"]
     lines += [_line(key, getattr(draft, key)) for key in ("mass", "inertia", "com", "imu_position")]
     lines += ["", *_shared(draft.rotors)]
     for group in _arms(draft.rotors):

@@ -145,9 +145,13 @@ def _ardupilot(source: Path, user: Given, budget: Budget | str | None) -> Draft:
 
 
 def _level(draft: Draft, flown: Flight | None) -> Draft:
-    """The draft with the level of its thrust curve from the flight, unless it is known."""
+    """The draft with the flight's rate, and with the level of its thrust curve from the flight unless it is known."""
+    if flown is None:
+        return draft
+    rates = [1.0 / series.period for series in (flown.imu, flown.actuators) if series is not None]
+    draft = replace(draft, slowest_hz=min(rates, default=None))
     has_level = draft.command is None or draft.command.thrust_max is not None
-    return draft if flown is None or has_level else with_fitted_thrust(draft, flown)
+    return draft if has_level else with_fitted_thrust(draft, flown)
 
 
 def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tuple[str, ...]]:

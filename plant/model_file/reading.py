@@ -17,7 +17,18 @@ from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.vehicle_table import VehicleTable
-from wrenchgap.plant.reader import Axes, NotNegative, Number, SixMeasured, Table, Text, expected, quoted, rule_error
+from wrenchgap.plant.reader import (
+    Axes,
+    NotNegative,
+    Number,
+    Positive,
+    SixMeasured,
+    Table,
+    Text,
+    expected,
+    quoted,
+    rule_error,
+)
 from wrenchgap.plant.sensors import SensorNoise
 from wrenchgap.plant.vehicle import Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
@@ -201,6 +212,7 @@ class ModelTable(Table):
     topics: dict[str, Text] = Field({})
     command: CommandTable | None = None
     unmeasured: Axes = ()
+    cutoff_hz: Positive | None = None
     between_flights: BetweenFlightsTable | None = None
     effects: tuple[EffectTable, ...] = ()
     history: tuple[VersionTable, ...] = ()
@@ -223,6 +235,7 @@ def loads(text: str) -> Model:
         topics=table.topics,
         command=None if table.command is None else table.command.curve(),
         unmeasured=table.unmeasured,
+        cutoff_hz=table.cutoff_hz,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
         text=text,
         history=tuple(version.to_version() for version in table.history),

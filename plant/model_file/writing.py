@@ -126,6 +126,8 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     document["schema"] = SCHEMA
     if model.unmeasured:
         document["unmeasured"] = list(model.unmeasured)
+    if model.cutoff_hz is not None:
+        document["cutoff_hz"] = model.cutoff_hz
     document["vehicle"] = tomlkit.item(vehicle)
     if v.arms is not None and v.rotors is not None:
         arms = tomlkit.aot()

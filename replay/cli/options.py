@@ -177,8 +177,12 @@ class Reading:
         ),
     ] = None
     cutoff: Annotated[
-        float, typer.Option(metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
-    ] = 8.0
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Low-pass on measurement and prediction alike, in Hz; default: the GP's, the model file's, or 8.",
+        ),
+    ] = None
     between: Annotated[
         list[str] | None,
         typer.Option(
@@ -222,7 +226,7 @@ class Reading:
         self.options = ReadOptions(
             topics=values.parse_topics(self.topic),
             shifts=values.parse_shifts(self.shift),
-            cutoff_hz=values.parse_cutoff(self.cutoff),
+            cutoff_hz=None if self.cutoff is None else values.parse_cutoff(self.cutoff),
             between=values.parse_between(self.between),
             unmeasured=axis_names(values.parse_names(self.unmeasured)),
             accept=accepted_names(name for text in self.accept or () for name in values.parse_names(text)),

@@ -96,7 +96,7 @@ class Intake:
         """The cut-off of the options, or a lower one for which motion and commands of all logs are fast enough [Hz]."""
         logs = () if self.health is None else self.health.logs
         slowest = min((r.hz for log in logs for r in log.rates if r.role in FILTERED), default=np.inf)
-        return min(self.options.cutoff_hz, max(usable_cutoff(slowest), LEAST_CUTOFF))
+        return min(self.options.low_pass_hz(self.model), max(usable_cutoff(slowest), LEAST_CUTOFF))
 
     def session(self, report: Report, first: MakePanel | None = None) -> Session:
         """What the page shows now: flights for the model, or what the logs hold; `first` is a tab before all others."""

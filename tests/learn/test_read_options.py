@@ -2,6 +2,7 @@
 
 import doctest
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,15 @@ def test_an_option_that_there_is_not_is_refused_with_those_that_there_are():
 def test_a_cut_off_that_is_none_is_refused(hz, logs):
     with pytest.raises(FitError, match=r"cut-off .* Hz, expected between 0 and"):
         open_flights(logs.test, model_file.load("tilt_hexarotor"), cutoff_hz=hz, accept=["rate"])
+
+
+def test_the_cut_off_is_the_options_else_the_model_files_else_8_hz(logs, tmp_path):
+    """Also in a file written for a model that has none."""
+    usual = model_file.load("tilt_hexarotor")
+    slow = model_file.loads(usual.text.replace("schema = 1", "schema = 1\ncutoff_hz = 5.0", 1))
+    again = model_file.load(model_file.save(replace(slow, text=""), tmp_path / "slow.toml").path)
+    for model, asked, used in ((usual, None, 8.0), (slow, None, 5.0), (again, None, 5.0), (slow, 6.0, 6.0)):
+        assert open_flights(logs.test, model, cutoff_hz=asked)[0].records[0].cutoff_hz == used
 
 
 def test_options_read_back_from_their_json():

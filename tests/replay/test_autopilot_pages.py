@@ -94,4 +94,5 @@ def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
     assert [words[0] for words in asked] == ["check", "model", "compare", "calibrate", "explain"]
     for words in asked:
         ran(run, words, tmp_path)
+    assert wg.load_model(tmp_path / "vehicle.toml").cutoff_hz == pytest.approx(3.8, abs=0.11)  # commands at 10 Hz
     judged(tmp_path, write_dataflash(flights[1][0], tmp_path / "later.bin"))

@@ -130,10 +130,7 @@ def replay(
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Every step as Parquet.")] = None,
     figure: o.Figure = None,
     *,
-    reading: Annotated[o.Reading, Omit("cutoff")],
-    cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
-    ] = None,
+    reading: o.Reading,
     gate: o.Gate,
     run: DetailedRun,
 ) -> None:
@@ -168,7 +165,7 @@ def replay(
     base, process, wanted = run.model(model), run.gp(gp), source_by_name(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else values.parse_cutoff(cutoff))
+    options = reading.options.changed(cutoff_hz=reading.options.cutoff_hz or cutoff_of(process))
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)

@@ -10,7 +10,7 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Omit, Run
-from wrenchgap.replay.cli.values import parse_cutoff, usage_error
+from wrenchgap.replay.cli.values import usage_error
 
 
 def view(
@@ -36,10 +36,7 @@ def view(
     ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")] = False,
     *,
-    reading: Annotated[o.Reading, Omit("cutoff")],
-    cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Low-pass, in Hz; default: the GP's, or 8.")
-    ] = None,
+    reading: o.Reading,
     run: Annotated[Run, Omit("json", "force")],
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
@@ -73,7 +70,7 @@ def view(
     folder = None if save_to is None else SaveFolder(save_to, force=force)
     opening = None if saved is None else read(saved)
     base, others, process = None if model is None else run.model(model), list(map(run.model, against or ())), run.gp(gp)
-    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
+    options = reading.options.changed(cutoff_hz=reading.options.cutoff_hz or cutoff_of(process))
     session: Session
     with run.progress("opening") as report:
         if logs and base is not None:

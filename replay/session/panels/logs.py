@@ -60,7 +60,7 @@ class LogsPanel(Panel):
                 self.make = JobControls(
                     host, "Make the model, open the flights", lambda: self._run(self.make, self._modelled)
                 )
-            if intake.model is not None and intake.cutoff_hz < intake.options.cutoff_hz:
+            if intake.model is not None and intake.cutoff_hz < intake.options.low_pass_hz(intake.model):
                 gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
 
