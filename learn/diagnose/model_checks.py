@@ -50,7 +50,7 @@ def inspect(path: str | Path, model: Model | None = None, options: ReadOptions |
     opened: OpenFlight | None = None
     if model is not None:
         log = path if seen.flight is None else seen.flight  # which was read once
-        against, opened = _checks(log, model, options.changed(accept=accept))
+        against, opened = checks_against(log, model, options.changed(accept=accept))
     found: FlightTiming | None = None
     if opened is not None and model is not None:
         found = timing_of(opened, model)
@@ -62,7 +62,9 @@ def inspect(path: str | Path, model: Model | None = None, options: ReadOptions |
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)
 
 
-def _checks(log: Path | Flight, model: Model, options: ReadOptions) -> tuple[tuple[Check, ...], OpenFlight | None]:
+def checks_against(
+    log: Path | Flight, model: Model, options: ReadOptions
+) -> tuple[tuple[Check, ...], OpenFlight | None]:
     """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
     try:
         opened = open_flight(log, model, options, gate=False)

@@ -19,12 +19,14 @@ from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.diagnose.model_checks import checks_against
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.motors import Motors, motors_of
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.learn.health.vibration import Vibration, vibration_of
+from wrenchgap.plant import model_file
 from wrenchgap.plant.model import Model
 
 
@@ -42,7 +44,10 @@ class Rate:
 
 @dataclass(frozen=True, eq=False)
 class LogHealth:
-    """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases."""
+    """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases.
+
+    `contradictions` are checks by which the model that was given is that of another vehicle; it was then not used.
+    """
 
     inspection: Inspection
     autopilot: Autopilot | None
@@ -54,6 +59,7 @@ class LogHealth:
     rates: tuple[Rate, ...]
     answers: tuple[Answer, ...]
     settings: tuple[Setting, ...]
+    contradictions: tuple[Check, ...] = ()
 
     @property
     def name(self) -> str:
@@ -70,7 +76,8 @@ class LogHealth:
 class Health(Result):
     """What `wrenchgap check` finds in logs, and which parameters of the autopilot differ between them.
 
-    `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one.
+    `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one, and
+    where a log contradicts it.
     """
 
     logs: tuple[LogHealth, ...]
@@ -102,8 +109,8 @@ def check(
     names = [log.name for log in found]
     named = [log.name if names.count(log.name) == 1 else str(log.inspection.path) for log in found]
     differences = parameter_differences(zip(named, (log.autopilot for log in found), strict=True))
-    said = "" if model is None else str(model.path or model.name)
-    return Health(tuple(found), differences, said)
+    used = None if any(log.contradictions for log in found) else model
+    return Health(tuple(found), differences, "" if used is None else model_file.as_argument(used))
 
 
 def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth:
@@ -117,10 +124,21 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
     rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
+    against: tuple[Check, ...] = ()
     if seen.flight is not None:
-        rest = _of_flight(seen.flight, recorded, model)
+        rest = _of_flight(seen.flight, recorded, None)
+        if model is not None and rest["phases"].seconds(*AIRBORNE):
+            against = _contradictions(seen.flight, model, options)
+        if model is not None and not against:
+            rest = _of_flight(seen.flight, recorded, model)
     settings = settings_of(log.autopilot, rest["answers"], names)
-    return LogHealth(seen, log.autopilot, settings=settings, **rest)
+    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **rest)
+
+
+def _contradictions(flight: Flight, model: Model, options: ReadOptions) -> tuple[Check, ...]:
+    """Bad checks of a flight against a model, but for the rate, which is the log's own."""
+    found, _ = checks_against(flight, model, options)
+    return tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
 
 
 def _of_flight(flight: Flight, recorded: Recorded, model: Model | None) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from wrenchgap.plant.model_file.writing import changed_since, content_hash, dump
 from wrenchgap.plant.reader import text_of
 
 __all__ = [
+    "as_argument",
     "changed_since",
     "content_hash",
     "dumps",
@@ -45,6 +46,12 @@ def find_model(name_or_path: str | Path) -> Path:
 def shipped_models() -> list[str]:
     """Names of the models that come with this package."""
     return sorted(path.stem for path in _SHIPPED.glob("*.toml"))
+
+
+def as_argument(model: Model) -> str:
+    """What `-m` takes for a model: the name of a shipped one, the path of a file."""
+    path = model.path
+    return path.stem if path is not None and path.parent == _SHIPPED else str(path or model.name)
 
 
 def load(name_or_path: str | Path) -> Model:

@@ -83,6 +83,10 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         mend = f"; {check.remedy}" if check.remedy else ""
         words = f"The log is not what it seems ({check.name}): {check.words.rstrip('. ')}{mend}."
         yield Statement("bad", "log", f"check {check.name}", words)
+    for check in log.contradictions[:1]:
+        said = check.words.removeprefix(f"{log.name}: ").rstrip(".? ")
+        words = f"The model is not that of this log, which is judged without it ({check.name}: {said})."
+        yield Statement("bad", "log", f"model {check.name}", words)
     for check in log.inspection.checks:
         if check.level == "bad" and (check.accepted or check.name == "roles"):
             words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."

@@ -364,3 +364,20 @@ def test_files_are_written_though_whoever_reads_the_output_has_seen_enough(logs,
         assert process.stderr.read() == b""
         assert process.wait(120) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"p.html", "p.json"}
+
+
+def test_a_model_of_another_vehicle_is_contradicted_and_not_used(tmp_path):
+    """Its rotors would name other places, and its limits would call every command saturated."""
+    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
+    log = wg.save_log(flown, tmp_path / "hover.mcap")
+    found = wg.check(log, wg.load_model("asymmetric_quadrotor"))
+    assert [one.about for one in statements(found.logs[0]) if one.level == "bad"] == ["log"]
+    assert "not that of this log" in answer(found)[0][0] + answer(found)[1][0]
+    assert {m.rotor.name for m in found.logs[0].motors.motors} == {"M1", "M2", "M3", "M4"}
+    assert "-m" not in answer(found)[-1][0]
+
+
+def test_the_next_command_names_a_shipped_model_as_its_user_does(tmp_path):
+    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
+    log = wg.save_log(flown, tmp_path / "hover.mcap")
+    assert answer(wg.check(log, wg.load_model("crazyflie")))[-1][0].endswith(" -m crazyflie")

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from wrenchgap.plant.effects import sources
-from wrenchgap.plant.model_file import dumps, next_version, tool_version
+from wrenchgap.plant.model_file import as_argument, dumps, next_version, tool_version
 from wrenchgap.replay.present.documents import sha256
 from wrenchgap.replay.report import Report
 
@@ -51,7 +51,7 @@ class Repetition:
         for this, `common` those of its options that other commands need as well to come to the same numbers (with a
         space before them), `options` what they mean.
         """
-        named = model or str(report.model.path or report.model.name)
+        named = model or as_argument(report.model)
         cutoff = f"{report.flights[0].records[0].cutoff_hz:g} Hz"
         return cls(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
