@@ -10,7 +10,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import with_checks
-from wrenchgap.flight.errors import FitError, LogError, UsageError
+from wrenchgap.flight.errors import FitError, LogError, UsageError, WrenchgapError
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
@@ -311,3 +311,19 @@ def open_flights(
         moved = flight.shifted(raw, options.shifts or {})
         found.append(opened(moved, model, options, rate_hz=rate_hz, incomplete=incomplete, gate=gate))
     return distinct(found)
+
+
+def checks_against(
+    log: Path | Flight, model: Model, options: ReadOptions
+) -> tuple[tuple[Check, ...], OpenFlight | None]:
+    """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
+    try:
+        opened = open_flight(log, model, options, gate=False)
+    except UsageError:
+        raise
+    except NoFlight as error:  # which a bad check may explain
+        return (*error.checks, Check("model", "bad", str(error))), None
+    except WrenchgapError as error:
+        return (Check("model", "bad", str(error)),), None
+    alone = len(opened.flight.checks or ())
+    return opened.checks[alone:], opened

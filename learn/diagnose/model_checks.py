@@ -7,12 +7,10 @@ from typing import Any
 
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, TimeLeftOut, accepted_names
-from wrenchgap.flight.errors import UsageError, WrenchgapError
-from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
-from wrenchgap.learn.data.opening import NoFlight, OpenFlight, open_flight
+from wrenchgap.learn.data.opening import OpenFlight, checks_against
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
@@ -60,19 +58,3 @@ def inspect(path: str | Path, model: Model | None = None, options: ReadOptions |
     left = alone if opened is None else tuple(n for n in opened.notes if isinstance(n, TimeLeftOut))
     phases = () if opened is None else opened.phases
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)
-
-
-def checks_against(
-    log: Path | Flight, model: Model, options: ReadOptions
-) -> tuple[tuple[Check, ...], OpenFlight | None]:
-    """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
-    try:
-        opened = open_flight(log, model, options, gate=False)
-    except UsageError:
-        raise
-    except NoFlight as error:  # which a bad check may explain
-        return (*error.checks, Check("model", "bad", str(error))), None
-    except WrenchgapError as error:
-        return (Check("model", "bad", str(error)),), None
-    alone = len(opened.flight.checks or ())
-    return opened.checks[alone:], opened

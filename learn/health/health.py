@@ -18,8 +18,8 @@ from wrenchgap.flight.inspection import Inspection, inspected
 from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
+from wrenchgap.learn.data.opening import checks_against
 from wrenchgap.learn.data.read_options import ReadOptions
-from wrenchgap.learn.diagnose.model_checks import checks_against
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.motors import Motors, motors_of
