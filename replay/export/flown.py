@@ -142,8 +142,8 @@ class FlownExport(Result):
         by: what their outputs do, and the last places. Zero where that is not known (`follows`).
         """  # noqa: D205
         flown, made = self.flown["state"].astype(float), self._before("state").astype(float)
-        apart = np.concatenate(([0.0], self.apart[:-1]))[:, None] * np.maximum(1.0, np.abs(made))
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
+            apart = np.concatenate(([0.0], self.apart[:-1]))[:, None] * np.maximum(1.0, np.abs(made))
             added = np.where((flown == made) | (np.isnan(flown) & np.isnan(made)), 0.0, flown - made)
             beyond = np.maximum(np.abs(added) - apart - self._rounding * np.abs(made), 0.0)
             return np.where(self.follows[:, None], np.sign(added) * beyond, 0.0)

@@ -132,6 +132,16 @@ def test_every_kind_of_export_is_proved(name, tmp_path):
     assert len(found) == PERIODS - len(LOST)
 
 
+def test_an_output_at_the_end_of_the_numbers_is_found_and_nothing_overflows(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    (tmp_path / "huge.bin").write_bytes(resealed(data, 30 * length, add(28 + 8 * (27 + 4), 1e308)))
+    with np.errstate(over="raise"):
+        found = wg.prove_flown(tmp_path / "huge.bin", flight / "comp")
+        assert found.state_apart == 0.0
+    assert np.flatnonzero(~found.agrees).tolist() == [30]
+
+
 def test_a_changed_output_is_found_with_its_period_and_quantity(flight, tmp_path):
     data = (flight / "flight.bin").read_bytes()
     length = struct.unpack_from("<I", data, 4)[0]
