@@ -209,8 +209,8 @@ def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     """Axes on which commands change and the motion does not plainly follow: they may answer it, seen or not.
 
     A vehicle follows its commands unless they balance a disturbance. `calibrate`, `changed` and `trend` therefore take
-    no gain from these axes; `explain` leaves out those of `answering_axes` alone. An axis on which nothing changes is
-    none of them, nor one that was recorded for too few seconds to compare command and motion.
+    no gain from these axes, `explain` none from those of `answering_axes`. An axis on which nothing changes is none of
+    them, nor one that was recorded for too few seconds to compare command and motion.
     """
     unasked = (Problem.STILL, Problem.SHORT)
     not_plain = {r.axis for t in timing for r in t.responses if not r.plain and r.offset.problem not in unasked}

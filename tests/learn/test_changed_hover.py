@@ -78,3 +78,13 @@ def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count, size
 def test_two_hovers_of_one_vehicle_show_no_change():
     found = changed(hover("suspect", 9), [hover("healthy", 1)])
     assert found.names == ()
+
+
+@pytest.mark.parametrize(
+    ("lost", "verdict", "firm"), [(None, "nothing", ()), ((0, 0.2, 0, 0), "effect", ("rotor_thrust",))]
+)
+def test_explain_takes_no_gain_from_commands_that_the_motion_shows_nothing_of(lost, verdict, firm):
+    """A thrust curve without slope would "explain" them; the mean thrusts still show a weak rotor."""
+    model = quadrotor()
+    found = wg.explain(wg.open_flights([hover("hover", 9, lost)], model), model, injections=0, jobs=1)
+    assert (found.verdict, found.firm) == (verdict, firm)
