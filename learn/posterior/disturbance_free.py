@@ -4,10 +4,10 @@ Where they answer a disturbance, what linear responses to the commands explain i
 explains moved with the disturbance (`learn.posterior.spectrum`). But motors that speed up and slow down otherwise, or a
 curved thrust, are no linear response either: what they make would be called a disturbance, and no effect could
 explain it. So where all candidates at once come close, sets are searched on the whole wrench too. One that leaves no
-more there than the sensors' noise, or a few per cent of what was there or of what was commanded, in every band, leaves
-no room for a disturbance: the commands answered none, and the wrench is evidence as it is (the direct regression in a
-closed loop errs by the ratio of disturbance to command, and with nothing but the sensors' noise left it is unbiased:
-Forssell and Ljung, Automatica 35, 1999, sec. 5).
+more there than the sensors' noise, a few per cent of what was there or of what was commanded, or what clocks make that
+are half a sample apart, in every band, leaves no room for a disturbance: the commands answered none, and the wrench is
+evidence as it is (the direct regression in a closed loop errs by the ratio of disturbance to command, and with nothing
+but the sensors' noise left it is unbiased: Forssell and Ljung, Automatica 35, 1999, sec. 5).
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,8 @@ LITTLE = 0.05
 INEXACT = 0.02
 """Share of the rms of the commands in a band which may be left: no actuation is known better. Of slow torques the
 sensors' noise is far below that, so that without it a vehicle of which nothing is missing seemed disturbed."""
+STAMPS = 0.5
+"""Share of a sample's period by which clocks may be apart: a stamp is of the beginning of a sample or of its end."""
 CLOSE = 0.35
 """Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
 
@@ -49,14 +51,19 @@ def disturbance_free(on: ModelResidual, free: ModelResidual, found: WeighedSets)
     return any(np.all(((c.scored.left < enough) | (space.count == 0.0))[:, answering]) for c in found.wholes)
 
 
-def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array]:
-    """Mean squares (bands, A) of the sensors' noise, of what the model leaves, and of the commands, their means over
-    blocks aside.
+def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array, Array]:
+    """Mean squares (bands, A) of the sensors' noise, of what the model leaves, of the commands, their means over blocks
+    aside, and of what of them clocks make that are `STAMPS` apart.
     """  # noqa: D205
-    sent = transformed(on.data.records, on.data.commanded[:, space.axes, None], on.settings.block, without_mean=True)[0]
-    return space.sensor, space.products[:, :, 0, 0], mean_squares(sent[:, :, 0], space.band)
+    records, sent = on.data.records, on.data.commanded[:, space.axes, None]
+    apart = np.concatenate([STAMPS * r.dt * np.gradient(r.commanded, r.dt_kept, axis=0) for r in records])
+    commanded = transformed(records, sent, on.settings.block, without_mean=True)[0]
+    shifted = transformed(records, apart[:, space.axes, None], on.settings.block)[0]
+    squares = [mean_squares(each[:, :, 0], space.band) for each in (commanded, shifted)]
+    return space.sensor, space.products[:, :, 0, 0], squares[0], squares[1]
 
 
-def _enough(on: ModelResidual, share: float, sensor: Array, given: Array, commanded: Array) -> Array:
+def _enough(on: ModelResidual, share: float, sensor: Array, given: Array, commanded: Array, shifted: Array) -> Array:
     """Mean squares that leave no room for a disturbance, from those of `_scales`."""
-    return np.maximum(np.maximum(on.settings.structure**2 * sensor, share**2 * given), INEXACT**2 * commanded)
+    each = (on.settings.structure**2 * sensor, share**2 * given, INEXACT**2 * commanded, shifted)
+    return np.asarray(np.max(each, axis=0))

@@ -7,10 +7,11 @@ bends             what the heaviest sets leave without a member, as far as that 
 names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from wrenchgap.learn.posterior.columns import Column, compatible
+from wrenchgap.learn.posterior.columns import Column, compatible, confused
 from wrenchgap.learn.posterior.posterior import (
     LIGHT,
     WeighedSets,
@@ -76,7 +77,7 @@ def joint_search(
             break
     heavy = [one for one, share in last.weighed if share > LIGHT]
     joint, bends = with_known_rests(on, linear, heavy, last.joint, jobs)
-    weighed = by_weight(sets_to_weigh(last.lines, joint, bends))
+    weighed = with_aliases(on, linear, by_weight(sets_to_weigh(last.lines, joint, bends)), jobs)
     wholes = tuple(one for one, _ in weighed[:FEW])
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
@@ -115,6 +116,37 @@ def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
     return tuple(sorted(zip(sets, weights(sets).tolist(), strict=True), key=lambda pair: -pair[1]))
 
 
+def with_aliases(
+    on: ModelResidual, linear: Scorer, weighed: Sequence[tuple[ScoredSet, float]], jobs: int
+) -> tuple[tuple[ScoredSet, float], ...]:
+    """The same, with those beside the heaviest set that predict the same with another effect, of no more parameters, in
+    the place of one.
+
+    Beside it they weigh by their fit and price alone: how wide the priors of their parameters are is no finding, and a
+    centre of mass that is low, and in the middle, loses nothing for the places across that it could have had.
+    """  # noqa: D205
+    heaviest, share = weighed[0]
+    columns, price = linear.spectrum.columns, linear.spectrum.settings.price
+
+    def fitted(one: ScoredSet) -> float:
+        return one.scored.log_probability - one.scored.prior - price * sum(linear.kinds[k] for k in one.keys)
+
+    swaps = [
+        (k, a) for k in heaviest.keys for a in confused(k, columns) if columns[a].scale.size <= columns[k].scale.size
+    ]
+    swapped = dict.fromkeys(s for pair in swaps for s in exchanges(heaviest.keys, pair, columns))
+    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in swapped]
+    found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
+    alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
+    weight = {one.keys: share for one, share in weighed}
+    for keys, one in alike.items():
+        least = share * math.exp(min(fitted(one) - fitted(heaviest), 0.0))
+        weight[keys] = max(weight.get(keys, 0.0), least)
+    sets = {one.keys: one for one, _ in weighed} | alike
+    total = sum(weight.values())
+    return tuple(sorted(((one, weight[keys] / total) for keys, one in sets.items()), key=lambda pair: -pair[1]))
+
+
 def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
     """Sets to linearise anew, of those scored, the likeliest first: the best, the best without each of its members, the
     plainest, and of the best and these those with lags and delays, or with what moves in the air, in each other's
@@ -134,7 +166,11 @@ def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
     alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
     by_prior = sorted(ranked, key=lambda s: -with_fit_discounted(s.log_probability, s.prior, settings.fit_counts))
     plain = [s.keys for s in by_prior if s.log_probability > best - settings.far_behind][: settings.plainest]
-    late = exchanges(ranked[0].keys, lags_and_delays(columns), columns)
+    delays = lags_and_delays(columns)
+    late = exchanges(ranked[0].keys, delays, columns)
+    if set(delays) & set(ranked[0].keys):  # beside a lag a delay looks like more of it, by straight lines
+        both = (tuple(sorted((*ranked[0].keys, k))) for k in delays if k not in ranked[0].keys)
+        late += [keys for keys in both if compatible(keys, columns)]
     in_wind = [k for k in columns if "wind" in k.split(" + ")]  # a velocity times a coefficient is no straight line
     aired = [k for s in (ranked[0].keys, *plain) for k in exchanges(s, in_wind, columns)]
     in_air = [keys for keys in aired if linear(keys).log_probability > best - settings.far_behind]

@@ -116,10 +116,13 @@ class Scorer:
         across = whole[always]
         return np.asarray(whole - across.T @ np.linalg.solve(inner, across))
 
-    def prior_of(self, keys: Keys) -> float:
-        """Log probability of the set before any flight."""
+    def prior_of(self, keys: Keys, further: float) -> float:
+        """Log probability of the set before any flight, with sparse effects at so many `further` places: that one rotor
+        is weak is no reason for another to be.
+        """  # noqa: D205
         space = self.spectrum
-        return -space.settings.price * sum(self.kinds[k] for k in keys) - sum(space.columns[k].price for k in keys)
+        count = sum(self.kinds[k] for k in keys) + further
+        return -space.settings.price * count - sum(space.columns[k].price for k in keys)
 
     def __call__(self, keys: Sequence[str]) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
@@ -171,7 +174,8 @@ class Scorer:
         variance = self.pooled(left + doubt**2 * inexact)
         likelihood = -0.5 * float(np.sum(counts * np.log(variance)))
         width = kernels.occam(A, theta, sizes) + trims.occam(g, trims.scale)
-        prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys)
+        further = kernels.further_places(theta, sizes, own.sparse, own.sizes)
+        prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys, further)
         weights = np.zeros(self.spectrum.scale.size)
         weights[own.every] = own.weights(theta)
         total, by_column = likelihood + prior, own.by_column(theta)
@@ -212,6 +216,7 @@ class SetRows:
         self.every = np.concatenate((unknown, [0], [space.offset[k] for k in keys])).astype(np.intp)
         size = len(unknown)
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
+        self.sizes = np.array([len(space.parameters[k]) for k in keys], dtype=np.intp)
         self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
         laws = [
             (m, space.inexact(self.every[m]), space.columns[k].accuracy)

@@ -68,8 +68,8 @@ class SubsetSearch:
         space = self.space
         unknown, fixed, sizes, accuracy = self._rows(keys)
         limits = space.low[unknown], space.high[unknown], space.scale[unknown], space.sparse[unknown]
-        fitted, width = kernels.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
-        self.priors[keys] = width + self.scorer.prior_of(keys)
+        fitted, width, further = kernels.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
+        self.priors[keys] = width + self.scorer.prior_of(keys, further)
         return float(fitted + self.priors[keys])
 
     def _rows(self, keys: Keys) -> tuple[Rows, Rows, Rows, Array]:
@@ -108,15 +108,17 @@ class SubsetSearch:
         return sorted(self.best(), key=lambda k: -with_fit_discounted(self.scores[k], self.priors[k], counts))
 
     def _change(self, keys: Keys) -> None:
-        """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most and
-        those that are known to be confused with what went. What cannot stand beside the new one goes with it.
+        """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most, and
+        those, one or two of them, that are known to be confused with what went. What cannot stand beside the new ones
+        goes with it.
         """  # noqa: D205
         for gone in (None, *keys):
             rest = tuple(k for k in keys if k != gone)
             self.score(rest)
-            alike = [] if gone is None else confused(gone, self.space.columns)
-            for n in dict.fromkeys([*self.promising(rest), *(a for a in alike if a not in keys)]):
-                self.score((*(k for k in rest if k in self.others[n]), n))
+            alike = [] if gone is None else [a for a in confused(gone, self.space.columns) if a not in keys]
+            single = [(n,) for n in dict.fromkeys([*self.promising(rest), *alike])]
+            for new in (*single, *itertools.combinations(alike, 2)):
+                self.score((*(k for k in rest if all(k in self.others[n] for n in new)), *new))
 
     def promising(self, keys: Keys, among: Collection[str] | None = None) -> list[str]:
         """What would take most off what a set leaves, of all others or those `among` them, to second order and without

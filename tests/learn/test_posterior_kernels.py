@@ -109,7 +109,21 @@ def test_the_score_of_a_set_is_its_gaussian_evidence_less_what_its_laws_may_be_o
         for r, o in zip(rows, offsets, strict=True)
     ]
     doubt = sum(space.columns[k].accuracy * np.linalg.norm(m) for k, m in zip(keys, made, strict=True))
-    assert search.score(keys) == pytest.approx(evidence - 0.5 * doubt**2 + search.scorer.prior_of(keys), rel=1e-8)
+    places = np.sum((theta / size)[space.sparse[unknown]] ** 2)
+    prior = search.scorer.prior_of(keys, max(places - 1.0, 0.0))
+    assert search.score(keys) == pytest.approx(evidence - 0.5 * doubt**2 + prior, rel=1e-8)
+
+
+def test_a_sparse_effect_is_at_as_many_places_as_it_has_parameters_far_beyond_their_noise():
+    """Of data that show each parameter alone, with noise of one: two of four are large, and one more pays."""
+    A, sizes, one = np.eye(4), np.array([4]), np.ones(4)
+    sparse, wide = np.ones(4, dtype=bool), np.full(4, 1e9)
+    for theta, further in (([0, 50, 0, 0], 0.0), ([40, 50, 0, 0], 1.0), ([40, -50, 60, 30], 3.0)):
+        b = np.array(theta, dtype=float)
+        scale = kernels.relevant(A, b, -wide, wide, one, sparse, one)
+        found = b / (1.0 + scale**-2.0)
+        assert kernels.further_places(found, scale, sparse, sizes) == pytest.approx(further, abs=0.01)
+        assert kernels.further_places(found, scale, ~sparse, sizes) == 0.0
 
 
 def test_what_promises_most_is_what_raises_the_score_most(search):
