@@ -78,6 +78,8 @@ def assigned(
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
     option = option_for(log.tables.get("/table"))
+    if max(map(len, log.tables.values()), default=0) == 1:
+        raise LogError(f"{log.path}: one message of each topic; a flight has many: was the file cut short?")
     if not assignment.sources:
         found = listed([f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items()], 240)
         raise LogError(

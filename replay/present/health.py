@@ -68,7 +68,9 @@ def summary(found: Health) -> str:
     said = [one for log in found.logs for one in statements(log)]
     count = f"{len(said)} thing{'s' if len(said) > 1 else ''} to look at" if said else _quiet(found.logs)
     if len(found.logs) > 1:
-        return f"{len(found.logs)} logs: {count}."
+        kinds = {_kind(log) for log in found.logs}
+        mixed = " They come of different autopilots or formats: are they of one vehicle?" if len(kinds) > 1 else ""
+        return f"{len(found.logs)} logs: {count}.{mixed}"
     (log,) = found.logs
     checked: dict[str, object] = {"motors": log.motors, "battery": log.battery, "estimator": log.estimator}
     checked["vibration levels"] = log.vibration if log.vibration is not None and log.vibration.levels else None
@@ -189,7 +191,7 @@ def _log_json(log: LogHealth) -> dict[str, Any]:
     vibration = ("source", "levels", "limits", "clipped", "rate_hz=rate", "rms", "peaks", "rotor_hz")
     return {
         **entries(log.inspection, "path", "format", "sha256=content_hash", "duration_s=duration", "level", "checks"),
-        **entries(log, "motors", "battery", "estimator", "rates", "answers", "settings"),
+        **entries(log, "motors", "battery", "estimator", "rates", "answers", "settings", "contradictions"),
         "statements": statements(log),
         "autopilot": None if one is None else entries(one, *autopilot),
         "phases": [entries(phase, "name", "start", "stop", "why") for phase in log.phases.phases],

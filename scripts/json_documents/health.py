@@ -169,6 +169,8 @@ class LogHealth(TypedDict):
     answers: list[Answer]
     settings: list[Setting]
     """Of the logger, with which more could be answered."""
+    contradictions: list[CheckResult]
+    """Checks by which the model is that of another vehicle; it was then not used."""
     checks: list[CheckResult]
     notes: list[str]
 

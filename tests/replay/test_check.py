@@ -366,6 +366,21 @@ def test_files_are_written_though_whoever_reads_the_output_has_seen_enough(logs,
     assert {path.name for path in tmp_path.iterdir()} == {"p.html", "p.json"}
 
 
+def test_logs_of_different_autopilots_are_asked_about(made):
+    """They stand side by side all the same."""
+    words = "are they of one vehicle?"
+    of_px4, other, of_ardupilot = (
+        made(*which).logs[0].inspection.path for which in (("ulg",), ("ulg", "motors"), ("bin",))
+    )
+    assert words in answer(wg.check([of_px4, of_ardupilot]))[0][0]
+    assert words not in answer(wg.check([of_px4, other]))[0][0]
+
+
+def test_one_row_is_no_flight(run, tmp_path):
+    (tmp_path / "one.csv").write_text("t_s,motor.m1,gyro.x\n0.0,1000,0.1\n")
+    assert "one message of each topic; a flight has many" in run("check", tmp_path / "one.csv").output
+
+
 def test_a_model_of_another_vehicle_is_contradicted_and_not_used(tmp_path):
     """Its rotors would name other places, and its limits would call every command saturated."""
     flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
