@@ -112,6 +112,7 @@ def damaged(line: Column, torque: Array) -> Column:
         high=twice(line.high),
         scale=twice(line.scale),
         sparse=np.concatenate((line.sparse, line.sparse)),
+        per_place=2,
     )
 
 

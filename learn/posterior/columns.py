@@ -33,7 +33,8 @@ class Column:
     `names` are the effect and those that come with it (air that moves, with a drag). Parameters count from `origin`
     (P,), the values that the model has, zero where it lacks the effect; `theta` (P,) is where it was linearised; `low`,
     `high`, `scale` and `sparse` (P,) are those of its parameters (`plant.effects.Parameter`); `accuracy` is the share
-    to which the least known of its laws is; `price` are log odds against the candidate besides those of any effect.
+    to which the least known of its laws is; `price` are log odds against the candidate besides those of any effect, and
+    `per_place` of its parameters belong to one place of a sparse effect.
     """
 
     names: tuple[str, ...]
@@ -47,6 +48,7 @@ class Column:
     sparse: NDArray[np.bool_]
     accuracy: float
     price: float = 0.0
+    per_place: int = 1
 
     @property
     def key(self) -> str:

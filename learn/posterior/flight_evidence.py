@@ -280,4 +280,5 @@ def _line(values: dict[str, Any]) -> Column:
         sparse=sparse,
         accuracy=accuracy,
         price=0.0,
+        per_place=1,
     )

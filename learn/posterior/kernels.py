@@ -83,8 +83,10 @@ def occam(A: Array, theta: Array, scale: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def further_places(theta: Array, scale: Array, sparse: Flags, sizes: Rows) -> float:
+def further_places(theta: Array, scale: Array, place: Array, sizes: Rows) -> float:
     """How many more places than one sparse effects are at, of members with so many parameters (members,).
+
+    `place` (P,) is what each parameter counts for: 1 where it is a place's only one, 0 of an effect that is not sparse.
 
     Of theta with a prior of the size s that the evidence makes likely, s^2 = theta^2 + var(theta), the data determine
     the share theta^2 / s^2 = 1 - var(theta) / s^2. Source: MacKay, "Information Theory, Inference, and Learning
@@ -94,8 +96,7 @@ def further_places(theta: Array, scale: Array, sparse: Flags, sizes: Rows) -> fl
     for size in sizes:
         at_own = 0.0
         for i in range(at, at + size):
-            if sparse[i]:
-                at_own += (theta[i] / scale[i]) ** 2
+            at_own += place[i] * (theta[i] / scale[i]) ** 2
         total += max(at_own - 1.0, 0.0)
         at += size
     return total
@@ -220,7 +221,7 @@ def score(
     low: Array,
     high: Array,
     typical: Array,
-    sparse: Flags,
+    place: Array,
     accuracy: Array,
 ) -> tuple[float, float, float]:
     """A set's fit less what its laws may be off by, its Occam factor, and `further_places`.
@@ -231,7 +232,7 @@ def score(
     """
     members = len(sizes)
     A, b = normal_equations(whole, unknown, fixed)
-    scale = relevant(A, b, low, high, typical, sparse, typical)
+    scale = relevant(A, b, low, high, typical, place > 0.0, typical)
     theta = bounded(A, b, low, high, scale)
     c = 0.0
     for m in range(members + 1):
@@ -249,7 +250,7 @@ def score(
                 own += theta[i] * theta[j] * A[i, j]
         total += accuracy[m] * math.sqrt(max(own, 0.0))
         at += sizes[m]
-    return fitted - 0.5 * total**2, occam(A, theta, scale), further_places(theta, scale, sparse, sizes)
+    return fitted - 0.5 * total**2, occam(A, theta, scale), further_places(theta, scale, place, sizes)
 
 
 @njit(cache=True, nogil=True)

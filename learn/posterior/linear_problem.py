@@ -122,7 +122,8 @@ class LinearProblem:
         self.low = self._of_all([c.low for c in columns], low)
         self.high = self._of_all([c.high for c in columns], high)
         self.scale = self._of_all([c.scale for c in columns], scale, first=1.0)
-        self.sparse = self._of_all([c.sparse.astype(float) for c in columns], np.zeros(len(scale))) > 0.0
+        self.place = self._of_all([c.sparse / c.per_place for c in columns], np.zeros(len(scale)))
+        self.sparse = self.place > 0.0
         self.trims = Trims.none(len(self.scale))
 
     def rows(self, *keys: str) -> Rows:

@@ -174,7 +174,7 @@ class Scorer:
         variance = self.pooled(left + doubt**2 * inexact)
         likelihood = -0.5 * float(np.sum(counts * np.log(variance)))
         width = kernels.occam(A, theta, sizes) + trims.occam(g, trims.scale)
-        further = kernels.further_places(theta, sizes, own.sparse, own.sizes)
+        further = kernels.further_places(theta, sizes, own.place, own.sizes)
         prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys, further)
         weights = np.zeros(self.spectrum.scale.size)
         weights[own.every] = own.weights(theta)
@@ -207,7 +207,7 @@ class SetRows:
     """What a score needs of one set: its quantities out of those of the problem, unknowns before what is fixed.
 
     `every` (R,) are rows of the problem's quantities; of the unknowns `start` (P,) is where the set was linearised,
-    `typical`, `low`, `high` and `sparse` (P,) are theirs.
+    `typical`, `low`, `high`, `sparse` and `place` (P,) are theirs.
     """
 
     def __init__(self, space: LinearProblem, keys: Keys) -> None:
@@ -226,7 +226,7 @@ class SetRows:
         self.trims, self.count = space.trims.of(self.every), space.count
         self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
         self.start = np.concatenate([*(space.columns[k].theta for k in keys), np.zeros(len(space.always))])
-        self.typical, self.sparse = space.scale[unknown], space.sparse[unknown]
+        self.typical, self.sparse, self.place = space.scale[unknown], space.sparse[unknown], space.place[unknown]
         self.low, self.high = space.low[unknown], space.high[unknown]
 
     def weights(self, theta: Array) -> Array:

@@ -67,7 +67,7 @@ class SubsetSearch:
     def _score(self, keys: Keys) -> float:
         space = self.space
         unknown, fixed, sizes, accuracy = self._rows(keys)
-        limits = space.low[unknown], space.high[unknown], space.scale[unknown], space.sparse[unknown]
+        limits = space.low[unknown], space.high[unknown], space.scale[unknown], space.place[unknown]
         fitted, width, further = kernels.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
         self.priors[keys] = width + self.scorer.prior_of(keys, further)
         return float(fitted + self.priors[keys])

@@ -117,12 +117,14 @@ def test_the_score_of_a_set_is_its_gaussian_evidence_less_what_its_laws_may_be_o
 def test_a_sparse_effect_is_at_as_many_places_as_it_has_parameters_far_beyond_their_noise():
     """Of data that show each parameter alone, with noise of one: two of four are large, and one more pays."""
     A, sizes, one = np.eye(4), np.array([4]), np.ones(4)
-    sparse, wide = np.ones(4, dtype=bool), np.full(4, 1e9)
+    sparse, wide, half = np.ones(4, dtype=bool), np.full(4, 1e9), np.full(4, 0.5)
     for theta, further in (([0, 50, 0, 0], 0.0), ([40, 50, 0, 0], 1.0), ([40, -50, 60, 30], 3.0)):
         b = np.array(theta, dtype=float)
         scale = kernels.relevant(A, b, -wide, wide, one, sparse, one)
         found = b / (1.0 + scale**-2.0)
-        assert kernels.further_places(found, scale, sparse, sizes) == pytest.approx(further, abs=0.01)
+        assert kernels.further_places(found, scale, np.ones(4), sizes) == pytest.approx(further, abs=0.01)
+        of_pairs = max(0.5 * (further + 1.0) - 1.0, 0.0)  # two parameters of one place, as of a damaged rotor
+        assert kernels.further_places(found, scale, half, sizes) == pytest.approx(of_pairs, abs=0.01)
         assert kernels.further_places(found, scale, ~sparse, sizes) == 0.0
 
 
