@@ -249,7 +249,8 @@ def _sentence(candidate: _Candidate, found: Sequence[_Explanation]) -> str:
 
     def either(sets: Sequence[EffectSet]) -> str:
         texts = list(dict.fromkeys(" + ".join(names) if names else "nothing is missing" for names in sets))
-        more = [f"one of {len(texts) - LISTED} others"] if len(texts) > LISTED else []
+        hidden = len(texts) - LISTED
+        more = [] if hidden < 1 else ["one other"] if hidden == 1 else [f"one of {hidden} others"]
         return " or ".join((*texts[:LISTED], *more))
 
     outcomes, setup = candidate.outcomes, candidate.setup

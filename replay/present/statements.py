@@ -93,7 +93,9 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
             yield Statement("warn", "log", f"check {check.name}", words)
     series = {} if log.inspection.flight is None else log.inspection.flight.series()
     lost = {
-        role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time)) for role, one in series.items()
+        role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time))
+        for role, one in series.items()
+        if role != "reference"  # a setpoint that is not a number is none: nothing was asked for, nothing is wrong
     }
     worst = max(lost, key=lambda role: lost[role], default="")
     if worst and lost[worst] > LEFT_OUT:

@@ -17,6 +17,7 @@ from tests.replay.autopilot_logs import true_vehicle
 from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.write import write
 from wrenchgap.replay.present.health import answer
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.statements import statements
@@ -348,6 +349,17 @@ def test_notes_that_differ_by_names_and_numbers_alone_are_one():
     several = ["12 bytes of a.bin belong to no whole message: left out.", *damaged, "another note."]
     assert grouped(several) == [several[0], f"{damaged[0]} (39 more like it.)", "another note."]
     assert grouped(damaged[:3]) == damaged[:3]
+
+
+@pytest.mark.parametrize(("role", "name", "word"), [("reference", "position_E", False), ("imu", "omega_B", True)])
+def test_what_a_tenth_of_a_role_lacks_is_said_of_measurements_not_of_setpoints(logs, tmp_path, role, name, word):
+    """A setpoint that is not a number is none: the pilot flew by hand."""
+    flight = wg.flight.load(logs.train)
+    series = getattr(flight, role)
+    values = np.array(getattr(series, name))
+    values[: len(values) // 2] = np.nan
+    log = write(replace(flight, **{role: replace(series, **{name: values})}), tmp_path / "half.mcap")
+    assert ("samples left out" in {one.short for one in statements(wg.check(log).logs[0])}) == word
 
 
 def test_one_log_given_twice_is_refused(run, logs):
