@@ -22,9 +22,10 @@ def sentences(
 
     The lines name so many effects at most of each; report and JSON have all.
     """
-    by_effect = _by_effect(found.limits)
-    if not by_effect:
+    if not found.limits:
         return []
+    missed = {(one.effect, one.parameter): one for one in found.recoveries if one.share >= 1.0 and not one.firm}
+    by_effect = _by_effect([one for one in found.limits if (one.effect, one.parameter) not in missed])
     vehicle = found.model.vehicle
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}
@@ -34,8 +35,11 @@ def sentences(
         said.append(f"Would have been shown: {_listed(words, most_shown)}.")
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
-    if hidden or lacking:
-        words = []
+    if missed or hidden or lacking:
+        words = [
+            f"{one.effect} of {size_in_words(one.size, one.unit)} (injected, it was not firm)"
+            for one in missed.values()
+        ]
         for name, own in hidden.items():
             instead = " or ".join(dict.fromkeys(n for one in own for n in one.instead))
             words.append(f"{name} ({instead} could make the same)" if instead else f"{name} (too weak here)")

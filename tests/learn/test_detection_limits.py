@@ -11,6 +11,7 @@ from wrenchgap.learn.posterior.detection_limits import (
     DetectionLimit,
     InjectedSpectrum,
     Injection,
+    Recovery,
     injection,
     recoveries,
 )
@@ -162,3 +163,14 @@ def test_the_lines_say_what_would_have_been_shown_and_what_not(searched):
     assert all(
         (one["size"] is None) == (not limit.shown) for one, limit in zip(found["limits"], searched.limits, strict=True)
     )
+
+
+def test_what_was_injected_and_not_firm_is_not_said_to_have_been_shown(searched):
+    limit = limit_of(searched, "thrust_scale", "scale")
+    before = detection.sentences(searched, 100, 100)
+    missed = Recovery(limit.effect, limit.parameter, limit.unit, limit.size, 1.0, False, ())
+    would, could, *_ = detection.sentences(replace(searched, recoveries=(missed,)), 100, 100)
+    assert "thrust_scale from" in before[0]
+    assert "thrust_scale" not in would
+    assert "thrust_scale of " in could
+    assert "(injected, it was not firm)" in could
