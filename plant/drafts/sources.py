@@ -75,7 +75,10 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
             raise UsageError(
                 f"--from {source}: a macro; expand it first, `xacro {shlex.quote(source.name)} > FILE.urdf`"
             )
-    raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
+    raise UsageError(
+        f"--from {source}: is of a kind that says nothing of its vehicle; expected {KINDS}. Without --from, --mass, "
+        "--frame and --arm describe it, or --interactive asks"
+    )
 
 
 def _over(draft: Draft, user: Given) -> Draft:
