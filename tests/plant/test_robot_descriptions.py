@@ -226,7 +226,7 @@ def test_a_hull_without_rotors_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("a.xacro", "expand it first"), ("a.png", "is of a kind that is not read")]
+    ("name", "message"), [("a.xacro", "expand it first"), ("a.png", "says nothing of its vehicle")]
 )
 def test_other_files_are_refused_with_the_remedy(tmp_path, name, message):
     (tmp_path / name).write_text("")
