@@ -3,6 +3,7 @@
 import pytest
 
 from tests.replay.autopilot_logs import flight, write_ulog
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels.logs import session_of
 from wrenchgap.viewer.file_drop import FileDrop
@@ -82,3 +83,11 @@ def test_the_server_keeps_no_message_for_each_piece(page):
         drop.part("a", b"x")
     assert len(buffer.message_from_id) < before + 100
     drop.end()
+
+
+def test_what_the_form_lacks_is_said_in_the_words_of_the_form(page):
+    form = panel(page)
+    form.mass.value = 1.2
+    with pytest.raises(ModelError, match='say "frame" "arm", or') as caught:
+        form._modelled(form.intake, quiet)
+    assert "--" not in str(caught.value)

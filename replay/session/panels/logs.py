@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model_file import load, shipped_models
@@ -77,7 +78,10 @@ class LogsPanel(Panel):
             raise UsageError("mass: weigh the vehicle with its battery and say how many kilograms it has")
         frame = None if self.frame.value == AS_LOGGED else self.frame.value
         lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
-        return now.drafted(Given(None, self.mass.value, None, frame, *lengths))
+        try:
+            return now.drafted(Given(None, self.mass.value, None, frame, *lengths))
+        except (ModelError, UsageError) as error:  # of the command line's options, which are fields here
+            raise type(error)(re.sub(r"--([a-z-]+) [^\s;,:]+", r'"\1"', str(error))) from None
 
     def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake], came: Path | None = None) -> None:
         """Change logs or model beside the page, which then shows what there is; where that fails nothing changes.
