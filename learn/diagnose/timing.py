@@ -192,16 +192,16 @@ def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     """Axes on which the commands of a flight answer the motion.
 
     Those on which that is seen, or on which the motion shows nothing of commands that change: a vehicle in turbulent
-    air whose commands balance the air. One controller makes all three torques: where it is seen of one, the others are
-    among them unless the motion plainly follows the command there and on another torque.
+    air whose commands balance the air. One controller makes all three torques: where an answer is seen of one, the
+    others are among them unless the motion plainly follows the command there and on another torque.
     """
     found: set[str] = set()
     for t in timing:
-        seen = {r.axis for r in t.responses if r.offset.problem in (Problem.FEEDBACK, Problem.UNRELATED)}
+        seen = {r.axis for r in t.responses if r.offset.problem is Problem.FEEDBACK}
         turning = {r.axis for r in t.responses if r.axis in AXES[3:] and not r.plain}
         if seen & turning:
             found |= turning if len(turning) == 1 else {r.axis for r in t.responses if r.axis in AXES[3:]}
-        found |= seen
+        found |= seen | {r.axis for r in t.responses if r.offset.problem is Problem.UNRELATED}
     return tuple(k for k, axis in enumerate(AXES) if axis in found)
 
 
