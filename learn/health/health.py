@@ -46,7 +46,7 @@ class Rate:
 class LogHealth:
     """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases.
 
-    `contradictions` are checks by which the model that was given is that of another vehicle; it was then not used.
+    `contradictions` are the bad checks of the log against the model that was given, which was then not used.
     """
 
     inspection: Inspection
@@ -124,13 +124,11 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
     rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
-    against: tuple[Check, ...] = ()
+    against = () if model is None or seen.flight is None else _contradictions(seen.flight, model, options)
     if seen.flight is not None:
-        rest = _of_flight(seen.flight, recorded, None)
-        if model is not None and rest["phases"].seconds(*AIRBORNE):
-            against = _contradictions(seen.flight, model, options)
-        if model is not None and not against:
-            rest = _of_flight(seen.flight, recorded, model)
+        rest = _of_flight(seen.flight, recorded, None if against else model)
+    if not rest["phases"].seconds(*AIRBORNE):
+        against = ()  # no model fits a log without a flight, which is said
     settings = settings_of(log.autopilot, rest["answers"], names)
     return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **rest)
 

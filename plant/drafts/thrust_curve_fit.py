@@ -38,7 +38,9 @@ class FitLimits:
     min_variation: float = 0.02  # range of the throttle (5 to 95 %), over its median, that shows the curve's shape
     blocks: int = 8  # of the jackknife
     max_std_of_exponent: float = 0.3  # of k: 1 % of the thrust at a voltage 3 % lower
-    drift: float = 0.01  # share of the thrust by which propellers and sensors change in a flight with the voltage
+    # Share of the thrust by which propellers and sensors change in a flight, as the voltage does. Doubled, none of
+    # three real logs (PX4, ArduPilot) shows its power k, halved the same one of them as at 1 %.
+    drift: float = 0.01
     least_voltage: float = 2.0  # [V], below which it is no battery's
 
 

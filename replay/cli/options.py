@@ -180,7 +180,8 @@ class Reading:
         float | None,
         typer.Option(
             metavar="HZ",
-            help="Low-pass on measurement and prediction alike, in Hz; default: the GP's, the model file's, or 8.",
+            help="Low-pass on measurement and prediction alike, in Hz; default: the model file's, or 8; of "
+            "`replay` and `view` with a GP that of its data.",
         ),
     ] = None
     between: Annotated[

@@ -36,10 +36,7 @@ def sentences(
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     if missed or hidden or lacking:
-        words = [
-            f"{one.effect} of {size_in_words(one.size, one.unit)} (injected, it was not firm)"
-            for one in missed.values()
-        ]
+        words = [f"{_injected(one, vehicle)} (injected, it was not firm)" for one in missed.values()]
         for name, own in hidden.items():
             instead = " or ".join(dict.fromkeys(n for one in own for n in one.instead))
             words.append(f"{name} ({instead} could make the same)" if instead else f"{name} (too weak here)")
@@ -90,14 +87,19 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
     return f"{name} {names} from {size}"
 
 
+def _injected(one: Recovery, vehicle: Vehicle) -> str:
+    """What was put into the flights."""
+    return f"{one.effect} {user_name(one.parameter, vehicle)} {size_in_words(one.size, one.unit)}"
+
+
 def _checked(recoveries: Sequence[Recovery], vehicle: Vehicle) -> list[str]:
     """What injections say of the limits."""
     if not recoveries:
         return []
     good = sum(one.as_stated for one in recoveries)
     listed = [
-        f"{one.effect} {user_name(one.parameter, vehicle)} {size_in_words(one.size, one.unit)} "
-        f"{'was firm' if one.firm else 'was not firm'}" + (f", but {' and '.join(one.others)} too" * bool(one.others))
+        f"{_injected(one, vehicle)} {'was firm' if one.firm else 'was not firm'}"
+        + (f", but {' and '.join(one.others)} too" * bool(one.others))
         for one in recoveries
     ]
     return [f"Checked by injection into these flights, {good} of {len(recoveries)} as stated: {'; '.join(listed)}."]

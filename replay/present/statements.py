@@ -85,7 +85,7 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         yield Statement("bad", "log", f"check {check.name}", words)
     for check in log.contradictions[:1]:
         said = check.words.removeprefix(f"{log.name}: ").rstrip(".? ")
-        words = f"The model is not that of this log, which is judged without it ({check.name}: {said})."
+        words = f"The model does not fit this log, which is judged without it ({check.name}: {said})."
         yield Statement("bad", "log", f"model {check.name}", words)
     for check in log.inspection.checks:
         if check.level == "bad" and (check.accepted or check.name == "roles"):

@@ -170,7 +170,7 @@ class LogHealth(TypedDict):
     settings: list[Setting]
     """Of the logger, with which more could be answered."""
     contradictions: list[CheckResult]
-    """Checks by which the model is that of another vehicle; it was then not used."""
+    """Bad checks of the log against the model, which was then not used."""
     checks: list[CheckResult]
     notes: list[str]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.learn.changed import by_flight
 from wrenchgap.learn.changed.changed import Baseline, Verdict, changed
 from wrenchgap.learn.changed.changed import _verdict as verdict_of
 from wrenchgap.learn.changed.places import towards, where_of
@@ -27,6 +28,7 @@ from wrenchgap.learn.changed.varying import (
     typical_of,
 )
 from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.diagnose.quantities import Quantity
 from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
@@ -284,6 +286,17 @@ def test_other_trajectories_are_compared_and_what_does_not_overlap_is_said(flown
     assert "tilt" in {n.quantity for n in found.not_compared}
     assert all("healthy" in n.reason for n in found.not_compared)
     assert set(found.firm) <= {"rotor_thrust"}
+
+
+@pytest.mark.parametrize(("suspect", "said"), [(15.9, []), (14.8, ["voltage"])])
+def test_batteries_of_another_charge_are_not_compared(suspect, said, monkeypatch):
+    """Thrust goes with the square: 0.1 V of 16 V are 1 %, 1.2 V are 14 %."""
+    rows = np.arange(200) >= 100
+    volts = np.where(rows, suspect, 16.0) + np.linspace(0.01, -0.01, 200)
+    known = Quantity("voltage", "battery voltage", "V", volts)
+    monkeypatch.setattr(by_flight, "quantities", lambda data: ((known,), {}))
+    pool = SimpleNamespace(data=None, rows=lambda suspects: rows)
+    assert [one.quantity for one in by_flight.not_compared(pool, {1})] == said
 
 
 def test_a_change_is_found_on_another_trajectory(flown, wrong, baseline):

@@ -399,7 +399,7 @@ def test_a_model_of_another_vehicle_is_contradicted_and_not_used(tmp_path):
     log = wg.save_log(flown, tmp_path / "hover.mcap")
     found = wg.check(log, wg.load_model("asymmetric_quadrotor"))
     assert [one.about for one in statements(found.logs[0]) if one.level == "bad"] == ["log"]
-    assert "not that of this log" in answer(found)[0][0] + answer(found)[1][0]
+    assert "does not fit this log" in answer(found)[0][0] + answer(found)[1][0]
     assert {m.rotor.name for m in found.logs[0].motors.motors} == {"M1", "M2", "M3", "M4"}
     assert "-m" not in answer(found)[-1][0]
 
