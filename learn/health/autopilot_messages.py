@@ -156,7 +156,7 @@ ESTIMATOR = EstimatorThresholds()
 PX4 = {"velocity": "vel", "position": "pos", "height": "hgt", "magnetometer": "mag", "heading": "hdg"}
 """Fields NAME_test_ratio of estimator_status; heading is that of the newer firmware, which has no magnetometer."""
 ARDUPILOT = {"velocity": "SV", "position": "SP", "height": "SH", "magnetometer": "SM"}
-"""Fields of XKF4 and NKF4."""
+"""Fields of XKF4, NKF4 and, of the first estimator, EKF4."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,8 @@ def estimator_of(autopilot: Autopilot | None, recorded: Recorded, phases: Flight
     if autopilot is None:
         return None
     if autopilot.name == "ArduPilot":
-        kinds = {2: ("NKF4",), 3: ("XKF4",)}.get(int(autopilot.parameters.get("AHRS_EKF_TYPE", 0)), ("XKF4", "NKF4"))
+        used = int(autopilot.parameters.get("AHRS_EKF_TYPE", 0))
+        kinds = {2: ("NKF4",), 3: ("XKF4",)}.get(used, ("XKF4", "NKF4", "EKF4"))
         found = [_found(recorded, _in_use(recorded, kind, kind, "PI"), ARDUPILOT, "{}", "FS", phases) for kind in kinds]
         return next((one for one in found if one is not None), None)
     topic = _in_use(recorded, "estimator_status", "estimator_selector_status", "primary_instance")

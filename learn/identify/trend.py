@@ -27,6 +27,8 @@ from wrenchgap.plant.model import Model
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
+ROTORS = ("rotor_thrust",)
+"""What is fitted instead on rotors that do not tilt: their thrusts make all that `TRIMS` could, and yaw besides."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def trend(
     *,
     progress: Callable[[float, str], None] | None = None,
 ) -> Trend:
-    """Fit `names` (else the effects of the model, else `TRIMS`) to each flight and follow every parameter.
+    """Fit `names` (else the effects of the model, `ROTORS` or `TRIMS`) to each flight and follow every parameter.
 
     On axes on which the motion does not plainly follow the commands, what answers to it could make is left out. Other
     effects of the model stay as they are; those that a flight does not allow are left out of all. Raises UsageError for
@@ -176,10 +178,10 @@ def _effects(
 ) -> tuple[tuple[str, ...], Model, tuple[LeftOut, ...]]:
     """What is fitted on all flights, and beside what other effects of the model.
 
-    Last, what nobody named and a flight does not allow, of the model or of `TRIMS`.
+    Last, what nobody named and a flight does not allow, of the model, of `ROTORS` or of `TRIMS`.
     """
     asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
-    usual = own or TRIMS
+    usual = own or (ROTORS if _fixed_rotors(flights, model) else TRIMS)
     lacking: dict[str, LeftOut] = {}  # the first flight that does not allow an effect, and why
     for name, one in product((*asked, *usual), flights):
         reason = inapplicable(name, model, one.records)
@@ -196,6 +198,14 @@ def _effects(
     left_out = tuple(one for name, one in lacking.items() if name in own or not asked)
     usable = model.without(one.reason.effect for one in left_out if one.reason.effect in own)
     return chosen, replace(usable, between_flights=None), left_out
+
+
+def _fixed_rotors(flights: Sequence[OpenFlight], model: Model) -> bool:
+    """Whether rotors that do not tilt are known, with their commands on all flights."""
+    arms, _ = model.vehicle.geometry() if model.vehicle.has_rotors else (None, None)
+    return (
+        arms is not None and not arms.tilts.any() and not any(inapplicable(*ROTORS, model, f.records) for f in flights)
+    )
 
 
 def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTrend, ...]:

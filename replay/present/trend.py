@@ -13,7 +13,16 @@ from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import parameters
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
+from wrenchgap.replay.present.numbers import (
+    entries,
+    label,
+    number,
+    quantity,
+    size_in_words,
+    unit,
+    unmeasured,
+    user_name,
+)
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, first_only, note_lines, table
 
 WORDS = {
@@ -87,11 +96,12 @@ def _slope(drift: Drift, unit_name: str) -> str:
 
 
 def _interval(found: Step | Drift, unit_name: str) -> str:
-    return f"95 % interval {number(found.low)} to {quantity(found.high, unit_name)}, t {found.t:.1f}"
+    low, high = (size_in_words(end, unit_name) for end in (found.low, found.high))
+    return f"95 % interval {low} to {high}, t {found.t:.1f}"
 
 
 def _signed(value: float, unit_name: str) -> str:
-    return f"{'+' if value > 0 else ''}{quantity(value, unit_name)}"
+    return f"{'+' if value > 0 else ''}{size_in_words(value, unit_name)}"
 
 
 def places(found: Trend) -> list[str]:

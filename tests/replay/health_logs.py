@@ -41,6 +41,8 @@ class Wrong:
     """Of the motor commands [Hz]."""
     turns: float = 0.0
     """Speed of the rotors [Hz], which shake the vehicle by 3 m/s^2."""
+    first_estimator: bool = False
+    """Whether the estimator is that of ArduPilot's firmware 3.2."""
     parameters: dict = field(default_factory=dict)
 
 
@@ -143,5 +145,9 @@ def dataflash(path, wrong=None):
     ratio, faults = np.where(flying(at), wrong.ratio, 0.0), np.where(flying(at), wrong.faults, 0)
     names = "TimeUS,C,SV,SP,SH,SM,FS,PI"
     small = np.full(len(at), 0.05)
-    log.add("XKF4", "QBffffHb", names, _micro(at), 0 * at, ratio, small, small, small, faults, 0 * at, instance="C")
+    if wrong.first_estimator:
+        names = "TimeUS,SV,SP,SH,SMX,SMY,SMZ,FS"
+        log.add("EKF4", "QffffffB", names, _micro(at), ratio, *5 * [small], faults)
+    else:
+        log.add("XKF4", "QBffffHb", names, _micro(at), 0 * at, ratio, small, small, small, faults, 0 * at, instance="C")
     return log.save(path)

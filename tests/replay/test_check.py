@@ -121,6 +121,11 @@ def test_an_estimators_fault_is_worse_than_a_rejected_measurement(made):
     assert made("ulg", "fault", Wrong(faults=4)).logs[0].estimator.faulty == 1.0
 
 
+def test_the_first_estimator_of_old_firmware_is_read(made):
+    assert said(made("bin", "old", Wrong(ratio=1.4, first_estimator=True))).keys() == {"estimator"}
+    assert made("bin", "old", Wrong(ratio=1.4, first_estimator=True)).logs[0].estimator.topic == "EKF4"
+
+
 def test_a_rotors_peak_is_named_where_its_speed_is_measured(made):
     """3 m/s^2 rms at 60 Hz along x; the measured speed says that it is the rotor's own, the imbalance."""
     health = made("ulg", "shakes", Wrong(turns=60.0))

@@ -54,14 +54,14 @@ def weak(found):
 
 def test_a_step_is_told_with_flight_size_interval_and_t(found):
     (told, look) = summary(found)
-    assert told.startswith(("com_offset y steps: +0.0030", "com_offset y steps: +0.0029"))
+    assert told.startswith(("com_offset y steps: +3.0 mm", "com_offset y steps: +2.9 mm"))
     assert "from flight 4 (flight3) on, 95 % interval" in told
     assert look == "Look at: centre of mass."
     assert "com_offset y [m]" in str(found)
 
 
 def test_a_rotor_is_called_as_the_user_calls_it(weak):
-    assert sentence(weak.parameters[0], weak).startswith(f"rotor_thrust {SPIKY} steps: -0.0500")
+    assert sentence(weak.parameters[0], weak).startswith(f"rotor_thrust {SPIKY} steps: -5.0 %")
     assert summary(weak)[-1] == f"Look at: {SPIKY}."
     (told,) = to_json(weak)["parameters"]
     assert (told["name"], told["where"]) == ("rotor_2", SPIKY)
