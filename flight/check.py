@@ -80,7 +80,7 @@ class Check:
         if self.name in HOPELESS and not self.mend:
             return ""
         accept = f"--accept {self.name}"
-        return f"mend it with {self.mend}, or take it as it is with {accept}" if self.mend else f"or say {accept}"
+        return f"read it with {self.mend}, or take it as it is with {accept}" if self.mend else f"or say {accept}"
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ HARMLESS = ("roles", "gaps", "left-out", "weight", "clock", "jitter")
 
 MENDS = 3
 """Options that a user would follow one after the other."""
-REFUSED = re.compile(r"; mend it with (.*), or take it as it is")
+REFUSED = re.compile(r"; read it with (.*), or take it as it is")
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """How an answer to "what changed" reads: verdict, sizes, classes, flights, and what to inspect."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
@@ -89,23 +90,30 @@ def baseline(found: Changed) -> str:
 
 
 def other_recordings(found: Changed) -> list[str]:
-    """Suspect flights whose logs play other roles, or play them with other topics, than all of the healthy ones: they
-    may be of another vehicle.
+    """Suspect flights that may be of another vehicle: unlike all of the healthy ones, their logs are of another
+    autopilot, play other roles, or play them with other topics.
     """  # noqa: D205
-    healthy = [f for f in found.flights if f.records[0].flight in found.healthy]
-    known = [(set(f.flight.series()), f.flight.mapping) for f in healthy]
+    known = [_recording(one.flight) for one in found.flights if one.records[0].flight in found.healthy]
     out = []
     for one in found.flights:
-        name = one.records[0].flight
-        roles, mapping = set(one.flight.series()), one.flight.mapping
-        if name not in found.suspect or any(roles == r and mapping == m for r, m in known):
+        own, name = _recording(one.flight), one.records[0].flight
+        if name not in found.suspect or own in known:
             continue
-        lacks = ", ".join(sorted(set.intersection(*(r for r, _ in known)) - roles)) if known else ""
+        lacks = ", ".join(sorted(set.intersection(*(roles for _, roles, _ in known)) - own[1])) if known else ""
+        same = own[0] in [autopilot for autopilot, _, _ in known]
+        board = "" if same else f"by {' '.join(filter(None, own[0])) or 'no autopilot'}"
+        how = board or (f"no {lacks}" if lacks else "other topics")
         out.append(
-            f"{name} was recorded otherwise than the healthy flights"
-            f"{f' (no {lacks})' if lacks else ' (other topics)'}: if it is of another vehicle, that is what differs."
+            f"{name} was recorded otherwise than the healthy flights ({how}): if it is of another vehicle, that is "
+            "what differs."
         )
     return out
+
+
+def _recording(flight: Flight) -> tuple[tuple[str, ...], set[str], Mapping[str, str]]:
+    """What logs of one vehicle have in common: the autopilot, roles, and topics by role."""
+    one = flight.autopilot
+    return () if one is None else (one.name, one.hardware, one.frame), set(flight.series()), flight.mapping
 
 
 def feedback(found: Changed) -> list[str]:

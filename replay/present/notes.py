@@ -107,7 +107,7 @@ def warnings(found: Iterable[object], several: int = 3) -> list[str]:
 def _words(check: Check) -> str:
     if check.level == "bad":
         return f"{check.words.rstrip('. ')} (accepted)"
-    return f"{check.words.rstrip('. ')}. Mend it with {check.mend}" if check.mend else check.words
+    return f"{check.words.rstrip('. ')}. Read it with {check.mend}" if check.mend else check.words
 
 
 def banner(result: Any) -> list[Line]:

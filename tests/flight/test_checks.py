@@ -240,7 +240,7 @@ def test_the_refusal_is_one_line_with_the_mend_and_the_way_to_accept():
     with pytest.raises(LogError) as refused:
         stop_where_bad("x.mcap", checks)
     assert str(refused.value) == (
-        "x.mcap: body-frame: B; mend it with --topic imu=/imu:frd, or take it as it is with --accept body-frame"
+        "x.mcap: body-frame: B; read it with --topic imu=/imu:frd, or take it as it is with --accept body-frame"
     )
     stop_where_bad("x.mcap", accepting(checks, accepted_names(["Body Frame"])))
     with pytest.raises(UsageError, match="no check is called so"):

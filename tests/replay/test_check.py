@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.write import write
+from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.statements import statements
@@ -347,6 +349,16 @@ def test_trend_and_changed_list_the_parameters_of_their_flights(trimmed, command
     assert re.search(r"AHRS_TRIM_Y.*0\.011", str(found))
     assert "STAT_BOOTCNT" in str(found)
     assert "SAME" not in str(found)
+
+
+@pytest.mark.parametrize(("board", "said"), [("V6C", ""), ("NANO", "(by PX4 NANO): if it is of another vehicle")])
+def test_changed_asks_whether_a_log_of_another_autopilot_is_of_the_same_vehicle(trimmed, board, said):
+    boards = zip(trimmed[0], ("V6C", board), strict=True)
+    flights = [replace(one, flight=replace(one.flight, autopilot=Autopilot("PX4", hardware=b))) for one, b in boards]
+    healthy, suspect = (one.records[0].flight for one in flights)
+    words = other_recordings(SimpleNamespace(flights=flights, healthy=(healthy,), suspect=(suspect,)))
+    assert said in " ".join(words)
+    assert len(words) == bool(said)
 
 
 def test_notes_that_differ_by_names_and_numbers_alone_are_one():

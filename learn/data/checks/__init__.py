@@ -78,7 +78,7 @@ def rates(
     role, series, rate = min(slow, key=lambda item: item[2])
     words = (
         f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {faster * cutoff_hz:g}: "
-        "what is faster is folded into what is slower"
+        "what is faster is folded into what is slower, and no filter takes it out again; log it faster next time"
     )
     return (Check("rate", "bad", words, f"--cutoff {usable_cutoff(rate, faster):g}"),)
 
