@@ -90,6 +90,7 @@ def trend(
 ) -> Trend:
     """Each flight fitted by itself, in the order given, and which parameters stepped or drifted over the flights.
 
-    `effects` are fitted, by default those of the model, else `thrust_scale` and `com_offset`.
+    `effects` are fitted, by default those of the model, else `rotor_thrust` of rotors that do not tilt, else
+    `thrust_scale` and `com_offset`.
     """
     return trending.trend(listed(flights), model_of(model).without_tolerances, effects, progress=progress)

@@ -15,6 +15,7 @@ from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
+from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed, text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, with_spins
@@ -69,6 +70,8 @@ def calibrate(
 ) -> Calibration:
     """A model trimmed on healthy flights: what helps on held-out time is changed, and nothing else.
 
-    `validate` flights are tested on and never fitted. `.model` is the calibrated one.
+    `validate` flights are tested on and never fitted. `.model` is the calibrated one; the model as it was where a weak
+    rotor, put into these flights, would be found with that and not with the calibrated one.
     """
-    return calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)
+    found = calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)
+    return refused_where_hidden(found, progress)

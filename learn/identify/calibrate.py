@@ -53,6 +53,7 @@ class Fate(StrEnum):
     ONE_FLIGHT = "one flight"  # helps within flights, not on flights that were left out whole
     UNSURE = "size not sure"  # helps, but its parameters may be nothing
     AT_LIMIT = "at its limit"  # with it a parameter ends at the limit of what is plausible
+    HIDES = "hides a weak rotor"  # that the model as it was shows
     UNTRIED = "not tried"
 
 
@@ -82,12 +83,21 @@ class Trimmed:
     values: Array
 
 
+@dataclass(frozen=True)
+class HiddenRotor:
+    """A change [1] of one rotor's thrust that is found with the model as it was and not with the calibrated one."""
+
+    parameter: str
+    change: float
+
+
 @dataclass(frozen=True, repr=False)
 class Calibration(Result):
     """A calibrated model: `added` has it with its fit and its error on held-out time; `tried` what was considered.
 
     `before` and `after` (n, 6) [N, Nm] are the rms of each flight on its held-out time, `unseen` the same of flights
-    that were never fitted. `added` is None where nothing helped: the model stays as it was.
+    that were never fitted. `added` is None where nothing helped, and where it would leave a weak rotor `hidden`: the
+    model stays as it was.
     """
 
     given: Model
@@ -99,6 +109,7 @@ class Calibration(Result):
     after: Array
     unseen: tuple[tuple[str, Array, Array], ...]
     flights: tuple[OpenFlight, ...]
+    hidden: HiddenRotor | None = None
 
     @property
     def model(self) -> Model:

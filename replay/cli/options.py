@@ -114,7 +114,9 @@ DespiteVerdict = Annotated[
 Fit = Annotated[
     str | None,
     typer.Option(
-        metavar="A,B", help="Effects to fit to each flight. Default: those of MODEL, else thrust_scale,com_offset."
+        metavar="A,B",
+        help="Effects to fit to each flight. Default: those of MODEL, else rotor_thrust of rotors "
+        "that do not tilt, else thrust_scale,com_offset.",
     ),
 ]
 ChangesOnly = Annotated[

@@ -11,7 +11,17 @@ from wrenchgap.replay.present import addition
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights, sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, label, number, row, unit, unmeasured
+from wrenchgap.replay.present.numbers import (
+    UNIT_HEADS,
+    entries,
+    label,
+    number,
+    row,
+    size_in_words,
+    unit,
+    unmeasured,
+    user_name,
+)
 from wrenchgap.replay.present.tables import Line, Part, before_after, first_only, note_lines, table
 
 FATES = {
@@ -20,6 +30,7 @@ FATES = {
     Fate.UNSURE: "left out: helps, but its size may be nothing",
     Fate.ONE_FLIGHT: "helps within flights, not on flights left out whole",
     Fate.AT_LIMIT: "left out: a value at the limit of what is plausible says that the cause is another one",
+    Fate.HIDES: "left out: with it a weak rotor would not be found any more",
     Fate.UNTRIED: "not tried",
 }
 LEGEND = (
@@ -59,8 +70,17 @@ def brief(found: Calibration) -> list[Part]:
 def summary(found: Calibration) -> list[str]:
     """What was changed and what it brought, in a sentence or two."""
     count = f"{len(found.names)} flight{'s' if len(found.names) > 1 else ''}"
+    same = f"{found.given.name} stays as it is, and what is written is a copy"
+    if (hidden := found.hidden) is not None:
+        lost = (
+            f"{user_name(hidden.parameter, found.given.vehicle)} with {size_in_words(-hidden.change, '1')} less thrust"
+        )
+        return [
+            f"Not calibrated: put into these flights, {lost} is found with {found.given.name}, and not with what helps "
+            f"on held-out time; {same}.",
+            "These flights do not carry what was fitted. Log motor commands and IMU faster, or fly with excitation.",
+        ]
     if found.added is None:
-        same = f"{found.given.name} stays as it is, and what is written is a copy"
         return [f"Nothing helps on held-out time of {count}: {same}."]
     told = f"Calibrated on {count}: {', '.join(found.effects)}."
     return [told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}."]
@@ -116,6 +136,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "parameters": found.trimmed,
         "rms_before": found.before,
         "rms_after": found.after,
+        "hidden_rotor": found.hidden,
         "unseen": [{"flight": n, "rms_before": b, "rms_after": a} for n, b, a in found.unseen],
         "held_out": None if added is None or added.trial is None else trial_json(added.trial),
         "between_flights": None if added is None else added.between_flights,

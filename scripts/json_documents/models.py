@@ -181,6 +181,8 @@ class Calibrate(Document):
     rms_after: list[Six]
     unseen: list[Unseen]
     """Of `--validate`."""
+    hidden_rotor: dict[str, str | float] | None
+    """`parameter` and `change` [1] of a rotor's thrust that is found with the given model, not with what helps."""
     held_out: HeldOut | None
     between_flights: Six | None
     at_bound: list[str]

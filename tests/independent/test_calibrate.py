@@ -7,9 +7,15 @@ import pytest
 
 import wrenchgap as wg
 from benchmarks.hidden_effects.engine import fly
+from tests.independent.flown_quadrotor import MODEL as QUADROTOR
+from tests.independent.flown_quadrotor import Case
+from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from wrenchgap.learn.identify.calibrate import Fate, scatter_of
+from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Tolerances
+from wrenchgap.replay.present.calibration import brief
 
 MODEL = wg.load_model("tilt_hexarotor")
 MISSING, LOADING = 0.05, 3.0e-4
@@ -175,3 +181,33 @@ def test_scatter_is_what_goes_beyond_the_errors():
     values = 0.3 * rng.normal(size=4000) + 0.4 * rng.normal(size=4000)
     assert scatter_of(values, np.full(4000, 0.3)) == pytest.approx(0.4, rel=0.05)
     assert scatter_of(np.array([1.0, 1.1, 0.9]), np.full(3, 1.0)) == 0.0
+
+
+@pytest.fixture(scope="module")
+def quadrotors():
+    """Two excited flights of a quadrotor whose motors follow in 20 ms, calibrated; and a model that is wrong."""
+    flights = wg.open_flights(
+        fly_quadrotors([Case(f"flight{k}", 1.0, seed=k, seconds=16.0) for k in range(2)]), QUADROTOR
+    )
+    slow = (("motor_lag", {"tau": 0.12}), ("drag_torque", {"change": -0.6}))
+    wrong = [make_effect(QUADROTOR.vehicle, name, values) for name, values in slow]
+    return flights, wg.calibrate(flights, QUADROTOR), QUADROTOR.with_effects(wrong)
+
+
+def test_a_calibration_that_is_right_shows_a_weak_rotor_as_before(quadrotors):
+    _, found, _ = quadrotors
+    assert found.effects == ("motor_lag",)
+    assert found.hidden is None
+
+
+def test_a_model_is_refused_with_which_a_weak_rotor_would_not_be_found(quadrotors):
+    _, found, wrong = quadrotors
+    refused = refused_where_hidden(replace(found, added=replace(found.added, model=wrong)))
+    assert -0.2 < refused.hidden.change < -0.005
+    assert refused.model is QUADROTOR
+    assert refused.effects == ()
+    assert fate(refused, "motor_lag") is Fate.HIDES
+    told, todo = (part.text for part in brief(refused)[:2])
+    assert told.startswith(f"Not calibrated: put into these flights, {refused.hidden.parameter} with ")
+    assert todo.startswith("These flights do not carry")
+    assert refused.to_json()["hidden_rotor"]["change"] == refused.hidden.change
