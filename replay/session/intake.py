@@ -53,7 +53,7 @@ class Intake:
     """Logs of one vehicle, what `check` says of them, and the model once there is one; changes make another intake.
 
     `options` say how logs are read, `save_to` where the page may save, `sheet` what was assumed of a model that was
-    made here. What is dropped lies in `dropped`.
+    made here of what was `given`. What is dropped lies in `dropped`.
     """
 
     logs: tuple[Path, ...] = ()
@@ -62,6 +62,7 @@ class Intake:
     save_to: SaveFolder | None = None
     health: Health | None = None
     sheet: Sheet | None = None
+    given: Given = field(default_factory=Given)
     dropped: Path = field(default_factory=_folder)
 
     def with_file(self, path: Path, report: Report) -> Intake:
@@ -71,7 +72,7 @@ class Intake:
         """
         if path.suffix.lower() == ".toml":
             model = model_file.loads(text_of(path, "as a model file"))
-            return replace(self, model=replace(model, path=Path(path.name)), sheet=None)
+            return self.with_model(replace(model, path=Path(path.name)), report)
         if len(self.logs) >= MOST_LOGS:
             raise UsageError(f"{path.name}: {MOST_LOGS} logs are open, as many as the page takes; start it again")
         return self.with_logs((*self.logs, path), report)
@@ -83,13 +84,17 @@ class Intake:
         health = check(list(logs), self.model, self.options, progress=report) if logs else None
         return replace(self, health=health, logs=tuple(logs))
 
-    def drafted(self, given: Given) -> Intake:
+    def with_model(self, model: Model, report: Report, sheet: Sheet | None = None) -> Intake:
+        """With another model, for whose rotors the logs are looked at again."""
+        return replace(self, model=model, sheet=sheet).with_logs(self.logs, report)
+
+    def drafted(self, given: Given, report: Report) -> Intake:
         """With a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
         from wrenchgap.replay.api_models import draft_model
 
         known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin")
         sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
-        return replace(self, model=sheet.model, sheet=sheet)
+        return replace(self, given=given).with_model(sheet.model, report, sheet)
 
     @property
     def cutoff_hz(self) -> float:

@@ -30,7 +30,7 @@ def worker_result(work: Callable[[Report], T], report: Report, patience: float =
     process and is passed on. Errors of wrenchgap in the process are raised here; a process that dies is a FitError.
     """
     process = _Process.free()
-    future, said = process.submit(work), (0.0, "")
+    future, said = process.submit(work), (0.0, "starting")
     try:
         while wait([future], timeout=patience).not_done:
             for said in process.news():

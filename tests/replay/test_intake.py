@@ -53,7 +53,7 @@ def test_a_log_without_a_model_shows_what_it_holds(folder, autopilot_flights):
 
 def test_the_form_makes_the_model_of_a_px4_log_and_a_second_log_joins(folder):
     intake = Intake().with_file(folder / "flight1.ulg", quiet)
-    intake = intake.drafted(Given(mass=MASS))
+    intake = intake.drafted(Given(mass=MASS), quiet)
     session = intake.session(quiet)
     assert isinstance(session, LogSession)
     assert session.model.vehicle.body.mass == MASS
@@ -66,8 +66,8 @@ def test_the_form_makes_the_model_of_a_px4_log_and_a_second_log_joins(folder):
 def test_an_ardupilot_log_says_what_it_lacks_and_then_is_a_model(folder):
     intake = Intake().with_file(folder / "quad.bin", quiet)
     with pytest.raises(wg.ModelError, match="--arm"):
-        intake.drafted(Given(mass=MASS))
-    made = intake.drafted(Given(mass=MASS, arm=0.26))
+        intake.drafted(Given(mass=MASS), quiet)
+    made = intake.drafted(Given(mass=MASS, arm=0.26), quiet)
     assert len(made.session(quiet).model.vehicle.rotors) == 4
 
 
@@ -103,5 +103,5 @@ def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(autopilot_flights, t
     """10 Hz over 2.5, less 3 %: with 8 Hz the log is refused."""
     slow = Intake().with_file(write_ulog(every(autopilot_flights[0], 10.0), tmp_path / "slow.ulg"), quiet)
     assert slow.cutoff_hz == pytest.approx(3.8, abs=0.11)
-    (flight,) = slow.drafted(Given(mass=MASS)).session(quiet).working.flights.values()
+    (flight,) = slow.drafted(Given(mass=MASS), quiet).session(quiet).working.flights.values()
     assert flight.records[0].cutoff_hz == slow.cutoff_hz

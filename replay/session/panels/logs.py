@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model_file import load, shipped_models
@@ -27,9 +27,29 @@ DROP = (
 )
 MORE = "Drop another log of the same vehicle, to compare it with, or a model file (.toml)."
 SLOW = "the IMU or the commands come too slowly for more."
-MAKE = "Make the model, open the flights"
+WHY = (
+    "What is missing, how it changed, what to fly next: all need a model. A Crazyflie's can be chosen; for other "
+    "vehicles say the mass, and what else the log does not know."
+)
+NEXT = "Next: the tab Effects searches for what the model lacks; Changed compares, once there are two logs."
 OF_LOG = "made from the log"
 AS_LOGGED = "as in the log"
+FIELDS = {
+    "mass": "mass",
+    "frame": "frame",
+    "arm": "arm",
+    "rotor-radius": "rotor radius",
+    "thrust-max": "full thrust of a rotor",
+    "cutoff": "low-pass",
+    "accept": "accept checks",
+}
+"""Fields of the form, by the options of the command line that say the same."""
+HERE = {
+    "Give its model with -m": "Give its model below",
+    "`wrenchgap inspect --details` says why": "the tab Notes says why",
+    "see `wrenchgap inspect`": "see the tab Notes",
+}
+"""What else the page has in place of words of the command line."""
 
 
 class LogsPanel(Panel):
@@ -38,32 +58,45 @@ class LogsPanel(Panel):
     def __init__(self, host: Host, intake: Intake) -> None:
         super().__init__(host)
         self.intake = intake
-        gui, there = host.gui, bool(intake.logs)
+        gui, there, made = host.gui, bool(intake.logs), intake.model is not None
         with host.tab("Logs"):
             self.drop = FileDrop(host, MORE if there else DROP, intake.dropped, self._received)
             self.work = JobControls(host, "Check again", lambda: self._run(self.work, _again))
             self.work.button.visible = there
+            if there and made:
+                gui.add_html(markup.sentences(NEXT))
             self.answer = gui.add_html(self._answer())
-            with gui.add_folder("Model", visible=there and intake.model is None):
-                gui.add_html(markup.sentences("What is missing, how it changed, what to fly next: all need a model."))
-                self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=OF_LOG)
-                self.mass = _number(gui, "mass [kg]", "with battery, as it flew")
-                self.frame = gui.add_dropdown("frame", (AS_LOGGED, *FRAMES), initial_value=AS_LOGGED)
-                self.arm = _number(gui, "arm [m]", "from the middle to a motor")
-                self.radius = _number(gui, "rotor radius [m]", "0: estimated from the distance between rotors")
-                self.thrust = _number(gui, "full thrust of a rotor [N]", "0: from hover, as the log shows it")
-                hint = "of wrenches; as the slowest of IMU and commands allows, 8 at most"
-                self.cutoff = gui.add_number(
-                    "low-pass [Hz]", intake.cutoff_hz, min=LEAST_CUTOFF, max=100.0, step=0.1, hint=hint
-                )
-                hint = "checks of the logs that may be bad, with commas between"
-                self.accept = gui.add_text("accept checks", ", ".join(intake.options.accept), hint=hint)
-                self.make = JobControls(
-                    host, "Make the model, open the flights", lambda: self._run(self.make, self._modelled)
-                )
+            with gui.add_folder("Another model" if made else "Model", visible=there, expand_by_default=not made):
+                self._form()
             if intake.model is not None and intake.cutoff_hz < intake.options.low_pass_hz(intake.model):
                 gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
+
+    def _form(self) -> None:
+        """Which model, with what was said of it before; sizes only where it is made here."""
+        host, intake, gui, given = self.host, self.intake, self.host.gui, self.intake.given
+        gui.add_html(markup.sentences(WHY))
+        self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=OF_LOG)
+        host.connect(self.source, lambda _: self._ask_sizes())
+        self.mass = _number(gui, "mass [kg]", given.mass, "with battery, as it flew")
+        self.frame = gui.add_dropdown("frame", (AS_LOGGED, *FRAMES), initial_value=given.frame or AS_LOGGED)
+        self.arm = _number(gui, "arm [m]", given.arm, "from the middle to a motor; 0: as in the log")
+        hint = "0: estimated from the distance between rotors"
+        self.radius = _number(gui, "rotor radius [m]", given.radius, hint)
+        hint = "0: from hover, as the log shows it"
+        self.thrust = _number(gui, "full thrust of a rotor [N]", given.thrust_max, hint)
+        hint = "of wrenches; as the slowest of IMU and commands allows, 8 at most"
+        self.cutoff = gui.add_number(
+            "low-pass [Hz]", intake.cutoff_hz, min=LEAST_CUTOFF, max=100.0, step=0.1, hint=hint
+        )
+        hint = "checks of the logs that may be bad, with commas between"
+        self.accept = gui.add_text("accept checks", ", ".join(intake.options.accept), hint=hint)
+        label = "Make the model, open the flights"
+        self.make = JobControls(host, label, lambda: self._run(self.make, self._modelled))
+
+    def _ask_sizes(self) -> None:
+        for field in (self.mass, self.frame, self.arm, self.radius, self.thrust):
+            field.visible = self.source.value == OF_LOG
 
     def _received(self, path: Path) -> None:
         self._run(self.work, lambda now, report: now.with_file(path, report), path)
@@ -73,15 +106,12 @@ class LogsPanel(Panel):
         accepted = tuple(name.strip() for name in self.accept.value.split(",") if name.strip())
         now = replace(now, options=now.options.changed(cutoff_hz=self.cutoff.value, accept=accepted))
         if self.source.value != OF_LOG:
-            return replace(now, model=load(self.source.value), sheet=None)
+            return now.with_model(load(self.source.value), report)
         if not self.mass.value:
             raise UsageError("mass: weigh the vehicle with its battery and say how many kilograms it has")
         frame = None if self.frame.value == AS_LOGGED else self.frame.value
         lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
-        try:
-            return now.drafted(Given(None, self.mass.value, None, frame, *lengths))
-        except (ModelError, UsageError) as error:  # of the command line's options, which are fields here
-            raise type(error)(re.sub(r"--([a-z-]+) [^\s;,:]+", r'"\1"', str(error))) from None
+        return now.drafted(Given(None, self.mass.value, None, frame, *lengths), report)
 
     def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake], came: Path | None = None) -> None:
         """Change logs or model beside the page, which then shows what there is; where that fails nothing changes.
@@ -101,6 +131,8 @@ class LogsPanel(Panel):
                 made = change(replace(self.intake, model=model), report)
                 session = session_of(made, report)
                 kept = made.logs
+            except WrenchgapError as error:
+                raise type(error)(of_page(str(error))) from None
             finally:
                 if came is not None and came not in kept:
                     discard(came)
@@ -117,7 +149,7 @@ class LogsPanel(Panel):
             return ""
         return html.render(
             "check",
-            lines=health.answer(found)[:-1],
+            lines=[(of_page(text), look) for text, look in health.answer(found)[:-1]],
             head=[log.name for log in found.logs],
             rows=health.overview(found).cells,
         )
@@ -145,6 +177,14 @@ def session_of(intake: Intake, report: Report) -> Session:
     return intake.session(report, partial(LogsPanel, intake=intake))
 
 
-def _number(gui: Any, label: str, hint: str) -> Any:
+def of_page(text: str) -> str:
+    """Words of the command line as those of this page: its fields for options, its tabs for commands."""
+    for said, here in HERE.items():
+        text = text.replace(said, here)
+    named = r"--([a-z-]+)(?: [A-Z]+\b)?"  # with what stands for a value in a usage
+    return re.sub(named, lambda m: f'"{FIELDS[m[1]]}"' if m[1] in FIELDS else m[0], text)
+
+
+def _number(gui: Any, label: str, value: float | None, hint: str) -> Any:
     """A field for a size; 0 says nothing."""
-    return gui.add_number(label, 0.0, min=0.0, max=1000.0, step=0.001, hint=hint)
+    return gui.add_number(label, value or 0.0, min=0.0, max=1000.0, step=0.001, hint=hint)
