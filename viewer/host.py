@@ -150,7 +150,7 @@ class Host(Protocol):
                     if not job.cancelled:
                         (on_error or self.fail)(error)
                 return
-            with self.lock:
+            with self.lock, self.server.atomic():  # clients get no last value of a control that goes with it
                 if not job.cancelled:
                     on_done(result)
 

@@ -55,7 +55,9 @@ def _eventually():
 
 
 LATE = "Tried to update non-existent component"
-"""Seen once under load, cause not proven: likely a value for a slider that was removed meanwhile."""
+"""Harmless. Viser's client applies what comes within a frame in another order: first what is removed, then what is
+updated, so that a value just before the end of its control finds nothing. With `FEW_FRAMES` that is 0.4 s.
+"""
 
 
 class Visitor:

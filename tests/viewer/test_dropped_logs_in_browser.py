@@ -1,72 +1,159 @@
-"""From a dropped log to the error that falls, in a browser: check, the model by a form, an effect added."""
+"""From a dropped log to the error that falls, and to what changed, in a browser, where nobody types a command."""
 
 import re
 
 import pytest
 
-from tests.replay.autopilot_logs import MASS, flight, write_ulog
+from tests.replay import autopilot_logs, crazyflie_tables
 from wrenchgap.replay.session.intake import Intake
-from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.replay.session.panels.logs import session_of
 from wrenchgap.viewer.page import Page
 
 pytestmark = pytest.mark.browser
 
 
-@pytest.fixture
-def page():
-    """A page that was started without anything."""
-    made = Page(session_of(Intake(), lambda share, words: None), port=0)
-    made.server.scene.configure_environment_map(hdri=None)
-    yield made
-    made.stop()
+class Pilot:
+    """Somebody at the page that was started without anything: who sees its words, clicks, fills in and drops."""
 
+    def __init__(self, browser, url, eventually):
+        self.tab = browser.new_page(viewport={"width": 1366, "height": 768})
+        self.eventually, self.errors = eventually, []
+        self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
+        self.tab.goto(url)
+        self.box = self.tab.locator('input[type="file"]:visible')
+        self.box.wait_for(timeout=90_000)
 
-def dropped(tab, box, path):
-    """Drag a file onto an element and let it go, by the events of the browser itself; no script has a part in it."""
-    place = box.bounding_box()
-    at = {"x": place["x"] + 0.5 * place["width"], "y": place["y"] + 0.5 * place["height"]}
-    browser = tab.context.new_cdp_session(tab)
-    data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
-    for kind in ("dragEnter", "dragOver", "drop"):
-        browser.send("Input.dispatchDragEvent", {"type": kind, **at, "data": data})
+    def sees(self, words, seconds=60.0):
+        """Wait for words on the page."""
+        self.eventually(lambda: words in self.text(), f"not on the page: {words}", seconds)
 
+    def text(self):
+        return str(self.tab.inner_text("body"))
 
-def test_from_a_dropped_log_to_the_error_that_falls(page, browser, once, tmp_path, eventually):
-    path = write_ulog(once("autopilot flight 1", lambda: flight(1)), tmp_path / "flight1.ulg")
-    errors: list[str] = []
-    tab = browser.new_page(viewport={"width": 1366, "height": 768})
-    tab.on("pageerror", lambda e: errors.append(str(e)))
-    tab.goto(page.url)
-    drop = tab.locator('input[type="file"]:visible')
-    drop.wait_for(timeout=90_000)
-    dropped(tab, drop, path)
+    def click(self, button):
+        self.tab.get_by_role("button", name=button, exact=True).locator("visible=true").first.click()
 
-    def text():
-        return str(tab.inner_text("body"))
+    def opens(self, name, seconds=120.0):
+        """Go to a tab, once there is one."""
+        found = self.tab.get_by_role("tab", name=name, exact=True)
+        self.eventually(lambda: found.count() > 0, f"no tab {name}", seconds)
+        found.last.click()
 
-    eventually(lambda: "mass [kg]" in text(), "no form after the check", 120.0)
-    assert "flight1.ulg" in text()
-    assert "in the air" in text()
-    mass = tab.locator('xpath=//*[normalize-space(text())="mass [kg]"]/following::input[1]').first
-    make = tab.get_by_role("button", name="Make the model, open the flights")
-    make.click()
-    eventually(lambda: "how many kilograms" in text(), "nothing says that the mass is missing")
-    mass.fill(str(MASS))
-    mass.press("Enter")
-    make.click()
-    effects = tab.get_by_role("tab", name="Effects", exact=True)
-    eventually(lambda: effects.count() > 0, "the flight was not opened", 120.0)
-    assert "assumed" in text()
-    effects.last.click()
+    def field(self, label):
+        return self.tab.locator(f'xpath=//*[normalize-space(text())="{label}"]/following::input[1]').first
 
-    def error():
-        found = re.search(r"([\d.]+) N\s*rms in all", text())
+    def fills(self, label, value):
+        self.field(label).fill(str(value))
+        self.field(label).press("Enter")
+
+    def chooses(self, label, option):
+        self.field(label).click()
+        self.tab.get_by_role("option", name=option, exact=True).click()
+
+    def drops(self, path):
+        """Drag a file onto the box and let it go, by the events of the browser itself; no script has a part in it."""
+        place = self.box.bounding_box()
+        at = {"x": place["x"] + 0.5 * place["width"], "y": place["y"] + 0.5 * place["height"]}
+        session = self.tab.context.new_cdp_session(self.tab)
+        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            session.send("Input.dispatchDragEvent", {"type": kind, **at, "data": data})
+        self.sees(f"{path.name}: ", 120.0)
+
+    def cancels(self, button):
+        """Begin work, and end it when it says what it does."""
+        self.click(button)
+        self.sees("starting")
+        self.eventually(lambda: "starting" not in self.text(), "the work never says what it does", 60.0)
+        self.click("Cancel")
+        again = self.tab.get_by_role("button", name=button, exact=True).locator("visible=true")
+        self.eventually(lambda: again.count() > 0, "the work was not ended")
+
+    def error(self):
+        """The error of the model that the page shows [N]."""
+        found = re.search(r"([\d.]+) m?N\s*rms in all", self.text())
         return float(found[1]) if found else None
 
-    before = eventually(error, "no error of the model", 60.0)
-    next(p for p in page.panels if isinstance(p, EffectsPanel)).choice.value = "com_offset"
-    tab.get_by_role("button", name="Add effect").click()
-    eventually(lambda: error() < 0.6 * before, "the error did not fall", 60.0)
-    assert errors == []
-    tab.close()
+
+@pytest.fixture
+def pilot(browser, eventually):
+    page = Page(session_of(Intake(), lambda share, words: None), port=0)
+    page.server.scene.configure_environment_map(hdri=None)
+    found = Pilot(browser, page.url, eventually)
+    yield found
+    found.tab.close()
+    page.stop()
+    assert found.errors == []
+
+
+@pytest.fixture
+def written(once, tmp_path):
+    """A log of a kind, with a hidden centre of mass."""
+
+    def log(kind):
+        if kind == "csv":
+            flown = once("crazyflie flight 1", lambda: crazyflie_tables.flight(1))
+            return crazyflie_tables.write_table(flown, tmp_path / "flight1.csv")
+        write = {"ulg": autopilot_logs.write_ulog, "bin": autopilot_logs.write_dataflash}[kind]
+        return write(once("autopilot flight 1", lambda: autopilot_logs.flight(1)), tmp_path / f"flight1.{kind}")
+
+    return log
+
+
+@pytest.mark.parametrize("kind", ["ulg", "bin", "csv"])
+def test_from_a_dropped_log_to_the_error_that_falls(pilot, written, kind):
+    pilot.drops(written(kind))
+    pilot.sees("mass [kg]", 120.0)
+    assert "in the air" in pilot.text()
+    make = "Make the model, open the flights"
+    if kind == "csv":
+        assert "Give its model below" in pilot.text()
+        pilot.chooses("model", "crazyflie")
+        pilot.eventually(lambda: "mass [kg]" not in pilot.text(), "a shipped model has its mass")
+        pilot.click(make)
+    else:
+        pilot.click(make)
+        pilot.sees("how many kilograms")
+        pilot.fills("mass [kg]", autopilot_logs.MASS)
+        pilot.click(make)
+        if kind == "bin":
+            pilot.sees('say "arm"')
+            pilot.fills("arm [m]", 0.26)
+            pilot.click(make)
+    pilot.opens("Effects")
+    before = pilot.eventually(pilot.error, "no error of the model", 60.0)
+    pilot.chooses("by name", "com_offset")
+    pilot.click("Add effect")
+    pilot.eventually(lambda: pilot.error() < 0.6 * before, "the error did not fall", 60.0)
+    pilot.opens("Logs")
+    assert " -m" not in pilot.text()
+    assert ("assumed: " in pilot.text()) == (kind != "csv")
+
+
+@pytest.fixture
+def two_crazyflies(pilot, written, once, tmp_path):
+    """A pilot with two logs and their model; the second one has a weak rotor, and is shown."""
+    pilot.drops(written("csv"))
+    pilot.sees("mass [kg]", 120.0)
+    pilot.chooses("model", "crazyflie")
+    pilot.click("Make the model, open the flights")
+    pilot.opens("Effects")
+    pilot.opens("Logs")
+    weak = once("crazyflie with a weak rotor", lambda: crazyflie_tables.flight(2, "rotor_thrust=rotor_0:-0.13"))
+    pilot.drops(crazyflie_tables.write_table(weak, tmp_path / "flight2.csv"))
+    pilot.opens("Changed")
+    pilot.chooses("flight", "flight2")
+    pilot.sees("suspect: flight2")
+    return pilot
+
+
+def test_the_search_and_the_comparison_with_a_second_log_can_be_cancelled(two_crazyflies):
+    two_crazyflies.cancels("What changed?")
+    two_crazyflies.opens("Effects")
+    two_crazyflies.cancels("Search")
+
+
+@pytest.mark.slow
+def test_the_comparison_with_a_second_log_names_the_rotor(two_crazyflies):
+    two_crazyflies.click("What changed?")
+    two_crazyflies.sees("Inspect M1", 280.0)
