@@ -8,7 +8,8 @@ docs/decisions/0014-validating-reader.md says why.
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -43,6 +44,7 @@ class Bounds:
     largest: float = 1e12  # size of a number
     smallest: float = 1e-15  # size of a number that is positive
     name: int = 200  # characters of a name: as many as a column of a table may have
+    rotors: int = 200  # of a vehicle, and arms: those that fly have some 40
 
 
 BOUNDS = Bounds()
@@ -136,6 +138,7 @@ class Table(BaseModel):
 
 
 AnyTable = TypeVar("AnyTable", bound=Table)
+T = TypeVar("T")
 
 
 def partial(table: type[Table]) -> type[Table]:
@@ -182,8 +185,13 @@ def values_of(
 
 
 LONGEST_TEXT, LONGEST_TOML = 2**24, 2**20
-"""Bytes of a file that is read as text, and characters of a TOML document, which take its parser 10 s; models have
-some 10,000."""
+"""Bytes of a file that is read as text, and characters of a TOML document; models have some 10,000."""
+STRINGS = re.compile(
+    r'"""(?:[^\\]|\\.)*?""""{0,2}|\'\'\'.*?\'\'\'\'{0,2}|"(?:[^"\\\n]|\\.)*+"?|\'[^\'\n]*+\'?|#[^\n]*', re.DOTALL
+)
+"""Strings and comments of TOML."""
+DEEP_KEY = re.compile(r"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){50}")
+"""A key within 50 others, which no file has: the parser of plain values takes the square of their number."""
 
 
 def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, remedy: str = "") -> str:
@@ -236,17 +244,23 @@ def sibling_file(folder: Path, name: str, ending: str, where: str) -> Path:
 
 def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:
     """A TOML document as plain values."""
-    return dict(toml_document(text, error).unwrap())
+    return _parsed(tomllib.loads, text, error)
 
 
 def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlkit.TOMLDocument:
-    """A TOML document with its comments."""
+    """A TOML document with its comments; ask `toml` first, as this may take a hundred times as long."""
+    return _parsed(tomlkit.parse, text, error)
+
+
+def _parsed(parse: Callable[[str], T], text: str, error: type[WrenchgapError]) -> T:
     if len(text) > LONGEST_TOML:
         raise error(f"is longer than {LONGEST_TOML:,} characters, which no file of wrenchgap is")
     if re.search(r"0[xob]\w{1000}", text):  # no decimal has as many digits, and messages write it as one
         raise error("is not TOML: a whole number of more than 64 bits")
+    if DEEP_KEY.search(STRINGS.sub("q", text)):
+        raise error("is not TOML that is read here: a key within 50 others")
     try:
-        return tomlkit.parse(text)
+        return parse(text)
     except RecursionError:
         raise error("is not TOML: tables or lists within one another without end") from None
     except Exception as found:  # a damaged document makes tomlkit raise many kinds

@@ -22,7 +22,7 @@ from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.named_columns import tables_of_columns
 from wrenchgap.flight.formats.reader import TableReader
-from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
 
 TIMES = {1: ("<I", 1_000_000), 2: ("<Q", 1_000)}
 """Of each version: the type of a time, and its unit [ns]."""
@@ -74,11 +74,14 @@ class CrazyflieUsdReader(TableReader):
     def _events(self, data: bytes) -> tuple[dict[int, Event], int]:
         """The events by their ids, and where the records begin; raises LogError for a header that is none."""
         version = int.from_bytes(data[1:3], "little")
-        at, found = START, {}
+        at, found, names = START, dict[int, Event](), set[str]()
         try:
             for _ in range(int.from_bytes(data[3:START], "little")):
                 number = int.from_bytes(data[at : at + 2], "little")
                 name, at = self._text(data, at + 2)
+                if number in found or name in names:
+                    raise ValueError(f"event {name[:80]!r}, which is there twice,")
+                names.add(name)
                 count, at = int.from_bytes(data[at : at + 2], "little"), at + 2
                 self.account.take(LIMITS.table_column * (count + 1), f"an event of {count:,} variables")
                 variables: dict[str, str] = {}
@@ -141,7 +144,7 @@ class CrazyflieUsdReader(TableReader):
             )
         if not len(stamps):
             return {}
-        order = np.argsort(stamps, kind="stable")
+        order = in_order(stamps, event.name, self.notes)
         with np.errstate(invalid="ignore"):  # damaged bytes may be a NaN that signals
             columns: Columns = {
                 name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)

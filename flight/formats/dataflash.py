@@ -20,7 +20,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.reader import TableReader, readable
-from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
 
 HEADER = 3
 """Bytes before a message: two of a mark, one of the type."""
@@ -157,7 +157,7 @@ def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]
     for instance in instances:
         rows = np.flatnonzero(known & (number == instance))
         stamps = columns[clock][rows].astype(np.int64) * unit
-        order = rows[np.argsort(stamps, kind="stable")]
         topic = f"{name}/{instance}" if instance else name
+        order = rows[in_order(stamps, topic, notes)]
         kept = {key: values[order] for key, values in columns.items() if key != "#"}
         yield Table(topic, f"ardupilot/{name}", np.sort(stamps), np.sort(stamps), kept)

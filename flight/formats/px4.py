@@ -25,6 +25,7 @@ from wrenchgap.flight.formats.standard_topics import (
     Messages,
     Stamps,
     are_pulses,
+    clocked,
     cropped,
     cubic_at,
     made_of,
@@ -38,8 +39,7 @@ _LISTED = """
     vehicle_attitude vehicle_local_position vehicle_odometry battery_status esc_status
     vehicle_attitude_groundtruth vehicle_local_position_groundtruth vehicle_angular_velocity_groundtruth
     vehicle_attitude_setpoint vehicle_local_position_setpoint trajectory_setpoint vehicle_rates_setpoint
-    vehicle_thrust_setpoint vehicle_torque_setpoint actuator_controls_0 actuator_motors
-    actuator_outputs actuator_armed
+    vehicle_thrust_setpoint vehicle_torque_setpoint actuator_controls_0 actuator_motors actuator_outputs actuator_armed
 """
 NAMES = frozenset(_LISTED.split())
 """Messages that something here is made of."""
@@ -303,21 +303,21 @@ def sampled(table: Table, oldest: int = 1_000_000_000) -> Stamps:
 
 def true(table: Table, *names: str) -> NDArray[np.bool_]:
     """Where (N,) none of the flags that the messages have is down."""
-    known = [np.asarray(table.columns[name], dtype=float) > 0 for name in names if name in table.columns]
-    return np.asarray(np.all(known, axis=0)) if known else np.ones(len(table), dtype=bool)
+    found = [table.columns[name].astype(float).reshape(len(table), -1) for name in names if name in table.columns]
+    return np.asarray((np.hstack(found) > 0).all(axis=1)) if found else np.ones(len(table), dtype=bool)
 
 
 def derived(
     tables: Mapping[str, Table], parameters: Mapping[str, float | int] | None = None
 ) -> tuple[dict[str, Table], list[str]]:
     """Topics made of the PX4 messages in a log, by name, and what to say of them; nothing where there are none."""
-    vehicles: dict[str, dict[str, Table]] = {}
+    vehicles, out, notes = dict[str, dict[str, Table]](), dict[str, Table](), list[str]()
     for topic, table in tables.items():
         if place := _place(topic, table.type):
-            space, name, instance = place
-            vehicles.setdefault(space, {}).setdefault(_numbered(name, instance), table)
-    out: dict[str, Table] = {}
-    notes: list[str] = []
+            if (timed := clocked(table, "timestamp")) is not None:
+                vehicles.setdefault(place[0], {}).setdefault(_numbered(*place[1:]), timed)
+            elif table.columns:
+                notes.append(f"{topic}: its messages have no number called timestamp, as PX4's have: left out.")
     for space, own in sorted(vehicles.items()):
         said = Messages(f"{space}/px4", own, parameters or {})
         made, words = made_of(said, (imus, odometries, references, wrenches, actuators, batteries), "PX4's topics")

@@ -6,8 +6,9 @@ Nothing is bridged: beyond the ends of the source, and inside its gaps, the valu
 what asks is averaged over the interval between the stamps, so that nothing above half the new rate is folded down.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,10 @@ class StandardTopic:
     log_time_ns: Stamps
     stamps: Stamps
 
+    def __post_init__(self) -> None:
+        if self.stamps.ndim != 1:
+            raise ValueError("a message has several stamps")
+
     def imu(self, omega_B: Array | None, specific_force_B: Array | None) -> Table:
         """Of gyroscope and accelerometer (N, 3); what is None was not measured."""
         columns = vector("angular_velocity", self._or_unknown(omega_B))
@@ -193,6 +198,14 @@ def taken(table: Table, rows: slice | NDArray[Any]) -> Table:
     return Table(table.topic, table.type, table.log_time_ns[rows], header, columns, table.problem)
 
 
+def clocked(table: Table, clock: str) -> Table | None:
+    """The table with arrays of one number as numbers; None where the field `clock` is no number in every message."""
+    columns = {name: v[:, 0] if v.shape[1:] == (1,) else v for name, v in table.columns.items()}
+    times = columns.get(clock)
+    known = times is not None and times.ndim == 1 and times.dtype.kind in "iuf"
+    return replace(table, columns=columns) if known else None
+
+
 def numbers(table: Table, *names: str) -> Array | None:
     """Fields (N, K) side by side; arrays give all their columns. None where the messages lack one, or it is a text."""
     if any(name not in table.columns or table.columns[name].dtype.kind not in "iufb" for name in names):
@@ -246,7 +259,8 @@ def made_of(
     made: list[tuple[str, Table]] = []
     for make in makers:
         try:
-            with np.errstate(invalid="ignore", over="ignore"):  # what is absurd is left out later, and counted
+            with np.errstate(invalid="ignore", over="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # what is absurd is left out later, and counted
                 made += [(source, table) for source, table in make(said) if len(table) > 1]
         except (ValueError, IndexError, TypeError) as error:
             said.notes.append(f"{said.prefix}: {make.__name__} could not be made of damaged messages ({error}).")

@@ -31,6 +31,13 @@ class Table:
         return len(self.log_time_ns)
 
 
+def in_order(stamps: NDArray[np.int64], what: str, notes: list[str]) -> NDArray[np.intp]:
+    """The order of N rows by their stamps [ns]; the notes are told where they were in another."""
+    if moved := int((stamps[1:] < stamps[:-1]).sum()):
+        notes.append(f"{what}: time goes back {moved} time(s); the rows were put in order.")
+    return np.argsort(stamps, kind="stable")
+
+
 def give_away(tables: Mapping[str, Table], keep: Collection[str]) -> None:
     """Let go of the columns of all topics but those to `keep`: nobody will ask for them any more."""
     for topic, table in tables.items():

@@ -25,7 +25,7 @@ from wrenchgap.flight.formats.headers import listed, meaning
 from wrenchgap.flight.formats.named_columns import tables_of_columns
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.standard_topics import Stamps
-from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -177,12 +177,9 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     stated = known[time]
     stamps, finite, said = _stamps(frame[time], "" if stated is None else stated.unit, time, reader.account)
     notes.append(said)
-    order = np.flatnonzero(finite)[np.argsort(stamps[finite], kind="stable")]
-    lost, moved = len(stamps) - len(order), int((np.diff(stamps[finite]) < 0).sum())
-    if lost:
+    if lost := int((~finite).sum()):
         notes.append(f"{lost} row(s) of {path.name} have no time: left out.")
-    if moved:
-        notes.append(f"{path.name}: time goes back {moved} time(s); the rows were put in order.")
+    order = np.flatnonzero(finite)[in_order(stamps[finite], path.name, notes)]
     columns, stamps = {name: values[order] for name, values in columns.items()}, stamps[order]
     if not len(stamps):
         return {}

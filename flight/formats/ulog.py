@@ -18,7 +18,7 @@ from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats.reader import TableReader, readable
-from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
 
 LATEST = 2**63 // 1000 - 1
 """No stamp [us] is later: it would not fit into nanoseconds."""
@@ -54,7 +54,7 @@ class UlogReader(TableReader):
                 self.account.take(
                     LIMITS.ulog_field * len(data.data) + 2 * data.data["timestamp"].base.nbytes, "messages"
                 )
-                found.append(_table(data))
+                found.append(_table(data, self.notes))
         if len(found) < len(log.data_list):
             self.notes.append(f"{len(log.data_list) - len(found)} topic(s) have no timestamp: left out.")
         return {table.topic: table for table in found if len(table)}
@@ -116,12 +116,11 @@ def _fields(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int
     return known[name]
 
 
-def _table(data: Any) -> Table:
+def _table(data: Any, notes: list[str]) -> Table:
     name = data.name if not data.multi_id else f"{data.name}/{data.multi_id}"
-    stamps = np.asarray(data.data["timestamp"])
-    order = np.argsort(stamps, kind="stable")
-    order = order[stamps[order] <= LATEST]
-    stamps = stamps.astype(np.int64) * 1000
+    known = np.flatnonzero(np.asarray(data.data["timestamp"]) <= LATEST)
+    stamps = np.asarray(data.data["timestamp"]).astype(np.int64) * 1000
+    order = known[in_order(stamps[known], name, notes)]
     kind = "px4_msgs/msg/" + "".join(word.capitalize() for word in data.name.split("_"))
     columns = {key: values[order] for key, values in _arrays(data.data).items()}
     return Table(name, kind, stamps[order], stamps[order], columns)

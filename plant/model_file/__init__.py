@@ -6,7 +6,6 @@ from pathlib import Path
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file.command import with_bench_table
 from wrenchgap.plant.model_file.reading import loads
 from wrenchgap.plant.model_file.writing import changed_since, content_hash, dumps, next_version, tool_version
 from wrenchgap.plant.reader import text_of
@@ -59,7 +58,7 @@ def load(name_or_path: str | Path) -> Model:
     path = find_model(name_or_path)
     text = text_of(path, "as a model file")
     try:
-        return replace(loads(with_bench_table(text, path.parent)), path=path)
+        return replace(loads(text, path.parent), path=path)
     except ModelError as error:
         raise ModelError(f"{path.name}: {error}") from None
 

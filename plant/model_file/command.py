@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -136,21 +137,23 @@ def table_of(curve: CommandCurve) -> dict[str, Any]:
     return out | ({"source": curve.source} if curve.source else {})
 
 
-def with_bench_table(text: str, folder: Path) -> str:
-    """The text of a model file, with a bench table in a file of its own inserted.
+def bench_table(command: Any, folder: Path | None) -> dict[str, Any] | None:
+    """The table [command] with the bench table in `folder` that it names inserted; None where it names none."""
+    if folder is None or not isinstance(command, dict) or not isinstance(command.get("table"), str):
+        return None
+    path = reader.sibling_file(folder, command["table"], ".csv", "command.table")
+    return {"source": f"bench table {path.name}"} | command | {"table": read_bench(path)}
+
+
+def with_bench_table(text: str, command: Mapping[str, Any]) -> str:
+    """The text of a model file with what `bench_table` gave.
 
     So a model that is written elsewhere still has it, and a bench table that was changed is noticed.
     """
-    if "[command]" not in text and "command" not in reader.toml(text):
-        return text
     document = reader.toml_document(text)
-    named = document.get("command", {})
-    if not isinstance(named, dict) or not isinstance(named.get("table"), str):
-        return text
-    file = str(named["table"])
-    columns = read_bench(reader.sibling_file(folder, file, ".csv", "command.table"))
-    named["table"] = tomlkit.value("{" + ", ".join(f"{head} = {values}" for head, values in columns.items()) + "}")
-    named.setdefault("source", f"bench table {Path(file).name}")
+    columns = ", ".join(f"{head} = {values}" for head, values in command["table"].items())
+    document["command"]["table"] = tomlkit.value("{" + columns + "}")
+    document["command"].setdefault("source", command["source"])
     return tomlkit.dumps(document)
 
 

@@ -3,6 +3,7 @@
 import re
 import shlex
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.effects.effect import Parameter
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
-from wrenchgap.plant.model_file.command import CommandTable
+from wrenchgap.plant.model_file.command import CommandTable, bench_table, with_bench_table
 from wrenchgap.plant.model_file.vehicle_table import VehicleTable
 from wrenchgap.plant.reader import (
     Axes,
@@ -218,10 +219,12 @@ class ModelTable(Table):
     history: tuple[VersionTable, ...] = ()
 
 
-def loads(text: str) -> Model:
-    """A model from the text of a model file; raises ModelError in one line."""
+def loads(text: str, folder: Path | None = None) -> Model:
+    """A model from the text of a model file; a bench table that it names lies in `folder`. Raises ModelError."""
     document = reader.toml(text)
     reader.check_schema(document, SCHEMA)
+    bench = bench_table(document.get("command"), folder)
+    document |= {} if bench is None else {"command": bench}
     table = reader.read(ModelTable, document, page=PAGE)
     vehicle = table.vehicle.vehicle()
     gains = reader.values_of(ControllerGains, table.controller, where="controller", page=PAGE)
@@ -237,7 +240,7 @@ def loads(text: str) -> Model:
         unmeasured=table.unmeasured,
         cutoff_hz=table.cutoff_hz,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
-        text=text,
+        text=text if bench is None else with_bench_table(text, bench),
         history=tuple(version.to_version() for version in table.history),
         notes=tuple(note for note in (table.vehicle.inertia_note, *(note for _, note in effects)) if note),
     )

@@ -215,6 +215,10 @@ class VehicleTable(Table):
 
         if not isinstance(values, dict) or not isinstance(values.get("arms"), list):
             return values
+        listed = (arm.get("rotors") for arm in values["arms"] if isinstance(arm, dict))
+        rotors = sum(len(one) for one in listed if isinstance(one, list))
+        if (most := max(len(values["arms"]), rotors)) > BOUNDS.rotors:
+            raise rule_error(f"arms: got {most:,} arms or rotors, expected {BOUNDS.rotors} at most")
         arms = [over(values.get("arm"), arm) for arm in values["arms"]]
         for arm in arms:
             if isinstance(arm, dict) and isinstance(arm.get("rotors"), list):

@@ -153,3 +153,13 @@ def test_an_ignored_interrupt_stays_ignored(tmp_path):
         signal.signal(signal.SIGINT, before)
     assert "True" in command.process.stdout.read()
     assert command.ended()[0] == 0
+
+
+def test_what_libraries_complain_of_after_a_signal_is_not_printed():
+    """A cluster of `batch` that was half up when SIGTERM came ended with sixty lines of its own."""
+    code = "import atexit, signal, sys; import wrenchgap.__main__ as m; import wrenchgap.replay.cli.main as cli\n"
+    code += "def work():\n    atexit.register(lambda: 1 / 0)\n    signal.raise_signal(signal.SIGTERM)\n"
+    code += "cli.TyperGroup.invoke = lambda *a: work()\n"
+    code += "sys.argv = ['wrenchgap', 'history', 'x']\nm.main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (143, "wrenchgap: interrupted; nothing was left half-written\n")

@@ -95,6 +95,8 @@ HOSTILE = {
     "a type that is none": header(2, [(7, "e", ["gyro.x(?)"])]) + b"\0" * 50,
     "a variable without a type": header(2, [(7, "e", ["gyro.x"])]) + b"\0" * 50,
     "a variable twice": header(2, [(7, "e", ["gyro.x(f)", "gyro.x(f)"])]) + b"\0" * 50,
+    "an event twice": header(2, [(7, "e", ["gyro.x(f)"]), (8, "e", ["a(f)"])]) + b"\0" * 50,
+    "a number for two events": header(2, [(7, "e", ["gyro.x(f)"]), (7, "f", ["a(f)"])]) + b"\0" * 50,
     "records of no event": header(2, [(7, "e", ["gyro.x(f)"])]) + b"\x09\x00" * 50,
 }
 
@@ -134,6 +136,14 @@ def test_damaged_numbers_are_read_without_a_word_of_numpy(logs, tmp_path):
 
 
 def test_a_header_of_very_many_variables_asks_the_budget_first(tmp_path):
-    data = b"".join(struct.pack("<H", i) + b"e\0" + struct.pack("<H", 1) + b"v(f)\0" for i in range(60_000))
+    data = b"".join(struct.pack("<H", i) + b"e%d\0" % i + struct.pack("<H", 1) + b"v(f)\0" for i in range(60_000))
     with pytest.raises(BudgetError):
         flight.load(save(tmp_path, struct.pack("<BHH", 0xBC, 2, 60_000) + data), budget="100MB")
+
+
+def test_a_clock_that_goes_back_is_said(tmp_path):
+    data = header(2, [(7, "e", [f"gyro.{axis}(f)" for axis in "xyz"])])
+    data += b"".join(record(2, 7, 0.01 * k - 0.105 * (k > 10), "3f", 0.1 * k, 0.0, 1.0) for k in range(20))
+    found = flight.load(save(tmp_path, data))
+    assert np.all(np.diff(found.imu.time) > 0)
+    assert "e: time goes back 1 time(s); the rows were put in order." in found.notes

@@ -15,7 +15,8 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.filters import angular_velocity
-from wrenchgap.flight.formats import read_log
+from wrenchgap.flight.formats import px4, read_log
+from wrenchgap.flight.formats.table import Table
 from wrenchgap.flight.formats.ulog import parameters
 from wrenchgap.learn.data.phases import never_flew
 from wrenchgap.plant.drafts import px4 as px4_draft
@@ -306,3 +307,36 @@ def test_numbers_of_a_damaged_log_that_are_none_are_left_out(autopilots, tmp_pat
     assert found.firmware == ""
     assert dict(found.parameters) == {"CA_ROTOR_COUNT": 2_000_000_000, "MC_ROLL_P": 6.5}
     assert px4_draft.rotors_of(found.parameters, "damaged") == ()
+
+
+def test_arrays_in_the_place_of_numbers_are_those_numbers_or_nothing(autopilots, tmp_path):
+    """An array (N, 1) beside numbers (N,) would make (N, N): 13 GB of a log of 3 MB."""
+    stamp, made = 1_000_000 + 2500 * np.arange(2000), autopilots.Ulog()
+    for name in ("vehicle_angular_velocity", "vehicle_acceleration"):
+        columns = {"timestamp": stamp, "timestamp_sample": stamp - 100, "xyz": np.tile([0.1, 0.2, -9.8], (2000, 1))}
+        made.topic(name, "uint64_t timestamp;uint64_t[1] timestamp_sample;float[3] xyz", columns)
+    found = flight.load(made.save(tmp_path / "a.ulg"))
+    np.testing.assert_allclose(found.imu.omega_B, np.tile([0.1, -0.2, 9.8], (2000, 1)), rtol=1e-6)
+    flags = Table("vehicle_local_position", "", stamp, None, {"xy_valid": np.ones((2000, 3)), "z_valid": np.ones(2000)})
+    assert px4.true(flags, "xy_valid", "z_valid").shape == (2000,)
+
+
+@pytest.mark.parametrize("stamps", [None, np.full(300, "x"), np.ones((300, 2))])
+def test_px4_messages_without_a_timestamp_are_left_out_and_named(stamps):
+    at, columns = np.arange(300) * 10_000_000, {} if stamps is None else {"timestamp": stamps}
+    columns["voltage_v"] = np.full(300, 15.0)
+    made, notes = px4.derived(
+        {"/battery_status": Table("/battery_status", "px4_msgs/msg/BatteryStatus", at, None, columns)}
+    )
+    assert made == {}
+    assert notes == ["/battery_status: its messages have no number called timestamp, as PX4's have: left out."]
+
+
+def test_a_clock_that_goes_back_is_said(autopilots, tmp_path):
+    made, stamp = autopilots.Ulog(), 1_000_000 + 10_000 * np.arange(100)
+    stamp[50:] -= 205_000
+    made.topic(
+        "battery_status", "uint64_t timestamp;float voltage_v", {"timestamp": stamp, "voltage_v": np.full(100, 15.0)}
+    )
+    seen = flight.inspect(made.save(tmp_path / "a.ulg"))
+    assert "battery_status: time goes back 1 time(s); the rows were put in order." in seen.notes
