@@ -102,6 +102,13 @@ class CommandCurve:
         return value if self.gives == "speed" else np.asarray(np.sqrt(value / rotors.c_f))
 
     @property
+    def span(self) -> tuple[float, float]:
+        """The smallest and the largest command of the curve."""
+        return (
+            (float(self.law.command.min()), float(self.law.command.max())) if isinstance(self.law, Bench) else self.ends
+        )
+
+    @property
     def uses_voltage(self) -> bool:
         """Whether the voltage of the battery has an effect."""
         measured = isinstance(self.law, Bench) and self.law.voltage is not None and np.ptp(self.law.voltage) > 0.0

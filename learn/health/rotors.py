@@ -81,17 +81,22 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
         except LogError:
             known = None
         if known is not None and known.unit == "rad/s":
-            turning, most = known.rotor_speed, model.vehicle.geometry()[1].speed_max
-            u = turning / np.where(np.isfinite(most), most, np.inf)
-            ends = (u <= ENDS.margin, u >= 1.0 - ENDS.margin) if np.isfinite(most).all() else None
-            return Thrusts(known.time, model.vehicle.geometry()[1].c_f * turning**2, rotors, ends)
+            most = model.vehicle.geometry()[1].speed_max
+            low, high = (0.0, most) if sent.unit == "rad/s" or model.command is None else model.command.span
+            ends = _at_ends((sent.rotor_speed - low) / (high - low)) if np.isfinite(high).all() else None
+            return Thrusts(known.time, model.vehicle.geometry()[1].c_f * known.rotor_speed**2, rotors, ends)
     if sent.unit == "rad/s":
         return Thrusts(sent.time, sent.rotor_speed**2, rotors)
     (low, high), factor, assumed = _curve(flight, sent)
     u = (sent.rotor_speed - low) / (high - low)
-    limits = None if assumed else (u <= ENDS.margin, u >= 1.0 - ENDS.margin)
+    limits = None if assumed else _at_ends(u)
     u = np.maximum(u, 0.0)  # below zero there is no thrust
     return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits)
+
+
+def _at_ends(u: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where commands from 0 to 1 are at the smallest, and at the largest: of the motors, whatever the battery gives."""
+    return u <= ENDS.margin, u >= 1.0 - ENDS.margin
 
 
 def _curve(flight: Flight, sent: ActuatorSeries) -> tuple[tuple[float, float], float, bool]:

@@ -73,10 +73,7 @@ def hover_command(model: Model, steps: int = 400) -> float | None:
     if curve is None or not vehicle.has_rotors:
         return None
     arms, rotors = vehicle.geometry()
-    low, high = curve.ends
-    table = getattr(curve.law, "command", None)
-    low, high = (low, high) if table is None else (table.min(), table.max())
-    commands = np.linspace(low, high, steps)
+    commands = np.linspace(*curve.span, steps)
     speeds = curve.speeds(np.repeat(commands[:, None], len(rotors), 1), None, vehicle)
     lift = (rotors.c_f * speeds**2) @ np.abs(arms.normal_B[rotors.arm, 2])
     carried = np.flatnonzero(lift >= vehicle.body.mass * GRAVITY)

@@ -10,15 +10,18 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wrenchgap as wg
 from tests.replay import health_logs
 from tests.replay.autopilot_logs import true_vehicle
 from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
+from wrenchgap import flight
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.write import write
+from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer
 from wrenchgap.replay.present.notes import grouped
@@ -217,6 +220,20 @@ def test_a_model_says_where_the_rotors_are(tmp_path):
     arm = float(np.max(np.hypot(*model.vehicle.geometry()[0].position_B[:, :2].T)))
     assert motors.shape == "centre of mass"
     assert motors.centre == pytest.approx((0.004 / arm, 0.0), abs=0.01)
+
+
+def test_a_motor_at_full_command_is_saturated_whatever_the_battery_gives(tmp_path):
+    """At 3.3 V full PWM turns no rotor of the model as fast as it could; of four seconds one is spent there."""
+    time = np.arange(0.0, 12.0, 0.01)
+    share = np.tile(0.8, (len(time), 4))
+    share[np.mod(time, 4.0) < 1.0, 2] = 1.0
+    columns = {"t": time, "acc.z": np.ones(len(time)), "pm.vbat": np.full(len(time), 3.3)}
+    columns |= dict.fromkeys(("acc.x", "acc.y", "gyro.x", "gyro.y", "gyro.z"), np.zeros(len(time)))
+    columns |= {f"motor.m{k + 1}": np.round(65535 * share[:, k]) for k in range(4)}
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    for model in (None, wg.load_model("crazyflie")):
+        _, full = thrusts_of(flight.load(tmp_path / "log.csv"), model).limits
+        np.testing.assert_allclose(full.mean(axis=0), [0.0, 0.0, 0.25, 0.0], atol=0.01)
 
 
 def test_only_flights_of_a_sound_vehicle_are_offered_as_healthy(tmp_path):
