@@ -39,6 +39,7 @@ FINER: dict[str, tuple[str, float]] = {
     "Nm": ("mNm", 1e3),
     "N": ("mN", 1e3),
     "kg m^2": ("g m^2", 1e3),
+    "N s^2/(m rad)": ("uN s^2/(m rad)", 1e6),
 }
 
 
