@@ -38,20 +38,19 @@ class RigidBody:
     gravity: float = GRAVITY
 
     def derivative(self, y: Array, wrench_B: Array) -> Array:
-        """Time derivative (13,) of y (13,) under a wrench (6,) about O."""
-        quat, omega = y[3:7], y[10:13]
-        motion = forward_dynamics(self.body, wrench_B[None], omega[None])
+        """Time derivative (..., 13) of y (..., 13) under a wrench (..., 6) about O."""
+        quat, omega = y[..., 3:7], y[..., 10:13]
+        motion = forward_dynamics(self.body, np.atleast_2d(wrench_B), np.atleast_2d(omega))
+        specific_force, omega_dot = (a.reshape(omega.shape) for a in (motion.specific_force_B, motion.omega_dot_B))
         # Inside a step |quat| is not quite one; without the division the result would depend on the choice of E.
-        acceleration = so3.rotate(so3.normalise(quat), motion.specific_force_B[0]) - self.gravity * np.array(
-            [0.0, 0.0, 1.0]
-        )
-        turning = 0.5 * so3.multiply(quat, np.concatenate((np.zeros(1), omega)))
-        return np.concatenate((y[7:10], turning, acceleration, motion.omega_dot_B[0]))
+        acceleration = so3.rotate(so3.normalise(quat), specific_force) - self.gravity * np.array([0.0, 0.0, 1.0])
+        turning = 0.5 * so3.multiply(quat, np.concatenate((np.zeros_like(omega[..., :1]), omega), axis=-1))
+        return np.concatenate((y[..., 7:10], turning, acceleration, omega_dot), axis=-1)
 
     def step(self, y: Array, wrench_B: Array, dt: float) -> Array:
-        """The state (13,) after `dt` [s] under a wrench (6,) about O, held in B; the quaternion has unit norm again."""
+        """The state (..., 13) after `dt` [s] under a wrench (..., 6) about O, held in B; of unit quaternion."""
         new = rk4(lambda at: self.derivative(at, wrench_B), y, dt)
-        return np.concatenate((new[:3], so3.normalise(new[3:7]), new[7:]))
+        return np.concatenate((new[..., :3], so3.normalise(new[..., 3:7]), new[..., 7:]), axis=-1)
 
 
 def rk4(derivative: Callable[[Array], Array], y: Array, h: float) -> Array:

@@ -12,9 +12,11 @@ from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.health import health as checking
 from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify import trend as trending
-from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.add import Addition, labels, model_of
 from wrenchgap.learn.identify.trend import Trend
+from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
+from wrenchgap.replay.prediction import HORIZONS, OpenLoop, open_loop
 
 
 @check_arguments
@@ -94,3 +96,21 @@ def trend(
     `thrust_scale` and `com_offset`.
     """
     return trending.trend(listed(flights), model_of(model).without_tolerances, effects, progress=progress)
+
+
+@check_arguments
+def predict(
+    flights: Flights,
+    model: Model | Addition,
+    *others: Model | Addition,
+    gp: GaussianProcess | None = None,
+    horizons: Sequence[float] = HORIZONS,
+    progress: Callable[[float, str], None] | None = None,
+) -> OpenLoop:
+    """How far models are off when they predict the motion from the logged commands alone, `horizons` [s] ahead.
+
+    From every sample of flights that were opened for `model`: errors of position [m], velocity [m/s], attitude [rad]
+    and body rates [rad/s], beside a motion that goes on as it began. Raises LogError where there is no odometry.
+    """
+    asked: Any = {"gp": gp, "horizons": horizons, "names": labels(model, *others), "progress": progress}
+    return open_loop(listed(flights, "predict"), model_of(model), [model_of(one) for one in others], **asked)

@@ -49,6 +49,7 @@ COMMANDS = {
     "calibrate": "calibrate train.mcap -m tilt_hexarotor -o calibrated.toml",
     "add": "add com_offset -m tilt_hexarotor --from train.mcap -o fitted.toml",
     "compare-against": "compare test.mcap -m tilt_hexarotor --against fitted.toml",
+    "predict": "predict test.mcap -m tilt_hexarotor --against fitted.toml",
     "history": "history fitted.toml",
     "model-show": "model show fitted.toml",
     "remove": "remove com_offset -m fitted.toml -o without.toml",

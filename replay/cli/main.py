@@ -28,7 +28,8 @@ from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
-    *(analysis.check, analysis.inspect, model.calibrate, analysis.compare, analysis.where, analysis.explain),
+    *(analysis.check, analysis.inspect, model.calibrate, analysis.compare),
+    *(logs.predict, analysis.where, analysis.explain),
     *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
     *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),

@@ -32,6 +32,7 @@ MODULES = {
     "Health": "health",
     "Learnt": "learning",
     "LogReport": "inspection",
+    "OpenLoop": "prediction",
     "Replay": "replay",
     "Report": "report",
     "Sheet": "model",

@@ -1,4 +1,4 @@
-"""Documents of `compare` and `where`."""
+"""Documents of `compare`, `predict` and `where`."""
 
 from __future__ import annotations
 
@@ -75,6 +75,33 @@ class Comparison(TypedDict):
 
 class Compare(Document, Comparison):
     pass
+
+
+class Quantity(TypedDict):
+    name: str
+    unit: str
+
+
+class PredictionErrors(TypedDict):
+    name: str
+    """`constant velocity`, then as in `compare`."""
+    mae: list[list[Number]]
+    """By horizon and quantity: mean of the length of the error."""
+    rmse: list[list[Number]]
+    limit: list[list[Number]] | None
+    """What 95 % of predictions should be off by at most."""
+    within: list[list[Number]] | None
+    """Share of predictions that are."""
+
+
+class Predict(Document):
+    summary: list[str]
+    flights: list[str]
+    starts: int
+    """Predictions."""
+    horizons_s: list[float]
+    quantities: list[Quantity]
+    models: list[PredictionErrors]
 
 
 class Budget(TypedDict):

@@ -27,6 +27,7 @@ def results(tmp_path_factory):
     return {
         "check": wg.check(logs),
         "compare": wg.compare(test, MODEL, added),
+        "predict": wg.predict(test, MODEL, added),
         "where": wg.where(train, MODEL),
         "explain": wg.explain(train, MODEL, names=["mass", "com_offset"], validate=test),
         "add": added,

@@ -24,8 +24,8 @@ def in_g(logs, tmp_path_factory):
 @pytest.mark.parametrize(
     "command",
     [
-        ("compare",), ("where",), ("explain",), ("learn", "-o", "x.gp"), ("report", "-o", "x.html"), ("trend",),
-        ("counterfactual", "-o", "x.mcap"), ("view",),
+        ("compare",), ("predict",), ("where",), ("explain",), ("learn", "-o", "x.gp"), ("report", "-o", "x.html"),
+        ("trend",), ("counterfactual", "-o", "x.mcap"), ("view",),
     ],
 )  # fmt: skip
 def test_every_command_stops_at_a_bad_log(command, run, in_g):

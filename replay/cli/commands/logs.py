@@ -1,4 +1,4 @@
-"""`wrenchgap simulate`, `convert` and `design`: flights flown, converted and planned."""
+"""`wrenchgap simulate`, `predict`, `convert` and `design`: flights flown, foretold, converted and planned."""
 
 import shlex
 from collections import Counter
@@ -8,8 +8,15 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Omit, Run
-from wrenchgap.replay.cli.values import complete_effects, complete_trajectories, parse_effects, parse_room, usage_error
+from wrenchgap.replay.cli.requests import DetailedRun, Omit, Run
+from wrenchgap.replay.cli.values import (
+    complete_effects,
+    complete_trajectories,
+    parse_effects,
+    parse_room,
+    parse_seconds,
+    usage_error,
+)
 
 
 def _list(asked: bool) -> None:
@@ -233,3 +240,36 @@ def design(
     if written:
         fly = shlex.join(["wrenchgap", "simulate", "-m", model, "-t", str(output), "-o", "flight.mcap"])
         run.line(f"next: {fly}{run.common_options(*READ)}, or fly it")
+
+
+def predict(
+    logs: o.Logs,
+    model: o.ModelOption,
+    against: o.Against = None,
+    gp: o.GpOption = None,
+    horizon: Annotated[
+        str | None, typer.Option("--horizon", metavar="S,S", help="How far ahead, in seconds. Default: 0.1,0.5,1.")
+    ] = None,
+    figure: o.Figure = None,
+    *,
+    reading: o.Reading,
+    run: DetailedRun,
+) -> None:
+    """Predict the motion from the logged commands alone, from every sample, and say how far off that is.
+
+    Position, velocity, attitude and body rates after each horizon: of a motion that goes on as it began, of the vehicle
+    without effects, of MODEL, other models and a GP. Give a flight that no model was fitted to.
+
+    Example: `wrenchgap predict test.mcap -m fitted.toml --horizon 0.1,0.5,1`
+    """
+    from wrenchgap.replay import api_flights
+
+    run.claim({"--figure": figure}, *logs, model, *(against or ()), gp)
+    base, others = run.model(model), [run.model(name, "against") for name in against or ()]
+    asked = {} if horizon is None else {"horizons": parse_seconds("--horizon", horizon)}
+    process = run.gp(gp)
+    with run.progress("predicting") as report:
+        flights, _ = run.open(reading.options, logs, base)
+        found = api_flights.predict(flights, base, *others, gp=process, progress=report, **asked)
+    run.result(found)
+    run.save("predict", found, figure=figure)

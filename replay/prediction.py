@@ -1,0 +1,260 @@
+"""Open-loop prediction: from the recorded state at a sample, what the logged commands make of it.
+
+The usual figure of vehicle identification: Newton and Euler are integrated from every start at once, with commands as
+logged and nothing corrected on the way, and the state at each horizon is compared with the recorded one: lengths of
+the errors of position, velocity, angle of the turn between the attitudes, body rates. A model is worth something
+beside "constant velocity", the motion that goes on with the velocity and the body rate of its start.
+
+States are those of `learn.data.recording`: odometry and IMU made one smooth motion, up to `CUTOFF_HZ`.
+
+How far a prediction may be off follows from two things. What the model leaves of the recorded motion as a wrench is
+put into predictions at other times of these flights (a block bootstrap: its spectrum, its size and its mean are those
+that the vehicle meets), and the model's values are drawn with their standard deviations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.measurement import Record, commands_of
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.data.recording import CUTOFF_HZ, recorded_motion, samples_over_periods
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.rigid_body import RigidBody, unpack
+from wrenchgap.plant.state import Commands, Motion, State, rows
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
+
+Index = NDArray[np.int_]
+
+QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
+"""What is compared, and its unit."""
+HORIZONS = (0.1, 0.5, 1.0)
+"""[s]"""
+NAIVE = "constant velocity"
+"""Name of the prediction without a model."""
+ROWS = 4096
+"""Starts that are integrated at once: their arrays stay in a processor's cache."""
+MOST_STARTS = 5000
+"""Of more samples so many, evenly spread: neighbours share all but one of their commands and say the same twice."""
+DRAWS, DRAWN = 8, 4000
+"""Draws of the model's values, and predictions of what may be off: of 4,000 errors 200 are beyond their quantile."""
+LIMIT = 0.95
+"""Share of predictions that should be off by no more than is said."""
+
+
+@dataclass(frozen=True)
+class PredictionErrors:
+    """Errors of one model: `mae`, `rmse` (H, 4) of H horizons and `QUANTITIES`, in their units.
+
+    `limit` (H, 4) is what 95 % of predictions should be off by at most, `within` (H, 4) the share that is; None of
+    the motion without a model.
+    """
+
+    name: str
+    mae: Array
+    rmse: Array
+    limit: Array | None = None
+    within: Array | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class OpenLoop(Result):
+    """Predictions of flights at `horizons` (H,) [s], each model from the same `starts`; the first without a model."""
+
+    flights: tuple[str, ...]
+    horizons: Array
+    starts: int
+    models: tuple[PredictionErrors, ...]
+    opened: tuple[OpenFlight, ...]
+    notes: tuple[object, ...] = ()
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """N samples of a flight, `dt` [s] apart: states `y` (N, 13), commands over the period from each sample on.
+
+    `motion` is the recorded one, `record` the same stretch as models are compared on it.
+    """
+
+    y: Array
+    state: State
+    motion: Motion
+    commands: Commands
+    dt: float
+    record: Record
+
+
+def open_loop(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    others: Sequence[Model] = (),
+    *,
+    gp: GaussianProcess | None = None,
+    horizons: Sequence[float] = HORIZONS,
+    names: Sequence[str] = (),
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> OpenLoop:
+    """Predict flights that were opened for `model` over `horizons` [s]: without a model, nominal, with effects, others.
+
+    A process acts as it does along the recorded flight. `names` are those of the model and of others, by default of
+    their files. Raises LogError where a flight lacks the odometry or is shorter than the longest horizon, UsageError
+    for horizons that are no positive numbers.
+    """
+    report = progress or (lambda fraction, words: None)
+    asked = np.unique(np.asarray(horizons, dtype=float))
+    if not len(asked) or not (np.isfinite(asked).all() and asked[0] > 0.0):
+        raise UsageError(f"--horizon {','.join(f'{h:g}' for h in horizons)}: expected positive numbers of seconds")
+    report(0.0, "recorded motion")
+    stretches = [s for one in flights for s in _stretches(one, model.vehicle)]
+    stride = 1 + sum(len(s.y) for s in stretches) // MOST_STARTS
+    every = [ahead for s in stretches if len((ahead := Ahead(s, _steps(asked, s.dt), stride)).starts)]
+    if not every:
+        longest = max(len(s.y) * s.dt for s in stretches)
+        raise LogError(
+            f"{flights[0].flight.path}: the longest stretch of flight lasts {longest:.1f} s, and the motion is "
+            f"predicted {asked[-1]:g} s ahead; ask for shorter ones with --horizon"
+        )
+    found, said = predictors(model, others, gp, flights[0].records[0].cutoff_hz, names)
+    notes: list[object] = [*said]
+    errors = [_errors(NAIVE, np.concatenate([ahead.errors(ahead.naive()) for ahead in every], axis=1))]
+    for k, one in enumerate(found):
+        report((k + 1) / (len(found) + 1), f"predicting with {one.name}")
+        usable, lacking = one.usable(model, [ahead.stretch.record for ahead in every])
+        notes += lacking
+        errors.append(_of_model(usable, every, np.random.default_rng(seed)))
+    count = sum(len(ahead.starts) for ahead in every)
+    flown = tuple(f.records[0].flight for f in flights)
+    told = tuple(dict.fromkeys((*notes, *(note for f in flights for note in f.notes))))
+    return OpenLoop(flown, asked, count, tuple(errors), tuple(flights), told)
+
+
+def _stretches(one: OpenFlight, vehicle: Vehicle) -> list[Stretch]:
+    """What flew of a flight."""
+    odometry = one.flight.odometry
+    if odometry is None or any(samples.quat_EB is None for samples in one.flown):
+        raise LogError(
+            f"{one.flight.path}: a prediction starts from the recorded position and attitude, and no topic plays the "
+            "role 'odometry' throughout; map one with --topic odometry=/your/topic"
+        )
+    out = []
+    for samples, record in zip(one.flown, one.records, strict=True):
+        held = samples_over_periods(samples, one.flight)
+        cutoff_hz = min(CUTOFF_HZ, 0.3 / samples.dt)
+        flown = recorded_motion(held, odometry, vehicle.imu_position_B, cutoff_hz=cutoff_hz)
+        s = flown.state
+        y = np.concatenate((s.position_E, s.quat_EB, s.velocity_E, s.omega_B), axis=1)
+        out.append(Stretch(y, s, flown.motion, commands_of(held, vehicle)[0], samples.dt, record))
+    return out
+
+
+def _steps(horizons: Array, dt: float) -> Index:
+    """Horizons in samples."""
+    return np.asarray(np.maximum(np.round(horizons / dt).astype(int), 1))
+
+
+class Ahead:
+    """Predictions of one stretch, which start at samples (`every` so many) that the longest of `steps` (H,) follows."""
+
+    def __init__(self, stretch: Stretch, steps: Index, every: int = 1) -> None:
+        self.stretch, self.steps = stretch, steps
+        self.starts = np.arange(0, max(len(stretch.y) - int(steps[-1]), 0), every)
+
+    def naive(self) -> Array:
+        """States (H, S, 13) of a motion that goes on with the velocity and the body rate of its start."""
+        y, out = self.stretch.y[self.starts], []
+        for time in self.steps * self.stretch.dt:
+            turned = so3.multiply(y[:, 3:7], so3.exp(time * y[:, 10:13]))
+            out.append(np.concatenate((y[:, :3] + time * y[:, 7:10], turned, y[:, 7:]), axis=1))
+        return np.array(out)
+
+    def states(self, model: WrenchModel, added: Array, starts: Index, left: Array | None = None) -> Array:
+        """States (H, S, 13) that a model predicts from `starts` (S,).
+
+        Wrenches about O act besides: `added` (N, 6) at their samples, `left` (S, steps, 6) in each prediction.
+        """
+        s, body = self.stretch, RigidBody(model.body)
+        commands, _ = model.command(s.commands, s.state, s.dt)
+        rates, _ = model.rates(commands, s.dt)
+        voltage = s.state.voltage
+        out = np.empty((len(self.steps), len(starts), s.y.shape[1]))
+        for part in (slice(k, k + ROWS) for k in range(0, len(starts), ROWS)):
+            y = s.y[starts[part]]
+            for k in range(int(self.steps[-1])):
+                now = starts[part] + k
+                at = unpack(s.state.time[now], y, None if voltage is None else voltage[now])
+                wrench = model.wrench(commands.take(now), at, None if rates is None else rows(rates, now)) + added[now]
+                y = body.step(y, wrench if left is None else wrench + left[part, k], s.dt)
+                out[self.steps == k + 1, part] = y
+        return out
+
+    def errors(self, states: Array) -> Array:
+        """Lengths of the errors (H, S, 4) of states (H, S, 13) that were predicted from `starts`."""
+        return lengths(states, self.stretch.y[self.starts + self.steps[:, None]])
+
+
+def lengths(one: Array, other: Array) -> Array:
+    """By how much states (..., 13) differ (..., 4), in the order of `QUANTITIES`: lengths, the angle of attitudes."""
+    a, b = (x.reshape(-1, x.shape[-1]) for x in (one, other))
+    turn = so3.log(so3.multiply(so3.conjugate(a[:, 3:7]), b[:, 3:7]))
+    parts = (a[:, :3] - b[:, :3], a[:, 7:10] - b[:, 7:10], turn, a[:, 10:] - b[:, 10:])
+    return np.stack([np.linalg.norm(part, axis=1) for part in parts], axis=1).reshape(*one.shape[:-1], len(parts))
+
+
+def _errors(name: str, errors: Array) -> PredictionErrors:
+    """Of errors (H, S, 4)."""
+    return PredictionErrors(name, errors.mean(axis=1), np.sqrt((errors**2).mean(axis=1)))
+
+
+def _of_model(one: Predictor, every: Sequence[Ahead], rng: np.random.Generator) -> PredictionErrors:
+    """Errors of a model, and what they should be within by what it leaves and does not know."""
+    found, drawn = [], []
+    for ahead in every:
+        s = ahead.stretch
+        added = _process(one, s)
+        found.append(ahead.errors(ahead.states(one.model, added, ahead.starts)))
+        flown = about_origin(one.model.body, measured_wrench(one.model.body, s.motion))
+        left = flown - one.model.actuate(s.commands, s.state, s.dt)[0] - added
+        draws = DRAWS if any(effect.std is not None for effect in one.model.effects) else 1
+        some, following = rng.choice(ahead.starts, DRAWN // draws), np.arange(ahead.steps[-1])
+        plain = ahead.states(one.model, added, some)
+        for _ in range(draws):
+            elsewhere = left[rng.choice(ahead.starts, len(some))[:, None] + following]
+            drawn.append(lengths(ahead.states(_drawn(one.model, rng), added, some, elsewhere), plain))
+    errors = np.concatenate(found, axis=1)
+    limit = np.quantile(np.concatenate(drawn, axis=1), LIMIT, axis=1)
+    return replace(_errors(one.name, errors), limit=limit, within=(errors <= limit[:, None]).mean(axis=1))
+
+
+def _process(one: Predictor, stretch: Stretch) -> Array:
+    """What a process adds (N, 6) about O along the recorded flight; zero where there is none."""
+    record, body = stretch.record, one.model.vehicle.body
+    if one.gp is None:
+        return np.zeros((len(stretch.y), 6))
+    more = one.predict(record, body) - replace(one, gp=None).predict(record, body)
+    added = np.stack([np.interp(stretch.state.time, record.time, column) for column in more.T], axis=1)
+    return about_origin(body, added)
+
+
+def _drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
+    """The model with values drawn within their standard deviations, and what is plausible."""
+    effects = []
+    for one in model.effects:
+        if one.std is not None:
+            low, high = np.array([(p.low, p.high) for p in one.effect.parameters(model.vehicle)]).T
+            drawn = one.theta + np.nan_to_num(one.std) * rng.standard_normal(len(one.theta))
+            one = replace(one, theta=np.clip(drawn, np.minimum(low, one.theta), np.maximum(high, one.theta)))
+        effects.append(one)
+    return WrenchModel(model.vehicle, tuple(effects))
