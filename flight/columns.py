@@ -46,6 +46,9 @@ def vector(table: Table, source: Source, quantity: str, where: str = "log") -> A
     missing = [name for name in names if name not in table.columns]
     if missing or not names:
         raise LogError(f"{where}: {source.topic} ({table.type}) has no field {(missing or [source.field])[0]!r}")
+    for name in names:
+        if (values := table.columns[name]).ndim != 1 or values.dtype.kind not in "iufb":
+            raise LogError(f"{where}: {source.topic} ({table.type}): field {name!r} is not one number in each message")
     return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
 
 

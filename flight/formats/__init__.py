@@ -262,7 +262,8 @@ class Collector:
 
 def _header_ns(columns: Columns) -> NDArray[np.int64] | None:
     """Header stamps [ns]; None where there is no header, or where all its stamps are zero."""
-    place = next((names for names in STAMPS if all(name in columns for name in names)), None)
+    numbers = {name for name, values in columns.items() if values.ndim == 1 and values.dtype.kind in "iuf"}
+    place = next((names for names in STAMPS if numbers.issuperset(names)), None)
     if place is None:
         return None
     seconds, nanoseconds = (columns[name] for name in place)

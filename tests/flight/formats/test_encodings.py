@@ -257,3 +257,15 @@ def test_stamps_that_no_clock_shows_are_counted_and_not_converted(motion, tmp_pa
     found = flight.load(path)
     assert found.imu.dropped == {"no stamp": 3}
     np.testing.assert_allclose(np.delete(TIME, [10, 11, 12]), found.imu.time, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "stamp", [{"sec": 5, "nanosec": 7}, {"sec": [5], "nanosec": [7, 8]}, {"sec": "x", "nanosec": 7}]
+)
+def test_arrays_where_a_message_of_json_has_numbers_are_one_line(tmp_path, stamp):
+    vector = {"x": [0.1], "y": [0.1, 0.2], "z": 9.8}
+    message = {"header": {"stamp": stamp}, "angular_velocity": vector, "linear_acceleration": vector}
+    payloads = [json.dumps(message).encode()] * 400
+    path = written(tmp_path / "log.mcap", [("/imu", "sensor_msgs/msg/Imu", "jsonschema", b"{}", "json", payloads)])
+    with pytest.raises(LogError, match=r"'angular_velocity\.x' is not one number in each message"):
+        flight.load(path)
