@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.measurement import Record, commands_of
@@ -46,6 +46,8 @@ NAIVE = "constant velocity"
 """Name of the prediction without a model."""
 ROWS = 4096
 """Starts that are integrated at once: their arrays stay in a processor's cache."""
+MOST_HORIZONS = 100
+"""Each keeps the states of all starts, 0.5 MB a copy; a curve has no more points that an eye sees."""
 MOST_STARTS = 5000
 """Of more samples so many, evenly spread: neighbours share all but one of their commands and say the same twice."""
 DRAWS, DRAWN = 8, 4000
@@ -111,18 +113,25 @@ def open_loop(
 
     A process acts as it does along the recorded flight. `names` are those of the model and of others, by default of
     their files. Raises LogError where a flight lacks the odometry or is shorter than the longest horizon, UsageError
-    for horizons that are no positive numbers.
+    for horizons that are no positive numbers or shorter than a sample, ModelError for a motion that grows beyond all.
     """
     report = progress or (lambda fraction, words: None)
     asked = np.unique(np.asarray(horizons, dtype=float))
     if not len(asked) or not (np.isfinite(asked).all() and asked[0] > 0.0):
         raise UsageError(f"--horizon {','.join(f'{h:g}' for h in horizons)}: expected positive numbers of seconds")
+    if len(asked) > MOST_HORIZONS:
+        raise UsageError(f"--horizon: names {len(asked)} horizons; expected {MOST_HORIZONS} at most")
     report(0.0, "recorded motion")
     stretches = [s for one in flights for s in _stretches(one, model.vehicle)]
     stride = 1 + sum(len(s.y) for s in stretches) // MOST_STARTS
-    every = [ahead for s in stretches if len((ahead := Ahead(s, _steps(asked, s.dt), stride)).starts)]
+    longest = max(len(s.y) * s.dt for s in stretches)
+    period = max(s.dt for s in stretches)
+    if asked[0] < 0.5 * period:
+        raise UsageError(f"--horizon {asked[0]:g}: expected seconds from the sample period of the log, {period:g}, on")
+    every = []
+    if asked[-1] < longest:  # else the number of steps may be none that an integer holds
+        every = [ahead for s in stretches if len((ahead := Ahead(s, _steps(asked, s.dt), stride)).starts)]
     if not every:
-        longest = max(len(s.y) * s.dt for s in stretches)
         raise LogError(
             f"{flights[0].flight.path}: the longest stretch of flight lasts {longest:.1f} s, and the motion is "
             f"predicted {asked[-1]:g} s ahead; ask for shorter ones with --horizon"
@@ -134,7 +143,8 @@ def open_loop(
         report((k + 1) / (len(found) + 1), f"predicting with {one.name}")
         usable, lacking = one.usable(model, [ahead.stretch.record for ahead in every])
         notes += lacking
-        errors.append(_of_model(usable, every, np.random.default_rng(seed)))
+        with np.errstate(over="ignore", invalid="ignore"):  # a motion without end is refused
+            errors.append(_of_model(usable, every, np.random.default_rng(seed)))
     count = sum(len(ahead.starts) for ahead in every)
     flown = tuple(f.records[0].flight for f in flights)
     told = tuple(dict.fromkeys((*notes, *(note for f in flights for note in f.notes))))
@@ -180,10 +190,12 @@ class Ahead:
             out.append(np.concatenate((y[:, :3] + time * y[:, 7:10], turned, y[:, 7:]), axis=1))
         return np.array(out)
 
-    def states(self, model: WrenchModel, added: Array, starts: Index, left: Array | None = None) -> Array:
+    def states(
+        self, model: WrenchModel, added: Array, starts: Index, left: Array | None = None, elsewhere: Index | None = None
+    ) -> Array:
         """States (H, S, 13) that a model predicts from `starts` (S,).
 
-        Wrenches about O act besides: `added` (N, 6) at their samples, `left` (S, steps, 6) in each prediction.
+        Wrenches about O act besides: `added` (N, 6) at their samples, `left` (N, 6) from samples `elsewhere` (S,) on.
         """
         s, body = self.stretch, RigidBody(model.body)
         commands, _ = model.command(s.commands, s.state, s.dt)
@@ -196,7 +208,9 @@ class Ahead:
                 now = starts[part] + k
                 at = unpack(s.state.time[now], y, None if voltage is None else voltage[now])
                 wrench = model.wrench(commands.take(now), at, None if rates is None else rows(rates, now)) + added[now]
-                y = body.step(y, wrench if left is None else wrench + left[part, k], s.dt)
+                if left is not None and elsewhere is not None:
+                    wrench = wrench + left[elsewhere[part] + k]
+                y = body.step(y, wrench, s.dt)
                 out[self.steps == k + 1, part] = y
         return out
 
@@ -228,13 +242,18 @@ def _of_model(one: Predictor, every: Sequence[Ahead], rng: np.random.Generator) 
         flown = about_origin(one.model.body, measured_wrench(one.model.body, s.motion))
         left = flown - one.model.actuate(s.commands, s.state, s.dt)[0] - added
         draws = DRAWS if any(effect.std is not None for effect in one.model.effects) else 1
-        some, following = rng.choice(ahead.starts, DRAWN // draws), np.arange(ahead.steps[-1])
+        some = rng.choice(ahead.starts, DRAWN // draws)
         plain = ahead.states(one.model, added, some)
         for _ in range(draws):
-            elsewhere = left[rng.choice(ahead.starts, len(some))[:, None] + following]
-            drawn.append(lengths(ahead.states(_drawn(one.model, rng), added, some, elsewhere), plain))
+            elsewhere = rng.choice(ahead.starts, len(some))
+            drawn.append(lengths(ahead.states(_drawn(one.model, rng), added, some, left, elsewhere), plain))
     errors = np.concatenate(found, axis=1)
     limit = np.quantile(np.concatenate(drawn, axis=1), LIMIT, axis=1)
+    if not (np.isfinite(errors).all() and np.isfinite(limit).all()):
+        raise ModelError(
+            f"{one.name}: the motion that it predicts grows beyond all numbers; check mass, inertia and effects of the "
+            "model, or ask for shorter predictions with --horizon"
+        )
     return replace(_errors(one.name, errors), limit=limit, within=(errors <= limit[:, None]).mean(axis=1))
 
 

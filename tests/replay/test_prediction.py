@@ -1,5 +1,7 @@
 """Predictions without correction: closed forms of a body, an independent quadrotor, and what the command says."""
 
+import tracemalloc
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 import wrenchgap as wg
 from tests.independent.flown_quadrotor import MODEL, Case, fly
 from wrenchgap.flight import so3
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import unpack
@@ -54,11 +56,9 @@ def test_a_wrench_besides_acts_where_it_is_put(pushed):
     ahead, model = pushed
     more = np.zeros((200, 6))
     more[:, 0] = 0.5
-    left = np.zeros((150, 50, 6))
-    left[:, :, 0] = 0.5
     for states in (
         ahead.states(model, more, ahead.starts),
-        ahead.states(model, 0.0 * more, ahead.starts, left),
+        ahead.states(model, 0.0 * more, ahead.starts, more, ahead.starts[::-1]),
     ):
         assert ahead.errors(states)[:, 7, 1] == pytest.approx(0.5 * DT * STEPS / MASS)
 
@@ -134,6 +134,39 @@ def test_a_flight_without_a_pose_or_too_short_is_refused(flown):
         wg.predict(flights[0], MODEL, horizons=[30.0])
     with pytest.raises(UsageError, match="expected positive numbers of seconds"):
         wg.predict(flights[0], MODEL, horizons=[0.1, -1.0])
+
+
+def test_horizons_that_no_step_of_the_log_is_are_refused(flown):
+    """They were once answered with one step, or ended in a traceback."""
+    flights, _ = flown
+    for horizons in ([1e300], [0.1, 1e18]):
+        with pytest.raises(LogError, match=r"predicted 1e.* s ahead; ask for shorter ones"):
+            wg.predict(flights[0], MODEL, horizons=horizons)
+    with pytest.raises(UsageError, match=r"--horizon 0\.001: expected seconds from the sample period of the log"):
+        wg.predict(flights[0], MODEL, horizons=[0.001, 0.5])
+    with pytest.raises(UsageError, match="names 2000 horizons; expected 100 at most"):
+        wg.predict(flights[0], MODEL, horizons=np.linspace(0.1, 1.0, 2000))
+
+
+def test_a_motion_that_grows_beyond_all_numbers_is_refused_without_warnings(flown):
+    """It was once answered with NaN, and was not worse than no model."""
+    flights, _ = flown
+    body = MODEL.vehicle.body
+    light = replace(MODEL.vehicle, body=replace(body, inertia=1e-9 * body.inertia))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ModelError, match="grows beyond all numbers; check mass, inertia"):
+            wg.predict(flights[0], replace(MODEL, vehicle=light))
+
+
+def test_the_wrenches_of_long_predictions_are_not_kept(flown):
+    """Of 4,000 predictions over 5 s at 125 Hz they would be 120 MB, of 60 s at 250 Hz 2.9 GB."""
+    flights, _ = flown
+    tracemalloc.start()
+    wg.predict(flights[0], MODEL, horizons=[5.0])
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 60e6
 
 
 def test_a_table_has_a_row_for_each_number_and_the_picture_a_panel_for_each_quantity(predicted):
