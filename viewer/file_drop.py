@@ -44,11 +44,14 @@ class FileDrop:
         host.drops[self._uuid] = self
         self._transfer, self._size, self._done, self._path = "", 0, 0, folder
         self._file: IO[bytes] | None = None
+        self._closed = False
         self._lock = threading.RLock()  # pieces come by the thread of the connections, `end` by any other
 
     def start(self, transfer: str, name: str, size: int) -> None:
         """A file of this name and size [bytes] begins to arrive; called by the inbox, of any client."""
         with self._lock:
+            if self._closed:
+                return
             self.end()
             self._transfer, self._size, self._done = transfer, size, 0
             try:
@@ -72,6 +75,12 @@ class FileDrop:
             if self._file is not None:
                 words = "did not come whole before the page changed, or before another file; drop it again"
                 self._refuse(UsageError(f"{self._path.name}: {words}"))
+
+    def close(self) -> None:
+        """End for good, before the page takes its controls away; a client may still send a file to it."""
+        with self._lock:
+            self.end()
+            self._closed = True
 
     def _written(self, content: bytes) -> None:
         assert self._file is not None

@@ -53,9 +53,9 @@ class Page(Host):
                 job.cancel()
             self.cursor.listeners.clear()
             for drop in self.drops.values():
-                drop.end()
-            self.drops.clear()
+                drop.close()
             self.gui.reset()
+            self.drops.clear()
             self.server.scene.reset()
             self._start(session)
 

@@ -85,6 +85,15 @@ def test_the_server_keeps_no_message_for_each_piece(page):
     drop.end()
 
 
+def test_a_file_that_comes_while_the_page_changes_is_not_begun(page):
+    """It was left on the disk, or ended the connection: its controls had gone."""
+    drop, kept_in = panel(page).drop, panel(page).intake.dropped
+    page.replace(page.session)
+    drop.start("a", "log.ulg", 10)
+    drop.part("a", b"x")
+    assert list(kept_in.iterdir()) == []
+
+
 def test_what_the_form_lacks_is_said_in_the_words_of_the_form(page):
     form = panel(page)
     form.mass.value = 1.2
