@@ -83,7 +83,8 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
         if known is not None and known.unit == "rad/s":
             most = model.vehicle.geometry()[1].speed_max
             low, high = (0.0, most) if sent.unit == "rad/s" or model.command is None else model.command.span
-            ends = _at_ends((sent.rotor_speed - low) / (high - low)) if np.isfinite(high).all() else None
+            commands = np.abs(sent.rotor_speed) if sent.unit == "rad/s" else sent.rotor_speed  # signs are of the spin
+            ends = _at_ends((commands - low) / (high - low)) if np.isfinite(high).all() else None
             return Thrusts(known.time, model.vehicle.geometry()[1].c_f * known.rotor_speed**2, rotors, ends)
     if sent.unit == "rad/s":
         return Thrusts(sent.time, sent.rotor_speed**2, rotors)

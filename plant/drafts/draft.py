@@ -113,7 +113,9 @@ class Draft:
 
 
 def completed(draft: Draft) -> Draft:
-    """The draft with everything that a model file needs. Raises ModelError where the mass or the rotors are missing."""
+    """The draft with everything that a model file needs. Raises ModelError where mass or rotors are missing,
+    or belong together in no unit.
+    """  # noqa: D205
     if draft.mass is None:
         raise ModelError(f"{draft.origin}: does not say what the vehicle weighs; weigh it and say --mass KG")
     if not draft.rotors:
@@ -133,6 +135,11 @@ def completed(draft: Draft) -> Draft:
     area = sum(np.pi * float(r.radius.value) ** 2 for r in rotors if r.radius is not None)
     loading, (least, most) = GRAVITY * mass / area, TYPICAL.disc_loading
     if not least < loading < most:  # most likely the mass or a length is in another unit
+        if not 0.1 * least < loading < 10.0 * most:
+            raise ModelError(
+                f"{draft.origin}: with {mass:g} kg the rotors would carry {loading:.3g} N per square metre of disc, "
+                f"where {least:g} to {most:g} are usual; say the mass in kilograms, arms and rotors in metres"
+            )
         note = (
             f"the rotors would carry {loading:.3g} N per square metre of disc, where {least:g} to {most:g} are usual: "
             "is the mass in kilograms, are arms and rotors in metres?"

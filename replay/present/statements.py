@@ -154,7 +154,7 @@ def _balance(motors: Motors, drift: str) -> str:
         return f"{said}. Give its model with -m, to see whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)
     less = f"{rotor(least.rotor)} {share(-least.deviation)} less, in no single pattern"
-    return f"{said}, {less}. Balance the vehicle first. {weak}"
+    return f"{said}, {less}. A sound vehicle may have this: compare an earlier log. Balance it first. {weak}"
 
 
 def _vibration(found: Vibration | None, motors: Motors | None) -> Iterator[Statement]:

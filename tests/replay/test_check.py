@@ -412,6 +412,14 @@ def test_files_are_written_though_whoever_reads_the_output_has_seen_enough(logs,
     assert {path.name for path in tmp_path.iterdir()} == {"p.html", "p.json"}
 
 
+def test_a_sign_of_the_spin_is_no_smallest_command(tmp_path):
+    """Rotor speeds as RotorS writes them: below zero where a rotor turns clockwise."""
+    flown = wg.simulate(wg.load_model("asymmetric_quadrotor"), "hover", duration=15.0, seed=1)
+    signed = replace(flown.actuators, rotor_speed=flown.actuators.rotor_speed * [1, -1, 1, -1])
+    log = write(replace(flown, actuators=signed), tmp_path / "signed.mcap")
+    assert wg.check(log, wg.load_model("asymmetric_quadrotor")).logs[0].motors.at_least == 0.0
+
+
 def test_logs_of_different_autopilots_are_asked_about(made):
     """They stand side by side all the same."""
     words = "are they of one vehicle?"

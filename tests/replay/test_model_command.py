@@ -143,7 +143,8 @@ def test_nothing_that_helps_leaves_the_model_as_it_is(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("-o", "x.toml"), "nothing to start from; say --from SOURCE, or --interactive"),
+        (("-o", "x.toml"), "nothing to start from; say --from SOURCE, or --mass KG"),
+        (("--frame", "quad_x", "--arm", "0.25", "--mass", "1500", "-o", "x.toml"), "say the mass in kilograms"),
         (("--from", "nix.ulg", "-o", "x.toml"), "no such file; expected .ulg"),
         (("--from", "here.param", "-o", "x.toml"), "say --mass KG"),
         (("--from", "here.param", "--mass", "0", "-o", "x.toml"), "--mass 0: expected a positive number"),
@@ -164,3 +165,15 @@ def test_a_log_that_is_no_log_is_refused(refused, tmp_path):
     assert "not a PX4 log" in refused("model", "new", "--from", "bad.ulg", "--mass", "1", "-o", "x.toml")
     (tmp_path / "bad.bin").write_bytes(b"\xa3\x95nothing")
     assert "bad.bin" in refused("model", "new", "--from", "bad.bin", "--mass", "1", "-o", "x.toml")
+
+
+def test_a_frame_its_arm_and_a_mass_are_a_model(run, tmp_path):
+    """Thrust at hover of four rotors that carry 1.5 kg; a shipped model is copied as it is."""
+    done = run("model", "new", "--frame", "quad_x", "--arm", "0.25", "--mass", "1.5", "-o", "quad.toml")
+    assert done.exit_code == 0, done.output
+    made = model_file.load(tmp_path / "quad.toml").vehicle
+    assert made.body.mass == 1.5
+    assert np.linalg.norm(made.arms.position_B, axis=1) == pytest.approx(np.full(4, 0.25), rel=1e-5)
+    assert run("model", "show", "crazyflie", "-o", "mine.toml").exit_code == 0
+    assert (tmp_path / "mine.toml").read_text() == model_file.find_model("crazyflie").read_text()
+    assert run("model", "show", "crazyflie", "-o", "mine.toml").exit_code == 2

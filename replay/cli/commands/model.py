@@ -48,8 +48,11 @@ def new(
     from wrenchgap.replay import api_models
 
     run.claim({"--output": output, "--figure": figure}, source)
-    if source is None and not interactive:
-        raise usage_error("model new: nothing to start from; say --from SOURCE, or --interactive to be asked")
+    if source is None and not interactive and None in (mass, frame, arm):
+        raise usage_error(
+            "model new: nothing to start from; say --from SOURCE, or --mass KG, --frame FRAME and --arm METRES, or "
+            "--interactive to be asked"
+        )
     given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
     allowed = parse_budget(budget)
@@ -89,18 +92,30 @@ def _positive(text: str) -> bool:
         return False
 
 
-def show(model: o.ModelFile, figure: o.Figure = None, *, run: Run) -> None:
+def show(
+    model: o.ModelFile,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the file as it is, to be changed.")
+    ] = None,
+    figure: o.Figure = None,
+    *,
+    run: Run,
+) -> None:
     """What a model file says, as it was understood: mass properties, rotors, the command curve, effects.
 
     With --figure a top view is drawn: arms, rotors with their direction of turn, centre of mass, IMU.
 
-    Example: `wrenchgap model show vehicle.toml --figure vehicle.png`
+    Example: `wrenchgap model show crazyflie -o mine.toml --figure mine.png`
     """
+    from wrenchgap.plant import model_file
     from wrenchgap.plant.drafts.draft import Sheet
 
-    run.claim({"--figure": figure}, model)
+    run.claim({"--output": output, "--figure": figure}, model)
     sheet = Sheet(run.model(model))
     run.result(sheet)
+    if output is not None:
+        model_file.save(sheet.model, output, force=run.force)
+        run.line(f"wrote model {output}")
     run.save("model", sheet, figure=figure)
 
 
