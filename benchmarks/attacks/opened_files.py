@@ -47,8 +47,8 @@ def opened(folder: Path) -> Outcome:
     names = [str(secret), "../secret.csv", "link.csv", "own.txt", "own.csv", "cell.csv", "fifo.csv", "/etc/passwd"]
     names += ["/dev/stdin", "file:///etc/passwd", "s3://bucket/x.csv", "C:\\\\secret.csv", "a\\u0000b.csv"]
     texts = [f'{VEHICLE}[command]\nunit = "pwm"\ntable = "{name}"\n' for name in names]
-    call = "loads(with_bench_table(line, pathlib.Path()))"
-    imports = "import pathlib\nfrom wrenchgap.plant.model_file import loads, with_bench_table"
+    call = "loads(line, pathlib.Path())"
+    imports = "import pathlib\nfrom wrenchgap.plant.model_file import loads"
     lines = told(inside, imports, call, texts)
     (inside / "m.toml").write_text(texts[7], encoding="utf-8")
     lines.append("refused: " + run(inside, "model", "show", "m.toml", expected=(2,)).stderr.decode().strip())

@@ -104,7 +104,7 @@ def summary(found: Explanation) -> str:
             return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
         return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
-    groups = "; ".join(" or ".join(group) for group in found.groups)
+    groups = "; ".join(map(_alike, found.groups))
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"Explained by {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
@@ -113,6 +113,12 @@ def summary(found: Explanation) -> str:
 
 def _joined(*sentences: str) -> str:
     return " ".join(filter(None, sentences))
+
+
+def _alike(group: Sequence[str], most: int = 3) -> str:
+    """What cannot be told apart; of many, the likeliest."""
+    more = len(group) - most
+    return " or ".join([*group[:most], *([f"{more} others (--details)"] if more > 0 else [])])
 
 
 def _confidence(found: Explanation, member: Member) -> str:

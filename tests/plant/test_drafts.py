@@ -261,8 +261,10 @@ def test_a_thrust_that_no_multirotor_has_is_not_believed():
     assert "is this a flight?" in found.notes[-1]
 
 
-def test_a_mass_in_grams_is_doubted():
-    draft = completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(1500.0, "scales")))
+def test_a_mass_in_grams_is_refused_and_a_heavy_one_doubted():
+    with pytest.raises(ModelError, match=r"with 1500 kg the rotors would carry .* say the mass in kilograms"):
+        completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(1500.0, "scales")))
+    draft = completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(40.0, "scales")))
     assert "is the mass in kilograms" in draft.notes[-1]
     assert completed(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Sourced(1.5, "scales"))).notes == ()
 
