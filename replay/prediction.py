@@ -5,7 +5,8 @@ logged and nothing corrected on the way, and the state at each horizon is compar
 the errors of position, velocity, angle of the turn between the attitudes, body rates. A model is worth something
 beside "constant velocity", the motion that goes on with the velocity and the body rate of its start.
 
-States are those of `learn.data.recording`: odometry and IMU made one smooth motion, up to `CUTOFF_HZ`.
+States are those of `learn.data.recording`: odometry and IMU made one smooth motion, up to `CUTOFF_HZ`. Effects on
+sensors do not act: the motion is taken as it was reported.
 
 How far a prediction may be off follows from two things. What the model leaves of the recorded motion as a wrench is
 put into predictions at other times of these flights (a block bootstrap: its spectrum, its size and its mean are those
@@ -47,7 +48,7 @@ NAIVE = "constant velocity"
 ROWS = 4096
 """Starts that are integrated at once: their arrays stay in a processor's cache."""
 MOST_HORIZONS = 100
-"""Each keeps the states of all starts, 0.5 MB a copy; a curve has no more points that an eye sees."""
+"""Each keeps the states of all starts, 0.5 MB a copy."""
 MOST_STARTS = 5000
 """Of more samples so many, evenly spread: neighbours share all but one of their commands and say the same twice."""
 DRAWS, DRAWN = 8, 4000
@@ -235,14 +236,15 @@ def _errors(name: str, errors: Array) -> PredictionErrors:
 def _of_model(one: Predictor, every: Sequence[Ahead], rng: np.random.Generator) -> PredictionErrors:
     """Errors of a model, and what they should be within by what it leaves and does not know."""
     found, drawn = [], []
+    draws = DRAWS if any(effect.std is not None for effect in one.model.effects) else 1
+    starts = sum(len(ahead.starts) for ahead in every)
     for ahead in every:
         s = ahead.stretch
         added = _process(one, s)
         found.append(ahead.errors(ahead.states(one.model, added, ahead.starts)))
         flown = about_origin(one.model.body, measured_wrench(one.model.body, s.motion))
         left = flown - one.model.actuate(s.commands, s.state, s.dt)[0] - added
-        draws = DRAWS if any(effect.std is not None for effect in one.model.effects) else 1
-        some = rng.choice(ahead.starts, DRAWN // draws)
+        some = rng.choice(ahead.starts, -(-DRAWN * len(ahead.starts) // (draws * starts)))
         plain = ahead.states(one.model, added, some)
         for _ in range(draws):
             elsewhere = rng.choice(ahead.starts, len(some))

@@ -202,10 +202,9 @@ def _effects(
 
 def _fixed_rotors(flights: Sequence[OpenFlight], model: Model) -> bool:
     """Whether rotors that do not tilt are known, with their commands on all flights."""
-    arms, _ = model.vehicle.geometry() if model.vehicle.has_rotors else (None, None)
-    return (
-        arms is not None and not arms.tilts.any() and not any(inapplicable(*ROTORS, model, f.records) for f in flights)
-    )
+    if not model.vehicle.has_rotors or model.vehicle.geometry()[0].tilts.any():
+        return False
+    return not any(inapplicable(*ROTORS, model, one.records) for one in flights)
 
 
 def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTrend, ...]:

@@ -118,8 +118,8 @@ def picture(found: OpenLoop) -> style.Picture:
 def _draw(found: OpenLoop, axes: Any) -> None:
     for k, (panel, name) in enumerate(zip(np.ravel(axes), QUANTITIES, strict=True)):
         factor, unit = _shown(name)
-        for number_, one in enumerate(found.models):
-            colour = style.NOISE if number_ == 0 else f"C{number_ - 1}"
+        for index, one in enumerate(found.models):
+            colour = style.NOISE if index == 0 else f"C{index - 1}"
             panel.plot(found.horizons, factor * one.rmse[:, k], "o-", ms=4.0, color=colour, label=one.name)
         style.labelled(panel, WORDS.get(name, name), unit)
         style.labelled(panel, "ahead", "s", "x")

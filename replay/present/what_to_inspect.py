@@ -55,7 +55,7 @@ ACTIONS = {
 """What to do, where an effect is of no single rotor or arm."""
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment")
 """Those of which a model that lacks them says that something is to be looked at."""
-NOTHING = "Of what these flights could have shown (below), nothing is to be inspected."
+NOTHING = "Of what these flights could have shown, nothing is to be inspected."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "

@@ -95,11 +95,12 @@ def test_a_model_that_is_right_predicts_another_engines_flight(predicted):
 
 
 def test_as_many_predictions_as_stated_are_off_by_no_more_than_is_said(predicted):
-    """Where the model is as good as the sensors, their noise counts as a disturbance and more are."""
+    """In gusts; in still air the model leaves hardly more than the noise of the sensors, and the share is rougher."""
     (_, nominal, known), (_, *gusty) = (found.models for found in predicted)
     for one in gusty:
         assert one.within == pytest.approx(np.full((3, 4), 0.95), abs=0.05)
-    assert (np.minimum(nominal.within, known.within) > 0.85).all()
+    assert (nominal.within > 0.9).all()
+    assert (known.within > 0.88).all()
 
 
 def test_gusts_widen_what_is_said(predicted):
