@@ -22,6 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from wrenchgap._escaping import printable
 from wrenchgap._kernels import refused_setting, removed_kernels
+from wrenchgap._signals import interrupt_of
 from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, export, logs, model, view
 from wrenchgap.replay.cli.requests import flat_command
 from wrenchgap.replay.cli.values import usage_error
@@ -81,9 +82,11 @@ def telling(words: str) -> Iterator[None]:
     """Say of an interrupt that there was one, and keep the code of its signal: typer makes it 130 without a word."""
     try:
         yield
-    except KeyboardInterrupt as error:
+    except BaseException as error:
+        if (interrupt := interrupt_of(error)) is None:
+            raise
         say(words)
-        raise typer.Exit(_code(error)) from None
+        raise typer.Exit(_code(interrupt)) from None
 
 
 def say(message: str) -> None:
@@ -99,9 +102,10 @@ def report(error: BaseException) -> int:
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, typer.Abort) and isinstance(error.__cause__, EOFError):  # of a file; a prompt's has no cause
         error = error.__cause__
-    if isinstance(error, (typer.Abort, KeyboardInterrupt)):
+    interrupt = interrupt_of(error)
+    if interrupt is not None or isinstance(error, typer.Abort):
         say("interrupted")
-        return _code(error.__cause__ or error)
+        return _code(interrupt or error)
     if isinstance(error, BrokenPipeError):  # the reader of our output, e.g. `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -67,11 +67,13 @@ def main() -> None:
         from wrenchgap.replay.cli.main import main as command_line  # long: not before signals are caught
 
         command_line()
-    except KeyboardInterrupt as error:  # while modules were imported
-        sys.stderr.write("wrenchgap: interrupted\n")
-        codes.append(getattr(error, "code", 130))
     except SystemExit as error:
         codes.append(error.code if isinstance(error.code, int) else int(error.code is not None))
+    except BaseException as error:  # while modules were imported
+        if (interrupt := _signals.interrupt_of(error)) is None:
+            raise
+        sys.stderr.write("wrenchgap: interrupted\n")
+        codes.append(getattr(interrupt, "code", 130))
     else:
         codes.append(0)
     if codes[0] > 128:  # by a signal, which is said: a cluster that was half up complains of its own end

@@ -36,6 +36,13 @@ class Interrupted(KeyboardInterrupt):
         self.code = 128 + number
 
 
+def interrupt_of(error: BaseException | None) -> KeyboardInterrupt | None:
+    """The interrupt behind an error: Python wraps one that hits the making of a class (`__set_name__`) in another."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error
+
+
 def catch() -> None:
     """Raise Interrupted at the next signal; one that is ignored, as of a command in the background, stays so."""
     for number in SIGNALS:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.core import TyperGroup
 
 import wrenchgap as wg
 from wrenchgap import flight
@@ -19,7 +21,7 @@ from wrenchgap.plant.effect_values import with_values
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.plant.trajectory.maneuvers import Moves, Tilt
-from wrenchgap.replay.cli.main import report
+from wrenchgap.replay.cli.main import app, report
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -284,6 +286,24 @@ def test_too_little_address_space_is_told_and_not_waited_for(tmp_path):
 def test_running_out_of_memory_is_no_fault_of_the_program(capsys):
     assert report(MemoryError()) == 2
     assert capsys.readouterr().err.startswith("wrenchgap: out of memory; use fewer or shorter logs, or raise the limit")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_a_class_is_made_is_an_interrupt(number, capsys, monkeypatch):
+    class Field:
+        def __set_name__(self, owner, name):
+            interrupt = KeyboardInterrupt()
+            interrupt.code = 128 + number
+            raise interrupt
+
+    def command(*_):
+        type("Encoded", (), {"fields": Field()})
+
+    monkeypatch.setattr(TyperGroup, "invoke", command)
+    with pytest.raises(SystemExit) as ended:
+        app(["inspect", "gone.mcap"])
+    assert ended.value.code == 128 + number
+    assert capsys.readouterr().err == "wrenchgap: interrupted; nothing was left half-written\n"
 
 
 def test_json_to_standard_output_is_all_that_is_there(logs, tmp_path):
