@@ -1,7 +1,7 @@
 """Public functions that make a model or look at one; the others are in `replay.api`."""
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -18,7 +18,8 @@ from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed, text_of
-from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, with_spins
+from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, parameters_of, with_spins
+from wrenchgap.plant.targets.written import Written, written
 
 
 @check_arguments
@@ -75,3 +76,49 @@ def calibrate(
     """
     found = calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)
     return refused_where_hidden(found, progress)
+
+
+@check_arguments
+def export_model(
+    model: Model | Addition,
+    target: str,
+    *,
+    parameters: str | Path | Mapping[str, float] | None = None,
+    origin: str = "",
+    budget: Budget | str | None = None,
+) -> Written:
+    """A model in the terms of an autopilot or a simulator; `text` of the result is the file, nothing is written.
+
+    Parameters
+    ----------
+    model
+        With rotors. Of an autopilot only what its effects' standard deviations say was identified is in the result; a
+        simulator gets the whole vehicle.
+    target
+        "px4", "ardupilot", "crazyflie"; "mjcf", "sdf", "urdf", "rotorpy" or "drone-models".
+    parameters
+        Those with which the logs were flown: a log of PX4 (.ulg) or ArduPilot (.bin), a parameter file, or a mapping.
+    origin
+        A line for the top of the file, by default the model's name.
+    budget
+        What reading a log may take.
+
+    Returns
+    -------
+    Written
+        The text, parameters with standard deviations, and what the target cannot say.
+
+    Raises
+    ------
+    ModelError
+        For a model without rotors, rotors that the target cannot have, and nothing identified for an autopilot.
+    UsageError
+        For an unknown target.
+    LogError
+        For a log that cannot be read.
+    """
+    if isinstance(parameters, str | Path):
+        parameters = parameters_of(Path(parameters), budget)
+    mine = model_of(model)
+    words = origin or f"{mine.name}, by wrenchgap {model_file.tool_version()}"
+    return written(mine, target, parameters, words)

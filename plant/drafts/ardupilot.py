@@ -53,7 +53,10 @@ TYPES: dict[float, str] = {0: "plus", 1: "x", 3: "h", 12: "bf_x", 13: "dji_x", 1
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Parameters of a file with `NAME,VALUE` or `NAME VALUE` a line; # begins a comment. Raises ModelError."""
+    """Parameters of a file with `NAME,VALUE` or `NAME VALUE` a line; # begins a comment. Raises ModelError.
+
+    Lines of QGroundControl have two numbers before and one behind: vehicle, component, NAME, VALUE, type.
+    """
     found: dict[str, float] = {}
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -63,6 +66,8 @@ def read_parameters(path: Path) -> dict[str, float]:
         words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue
+        if len(words) == 5 and words[0].isdecimal():
+            words = words[2:4]
         try:
             found[words[0].upper()] = value = float(words[1])
         except (IndexError, ValueError):

@@ -147,6 +147,22 @@ def _ardupilot(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     return _level(_over(draft, user), flown)
 
 
+def parameters_of(path: Path, budget: Budget | str | None = None) -> dict[str, float]:
+    """Parameters of an autopilot in a log or a file; UsageError for another kind, LogError, ModelError."""
+    from wrenchgap.flight.formats import dataflash, ulog
+
+    if not path.is_file():
+        raise UsageError(f"{path}: no such file; expected a log of PX4 or ArduPilot, or its parameters")
+    match path.suffix.lower():
+        case ".ulg":
+            return dict(ulog.parameters(path, budget))
+        case ".bin" | ".log":
+            return dict(dataflash.parameters(path, budget))
+        case ".param" | ".params" | ".parm":
+            return ardupilot.read_parameters(path)
+    raise UsageError(f"{path}: expected parameters of an autopilot: .ulg (PX4), .bin or .log (ArduPilot), .params")
+
+
 def _level(draft: Draft, flown: Flight | None) -> Draft:
     """The draft with the flight's rate, and with the level of its thrust curve from the flight unless it is known."""
     if flown is None:

@@ -38,6 +38,7 @@ MODULES = {
     "Sheet": "model",
     "Trend": "trend",
     "Where": "where",
+    "Written": "written",
 }
 """Which module presents which result, by the name of its class: imported when one is printed, not before."""
 

@@ -1,6 +1,7 @@
 """`wrenchgap model new`, `model show`, `add`, `calibrate`, `remove`, `history`: model files."""
 
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,21 @@ import typer
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, usage_error
+
+
+class Target(StrEnum):
+    """What `write` writes for, of `plant.targets`."""
+
+    px4, ardupilot, crazyflie, mjcf, sdf, urdf, rotorpy = (
+        "px4",
+        "ardupilot",
+        "crazyflie",
+        "mjcf",
+        "sdf",
+        "urdf",
+        "rotorpy",
+    )
+    drone_models = "drone-models"
 
 
 def new(
@@ -213,6 +229,46 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
     run.line(f"removed {', '.join(names)} from {base.name}")
     run.show(*([model_table(saved)] if saved.effects else []))
     run.write_model("remove", {"removed": names, "effects": effects_json(saved.snapshot)}, saved, output)
+
+
+def write(
+    model: o.ModelFile,
+    target: Annotated[Target, typer.Option("--to", help="An autopilot, a format of robot descriptions, a simulator.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="File to write; none: look at it only.")
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG|FILE", help="Parameters that were set: a log of PX4 or ArduPilot, or a file of them."
+        ),
+    ] = None,
+    budget: o.BudgetOption = None,
+    *,
+    run: Run,
+) -> None:
+    """Write what was identified for an autopilot, or the vehicle for a simulator.
+
+    An autopilot's file has the parameters that fitted effects of MODEL move, each with its standard deviation and what
+    was set before; what no parameter can say is listed. Look at every value before it flies.
+
+    Example: `wrenchgap write fitted.toml --to px4 --parameters flight.ulg -o fitted.params`
+    """
+    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.replay import api_models
+
+    run.claim({"--output": output}, model, parameters)
+    read = run.model(model)
+    if parameters is not None:
+        run.note_input(parameters, "parameters")
+    made = api_models.export_model(
+        read, target.value, parameters=parameters, origin=run.command_line(), budget=parse_budget(budget)
+    )
+    run.result(made)
+    if output is not None:
+        with atomic(output) as partial:
+            partial.write_text(made.text, encoding="utf-8")
+    run.write("write", made.to_json(), **{target.value: output})
 
 
 def history(model: o.ModelFile, *, run: Run) -> None:

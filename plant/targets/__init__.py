@@ -1,0 +1,1 @@
+"""A model in the terms of another program: parameters of autopilots, descriptions of simulators."""

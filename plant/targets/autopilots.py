@@ -1,0 +1,178 @@
+"""Parameters of PX4, ArduPilot and the Crazyflie's firmware that say what was identified, and nothing else.
+
+Body frames of PX4 and ArduPilot are forward, right, down: (x, y, z) in B is (x, -y, -z) there, also of small rotations.
+
+PX4         CA_ROTORn_P* [m] from the centre of mass, _A* the thrust's direction, _KM the drag torque per thrust [m],
+            positive for a rotor that turns counter-clockwise, _CT relative to the other rotors. THR_MDL_FAC f: thrust
+            goes with f s^2 + (1 - f) s of the signal s, and a command u (`actuator_motors`) is sent as the s for which
+            that is u; MPC_THR_HOVER is u in hover. SENS_BOARD_*_OFF [deg] turn vectors from the board to the body, on
+            top of those with which the log was made.
+ArduPilot   MOT_THST_EXPO f, likewise over the range of the motors' spin, MOT_THST_HOVER; INS_POS1_* [m]; AHRS_TRIM_X,
+            _Y [rad] turn vectors from the board to the body (the logged IMU does not have them).
+Crazyflie   thrust of a motor [N] = quadSysId.pwmToThrustA d^2 + pwmToThrustB d of the duty d, thrustToTorque [m],
+            mass [kg] and moments of inertia [kg m^2] of the Lee controller.
+
+Sources: parameter references of PX4 and ArduPilot; PX4 "Control Allocation"; AP_AHRS `update_trim_rotation_matrices`,
+PX4 `GetSensorLevelAdjustment`; crazyflie-firmware, power_distribution_quadrotor.c, controller_lee.c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.drafts.ardupilot import USUAL
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, propagated, values_of
+
+Parameters = Mapping[str, float]
+
+CT = 6.5
+"""PX4's default of CA_ROTORn_CT."""
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """A firmware: `parameters` makes its own from values (`quantities.values_of`) and parameters as they were.
+
+    `uses` are the quantities behind them, `limits` what the firmware takes, by the end of a name, `relative` the values
+    from which parameters are counted where it is not known which were set. `curve` are the names
+    of its thrust factor and of its command in hover, `factor` what the first is where nobody set it; where `linearises`
+    shares of full command are shares of thrust, and not signals.
+    """
+
+    name: str
+    parameters: Callable[[Values, Parameters], Values]
+    uses: frozenset[str]
+    limits: Mapping[str, tuple[float, float]]
+    curve: tuple[str, str] | None = None
+    factor: float = 0.0
+    linearises: bool = False
+    relative: str = ""
+
+    def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
+        """The parameters, with standard deviations and the effects that move each."""
+        if self.curve is None or model.command is None:
+            return propagated(model, lambda values: self.parameters(values, before))
+        old = before.get(self.curve[0], self.factor)
+        sent = old if self.linearises and model.command.unit == "normalised" else 0.0
+        identified = propagated(model, lambda v: {"factor": np.array(_factor(v, sent))})["factor"].identified
+        names = self.curve
+
+        def every(values: Values) -> Values:
+            factor, signal = _factor(values, sent), _signal(float(values["signal"]), sent)
+            used = factor if identified else old  # what the firmware has when the other is set
+            hover = used * signal**2 + (1.0 - used) * signal
+            return self.parameters(values, before) | dict(zip(names, np.array((factor, hover)), strict=True))
+
+        return propagated(model, every)
+
+    def check(self, model: Model, before: Parameters) -> None:
+        """Raise ModelError for parameters of another firmware, or of rotors in another order than the model's."""
+        own = {*self.parameters(values_of(model, []), {}), *(self.curve or ())}
+        if before and not before.keys() & own:
+            raise ModelError(
+                f"{model.name}: the parameters that were set are none of {self.name}'s; give those of its log"
+            )
+        arms, rotors = model.vehicle.geometry()
+        for r, place_B in enumerate(arms.position_B[rotors.arm] - model.vehicle.body.com_B):
+            name = f"CA_ROTOR{r}_P"
+            if f"{name}X" not in before:
+                continue
+            mine, theirs = frd(place_B)[:2], np.array([before[f"{name}X"], before.get(f"{name}Y", 0.0)])
+            if mine @ theirs < 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs):  # cos 45 deg: that of another rotor
+                raise ModelError(
+                    f"{model.name}: rotor {r} is at x {mine[0]:.3g}, y {mine[1]:.3g} m (forward, right), {name}X and Y "
+                    f"are {theirs[0]:.3g}, {theirs[1]:.3g}; put the rotors of the model in the autopilot's order"
+                )
+
+    def refused(self, name: str, value: float) -> str | None:
+        """Why a value is none for this firmware, None where it is one."""
+        low, high = next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))
+        return None if low <= value <= high else f"{name} would be {value:.4g}, {self.name} takes {low:g} to {high:g}"
+
+
+def frd(vector_B: Array) -> Array:
+    """From B (forward, left, up) to the autopilots' body frame (forward, right, down), vectors and small rotations."""
+    return np.asarray(vector_B * np.array([1.0, -1.0, -1.0]))
+
+
+def _factor(values: Values, sent: float) -> float:
+    """The factor f of the thrust curve f s^2 + (1 - f) s over the signal s, of commands made with the factor `sent`."""
+    if not np.isfinite(values["signal"]):
+        return float("nan")
+    s = FLOWN * _signal(float(values["signal"]), sent)
+    u = sent * s**2 + (1.0 - sent) * s
+    linear, square = np.linalg.lstsq(np.stack((s, s**2), axis=1), values["by_signal"] @ [u, u**2], rcond=None)[0]
+    return float(square / (linear + square))
+
+
+def _signal(command: float, sent: float) -> float:
+    """The signal s with sent s^2 + (1 - sent) s = command."""
+    if sent < 1e-9:
+        return command
+    return float((np.sqrt((1.0 - sent) ** 2 + 4.0 * sent * command) - (1.0 - sent)) / (2.0 * sent))
+
+
+def _px4(values: Values, before: Parameters) -> Values:
+    out: Values = {}
+    places, directions = frd(values["hub"] - values["com"]), frd(values["direction"])
+    for r, (place, along) in enumerate(zip(places, directions, strict=True)):
+        rotor = f"CA_ROTOR{r}_"
+        out |= {f"{rotor}P{axis}": place[k] for k, axis in enumerate("XYZ")}
+        out |= {f"{rotor}A{axis}": along[k] for k, axis in enumerate("XYZ")}
+        out |= {f"{rotor}KM": -values["yaw"][r], f"{rotor}CT": before.get(f"{rotor}CT", CT) * values["balance"][r]}
+    out |= {f"EKF2_IMU_POS_{axis}": x for axis, x in zip("XYZ", frd(values["imu"] - values["com"]), strict=True)}
+    for axis, angle in zip("XYZ", np.degrees(frd(values["misalignment"])), strict=True):
+        out[f"SENS_BOARD_{axis}_OFF"] = before.get(f"SENS_BOARD_{axis}_OFF", 0.0) + angle
+    return out
+
+
+def _ardupilot(values: Values, before: Parameters) -> Values:
+    del before
+    out: Values = {f"INS_POS1_{axis}": x for axis, x in zip("XYZ", frd(values["imu"] - values["com"]), strict=True)}
+    return out | {f"AHRS_TRIM_{axis}": frd(values["misalignment"])[k] for k, axis in enumerate("XY")}
+
+
+def _crazyflie(values: Values, before: Parameters) -> Values:
+    del before
+    out: Values = {"quadSysId.thrustToTorque": np.abs(values["yaw"]).mean(), "ctrlLee.mass": values["mass"]}
+    out |= {f"ctrlLee.J_{axis}": values["inertia"][k, k] for k, axis in enumerate("xyz")}
+    if "by_signal" in values:
+        out |= dict(zip(("quadSysId.pwmToThrustB", "quadSysId.pwmToThrustA"), values["by_signal"], strict=True))
+    return out
+
+
+AUTOPILOTS = {
+    "px4": Autopilot(
+        "PX4",
+        _px4,
+        frozenset({"mass", "com", "direction", "balance", "yaw", "imu", "misalignment", "level", "curve"}),
+        {"_KM": (-1.0, 1.0), "_CT": (0.0, 100.0), "_OFF": (-45.0, 45.0), "THR_MDL_FAC": (0.0, 1.0)}
+        | {"MPC_THR_HOVER": (0.1, 0.8)},
+        ("THR_MDL_FAC", "MPC_THR_HOVER"),
+        linearises=True,
+        relative=f"CA_ROTOR*_CT {CT}, THR_MDL_FAC 0 and SENS_BOARD_*_OFF 0, PX4's defaults",
+    ),
+    "ardupilot": Autopilot(
+        "ArduPilot",
+        _ardupilot,
+        frozenset({"mass", "imu", "misalignment", "level", "curve"}),
+        {"INS_POS1_X": (-5.0, 5.0), "INS_POS1_Y": (-5.0, 5.0), "INS_POS1_Z": (-5.0, 5.0)}
+        | {"AHRS_TRIM_X": (-0.1745, 0.1745), "AHRS_TRIM_Y": (-0.1745, 0.1745)}
+        | {"MOT_THST_EXPO": (-1.0, 1.0), "MOT_THST_HOVER": (0.125, 0.6875)},
+        ("MOT_THST_EXPO", "MOT_THST_HOVER"),
+        USUAL["MOT_THST_EXPO"],
+    ),
+    "crazyflie": Autopilot(
+        "the Crazyflie's firmware",
+        _crazyflie,
+        frozenset({"mass", "inertia", "yaw", "level", "curve"}),
+        {"mass": (0.01, 1.0)},
+    ),
+}
+"""Limits of PX4 and ArduPilot: their parameter references."""

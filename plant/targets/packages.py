@@ -1,0 +1,83 @@
+"""Parameters of simulators in Python: RotorPy's `quad_params`, drone-models' `first_principles`. Rotors thrust along z.
+
+RotorPy: from the centre of mass; a rotor makes k_eta Omega^2 along z, rotor_directions k_m Omega^2 about it, and at its
+hub -Omega (k_d, k_d, k_z) v; the hull -|v| c_D v. So linear drag is put at the hubs, in proportion to their speeds, and
+quadratic drag is exact along one axis at a time.
+drone-models: thrust and torque are polynomials in revolutions a minute, mixing_matrix has the arms over L and the signs
+of the torques, drag_matrix v is the force, speeds approach their commands at rates rotor_dyn_coef [1/s].
+Sources: rotorpy 3.0 (vehicles/multirotor.py), drone-models 0.1 (first_principles/model.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import tomlkit
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.targets.quantities import Values
+from wrenchgap.plant.targets.robots import INSTANT
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+
+PER_RPM = 2.0 * np.pi / 60.0
+"""[rad/s] of one revolution a minute."""
+
+
+def rotorpy(vehicle: Vehicle, values: Values) -> str:
+    """A Python module with `quad_params`. Raises ModelError for rotors that RotorPy cannot have."""
+    _, rotors = vehicle.geometry()
+    _check_upward(vehicle, values, "RotorPy")
+    if len(rotors) != 4:
+        raise ModelError(f"{vehicle.name}: has {len(rotors)} rotors; RotorPy inverts the allocation of four")
+    arms, J = values["hub"] - values["com"], values["inertia"]
+    k_eta = float(values["level"] / np.mean(values["hover"] ** 2))
+    told: dict[str, object] = {"mass": float(values["mass"])}
+    told |= {f"I{a}{b}": float(J[i, k]) for (i, a), (k, b) in _pairs()}
+    told |= {"num_rotors": 4, "rotor_pos": {f"r{r + 1}": arm.tolist() for r, arm in enumerate(arms)}}
+    told |= {"rotor_directions": np.sign(values["yaw"]).tolist(), "rI": (values["imu"] - values["com"]).tolist()}
+    told |= {f"c_D{axis}": float(values["quadratic"][k]) for k, axis in enumerate("xyz")}
+    along, up = values["linear"][:2].mean() / values["hover"].sum(), values["linear"][2] / values["hover"].sum()
+    told |= {"k_eta": k_eta, "k_m": k_eta * float(np.abs(values["yaw"]).mean()), "k_d": float(along), "k_z": float(up)}
+    told |= {"k_h": 0.0, "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
+    told |= {"rotor_speed_min": float(rotors.speed_min.max()), "rotor_speed_max": float(rotors.speed_max.min())}
+    told["motor_noise_std"] = 0.0
+    arrays = {"rotor_directions", "rI"}
+    lines = [f"    {key!r}: {f'np.array({value!r})' if key in arrays else repr(value)}," for key, value in told.items()]
+    places = "quad_params['rotor_pos'] = {name: np.array(at) for name, at in quad_params['rotor_pos'].items()}"
+    return "\n".join(["import numpy as np", "", "quad_params = {", *lines, "}", places]) + "\n"
+
+
+def drone_models(vehicle: Vehicle, values: Values) -> str:
+    """TOML with the keyword arguments of `drone_models.first_principles.dynamics`. Raises ModelError likewise."""
+    _check_upward(vehicle, values, "drone-models")
+    arms = values["hub"] - values["com"]
+    length = float(np.linalg.norm(arms[:, :2], axis=1).mean())
+    thrust = float(values["level"]) * values["curve"] * (PER_RPM / values["hover"].mean()) ** np.arange(3)
+    up, down = (1.0 / (float(x) or INSTANT) for x in values["lag"])
+    document = tomlkit.document()
+    told = {
+        "gravity_vec": [0.0, 0.0, -GRAVITY],
+        "mass": float(values["mass"]),
+        "L": length,
+        "J": values["inertia"].tolist(),
+        "J_inv": np.linalg.inv(values["inertia"]).tolist(),
+        "rpm2thrust": thrust.tolist(),
+        "rpm2torque": (float(np.abs(values["yaw"]).mean()) * thrust).tolist(),
+        "rotor_dyn_coef": [up, 0.0, down, 0.0],
+        "mixing_matrix": [*(arms[:, [1, 0]] * [1.0, -1.0] / length).T.tolist(), np.sign(values["yaw"]).tolist()],
+        "drag_matrix": np.diag(-values["linear"]).tolist(),
+        "prop_inertia": 0.0,
+    }
+    for key, value in told.items():
+        document[key] = value
+    return tomlkit.dumps(document)
+
+
+def _check_upward(vehicle: Vehicle, values: Values, package: str, tolerance: float = 0.02) -> None:
+    """Raise ModelError where a thrust is off z by more than a `tolerance` [rad], 0.02 % of thrust along z."""
+    arms, _ = vehicle.geometry()
+    if arms.tilts.any() or np.abs(values["direction"] - [0.0, 0.0, 1.0]).max() > tolerance:
+        raise ModelError(f"{vehicle.name}: has rotors that do not point up; those of {package} do")
+
+
+def _pairs() -> list[tuple[tuple[int, str], tuple[int, str]]]:
+    return [((i, "xyz"[i]), (k, "xyz"[k])) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))]

@@ -1,0 +1,207 @@
+"""What a model says in the quantities that other programs have parameters for, and how well it knows them.
+
+Taken from the model as it acts, not from the names of its effects: mass properties with the effects on the body; of
+each rotor its part of the wrench in still air (all rotors as in hover, less the same without this one); drag from the
+wrench at a few speeds; the thrust curve from commands to lift. An effect that somebody adds to the catalogue is in it,
+and what an effect moves is found by leaving it out. Only time constants and delays are taken by name.
+
+Standard deviations are those of the effects' values, to first order and without their correlations,
+sqrt(sum_i (dq/dtheta_i sigma_i)^2). A quantity without one was not identified: it is as the model file has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Commands, Motion, State, concatenated
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, cross
+
+Values = dict[str, Array]
+"""Quantities by name, `values_of`."""
+HEIGHT = 1000.0
+"""[m], at which no ground is felt."""
+SPEEDS = (2.0, 4.0)
+"""Velocities [m/s] from which drag is taken: those of missions, where its linear and its quadratic part differ."""
+FLOWN = np.linspace(0.7, 1.3, 13)
+"""Speeds and commands, relative to hover, over which the thrust curve is taken: what flights of identification use."""
+LAGS = {"motor_lag": ("tau", "tau"), "asymmetric_motor_lag": ("tau_up", "tau_down")}
+"""Effects with time constants up and down, and the names of these."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A quantity of a model: its value, that of the model without effects, the standard deviation; all of one shape.
+
+    `by` are the names of the effects that move it.
+    """
+
+    value: Array
+    nominal: Array
+    std: Array
+    by: tuple[str, ...] = ()
+
+    @property
+    def identified(self) -> bool:
+        """Whether a fitted effect moves it."""
+        return bool(np.any(self.std > 1e-9 * np.abs(self.value).max()))  # rounding is no deviation
+
+
+def quantities(model: Model) -> dict[str, Quantity]:
+    """The quantities of a model (`values_of`) with their standard deviations; ModelError for one without rotors."""
+    return propagated(model, lambda values: values)
+
+
+def propagated(model: Model, of: Callable[[Values], Values]) -> dict[str, Quantity]:
+    """What a function makes of the quantities of a model, with standard deviations and the effects that move each.
+
+    Effects of the air and of the battery are left out: still air, nominal voltage. A value at a limit of its parameter
+    says that the law is wrong, and counts as one that was not fitted.
+    """
+
+    def evaluated(effects: Iterable[ModelEffect]) -> Values:
+        return {name: np.asarray(value, dtype=float) for name, value in of(values_of(model, effects)).items()}
+
+    own = acting_effects(model)
+    value, nominal = evaluated(own), evaluated([])
+    variance = {name: np.zeros_like(array) for name, array in value.items()}
+    by: dict[str, list[str]] = {name: [] for name in value}
+    for k, one in enumerate(own):
+        without = evaluated([*own[:k], *own[k + 1 :]])
+        for name in value:
+            if not np.allclose(without[name], value[name], rtol=1e-9, atol=1e-15, equal_nan=True):
+                by[name].append(one.name)
+        std = np.zeros_like(one.theta) if one.std is None or at_limit(one, model.vehicle) else np.nan_to_num(one.std)
+        for i in np.flatnonzero(std > 0.0):
+            step = 0.5 * std[i] * (np.arange(len(std)) == i)
+            ends = [
+                evaluated([*own[:k], replace(one, theta=one.theta + sign * step), *own[k + 1 :]]) for sign in (-1, 1)
+            ]
+            for name in value:
+                variance[name] += (ends[1][name] - ends[0][name]) ** 2
+    return {n: Quantity(value[n], nominal[n], np.sqrt(variance[n]), tuple(by[n])) for n in value}
+
+
+def acting_effects(model: Model) -> list[ModelEffect]:
+    """The effects of a model that act in still air at the nominal voltage."""
+    return [one for one in model.effects if one.effect.place != "air" and not one.effect.needs_voltage]
+
+
+def at_limit(one: ModelEffect, vehicle: Vehicle) -> bool:
+    """Whether a value of an effect is at a limit that is not zero."""
+    parameters = one.effect.parameters(vehicle)
+    ends = np.array([[p.low, p.high] for p in parameters])
+    near = 1e-6 * np.array([p.scale for p in parameters])
+    return bool(np.any((np.abs(one.theta[:, None] - ends) < near[:, None]) & (ends != 0.0)))
+
+
+def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
+    """The quantities of a model's vehicle with these effects; raises ModelError for a vehicle without rotors.
+
+    Returns
+    -------
+    dict
+        Of R rotors: ``mass`` [kg], ``com`` (3,) and ``imu`` (3,) [m] from O, ``inertia`` (3, 3) [kg m^2] about the
+        centre of mass, ``misalignment`` (3,) [rad] of the IMU about B's axes; ``hub`` (R, 3) [m] from O, ``direction``
+        (R, 3) of the thrust, ``level`` () [N], the mean thrust at the speeds ``hover`` (R,) [rad/s] that nominally
+        carry the weight, ``balance`` (R,), thrusts there over their mean, ``yaw`` (R,) [m], the torque about that
+        direction per thrust; ``lag`` (2,) up and down and ``delay`` () [s]; ``linear`` (3,) [N s/m] and ``quadratic``
+        (3,) [N s^2/m^2] drag along B's axes; ``curve`` (3,), the thrust over ``level`` at speeds s times ``hover``,
+        c_0 + c_1 s + c_2 s^2. Where the model has [command], ``signal`` (), the share of full command in hover, and
+        ``by_signal`` (2,) [N], the mean thrust of a rotor over that share u, a_1 u + a_2 u^2; not a number where the
+        rotors cannot carry the vehicle.
+    """
+    acting, vehicle = WrenchModel(model.vehicle, tuple(effects)), model.vehicle
+    arms, rotors = vehicle.geometry()
+    named = {
+        one.name: dict(zip([p.name for p in one.effect.parameters(vehicle)], one.theta, strict=True))
+        for one in acting.effects
+    }
+    hover = np.sqrt(vehicle.body.mass * GRAVITY / len(rotors) / rotors.c_f)
+
+    def wrench(speed: Array, velocity_B: Array = np.zeros((1, 3))) -> Array:
+        """Wrenches (N, 6) about O at rotor speeds (N, R), level, at one velocity or several (N, 3)."""
+        n = max(len(speed), len(velocity_B))
+        still = np.zeros((n, 3))
+        state = State(
+            np.zeros(n),
+            np.tile([0.0, 0.0, HEIGHT], (n, 1)),
+            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+            still + velocity_B,
+            still,
+        )
+        commands = Commands(np.zeros((n, 6)), np.zeros((n, len(arms))), speed + np.zeros((n, len(rotors))))
+        alone = (slice(k, k + 1) for k in range(n))  # each in equilibrium, and none follows another
+        settled = concatenated([acting.command(commands.take(one), state.take(one), 0.01)[0] for one in alone])
+        return np.asarray(acting.wrench(settled, state))
+
+    out = {"mass": np.array(acting.body.mass), "com": acting.body.com_B, "inertia": acting.body.inertia}
+    out |= _sensors(acting)
+    count = len(rotors)
+    rest = wrench(np.zeros((1, count)))[0]
+    parts = wrench(hover[None])[0] - wrench(hover * (1.0 - np.eye(count)))
+    thrust = np.linalg.norm(parts[:, :3], axis=1)
+    along = parts[:, :3] / thrust[:, None]
+    hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
+    out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}
+    out["yaw"] = np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along) / thrust
+    moving = np.concatenate([s * v * np.eye(3) for v in SPEEDS for s in (1.0, -1.0)])
+    forces = wrench(hover[None], moving)[:, :3].reshape(len(SPEEDS), 2, 3, 3)
+    against = -0.5 * np.einsum("vkk->vk", forces[:, 0] - forces[:, 1])  # (speed, axis), odd in the velocity
+    slow, fast = against / np.array(SPEEDS)[:, None]
+    out["quadratic"] = (fast - slow) / (SPEEDS[1] - SPEEDS[0])
+    out["linear"] = slow - SPEEDS[0] * out["quadratic"]
+    lags = [[named[n][p] for p in pair] for n, pair in LAGS.items() if n in named]
+    out["lag"] = np.sum(lags, axis=0) if lags else np.zeros(2)
+    out["delay"] = np.array(named.get("command_delay", {}).get("delay", 0.0))
+
+    def mean_thrust(speed: Array) -> Array:
+        return np.asarray((wrench(speed)[:, 2] - rest[2]) / float(np.abs(along[:, 2]).sum()))
+
+    out["curve"] = np.polynomial.polynomial.polyfit(FLOWN, mean_thrust(FLOWN[:, None] * hover) / out["level"], 2)
+    return out | _by_signal(model, mean_thrust, acting.body.mass * GRAVITY / float(np.abs(along[:, 2]).sum()))
+
+
+def _sensors(acting: WrenchModel) -> Values:
+    """Place and misalignment of the IMU, from what it reads of unit angular accelerations and forces along B's axes.
+
+    From a lever arm r it feels e_k x r, and sum_k e_k x (e_k x r) = -2 r; misaligned by m it reads v - m x v, likewise.
+    """
+    axes, nothing = np.eye(3), np.zeros((3, 3))
+    still = State(np.zeros(3), nothing, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), nothing, nothing)
+
+    def felt(motion: Motion) -> Array:
+        return (
+            acting.read_imu(motion, still).specific_force_B
+            - acting.read_imu(Motion(*3 * [nothing]), still).specific_force_B
+        )
+
+    turned = -0.5 * cross(axes, felt(Motion(nothing, nothing, axes))).sum(axis=0)
+    board_to_B = np.linalg.inv(np.eye(3) - np.cross(turned, axes).T)  # columns: e_k - m x e_k
+    lever = -0.5 * cross(axes, felt(Motion(nothing, axes, nothing)) @ board_to_B.T).sum(axis=0)
+    return {"imu": acting.vehicle.imu_position_B + lever, "misalignment": turned}
+
+
+def _by_signal(model: Model, mean_thrust: Callable[[Array], Array], needed: float) -> Values:
+    """The share of full command at which a rotor makes the thrust that is `needed` [N], and the curve about it."""
+    if model.command is None:
+        return {}
+    curve, (low, high), count = model.command, model.command.span, len(model.vehicle.geometry()[1])
+
+    def thrust(shares: Array) -> Array:
+        commands = np.repeat((low + shares * (high - low))[:, None], count, axis=1)
+        return mean_thrust(curve.speeds(commands, None, model.vehicle))
+
+    none, full = thrust(np.array([0.0, 1.0]))
+    if not none < needed <= full:
+        return {"signal": np.array(np.nan), "by_signal": np.full(2, np.nan)}
+    signal = brentq(lambda share: float(thrust(np.array([share]))[0]) - needed, 0.0, 1.0)
+    near = np.minimum(FLOWN * signal, 1.0)
+    fitted = np.linalg.lstsq(np.stack((near, near**2), axis=1), thrust(near), rcond=None)[0]
+    return {"signal": np.array(signal), "by_signal": fitted}

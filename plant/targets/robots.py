@@ -1,0 +1,251 @@
+"""Robot descriptions: MJCF (MuJoCo), SDF and URDF (Gazebo), with what was identified in them.
+
+Mass, centre of mass and inertia are those of the whole vehicle. SDF and URDF need links for rotors, and every format
+one for an arm that tilts: each takes the share `LINK` of the mass, and the base what makes the sums right.
+
+MJCF: an actuator on a site makes (0, 0, g) u and (0, 0, q) u in the site's frame, z along the thrust; u is the nominal
+thrust c_f Omega^2 [N], g the thrust over it and q the drag torque. A lag filters u.
+SDF, URDF: Gazebo's multicopter motor model makes motorConstant Omega^2 along the link's z, momentConstant times that as
+a torque, and -|Omega| rotorDragCoefficient v across it; the speed follows with timeConstantUp and _Down.
+
+Sources: MuJoCo XML reference; sdformat.org; gz-sim, MulticopterMotorModel.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchgap._escaping import printable
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.targets.quantities import Values
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+
+LINK = 1e-4
+"""Share of the mass: light enough to leave the motion alone, heavy enough for engines that divide by it."""
+PLUGIN = ("gz-sim-multicopter-motor-model-system", "gz::sim::systems::MulticopterMotorModel")
+ENDLESS = 1e3
+"""[rad], the limit of an arm that tilts without one: it is no rotor, which turns without limits."""
+INSTANT = 1e-3
+"""[s], the time constant of rotors of which none is known, where a format needs one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A body: its frame (`place` (3,), `turned` (3, 3)) and mass properties in B, its joint to its parent.
+
+    `axis` (3,) in B, None of the base; `limits` [rad], None where it turns without end. `rotor` is its number.
+    """
+
+    name: str
+    parent: str
+    place: Array
+    turned: Array
+    mass: float
+    com: Array
+    inertia: Array
+    axis: Array | None = None
+    limits: tuple[float, float] | None = None
+    rotor: int | None = None
+
+
+def links_of(vehicle: Vehicle, values: Values, rotors: bool) -> list[Link]:
+    """The base, an arm for each that tilts and, where asked for, the rotors; parents first."""
+    arms, of_rotors = vehicle.geometry()
+    mass, com, inertia = float(values["mass"]), values["com"], values["inertia"]
+    light, size = LINK * mass, float(np.max(np.abs(values["hub"])) or 0.1)
+    small = 0.01 * light * size**2 * np.diag([0.5, 0.5, 1.0])  # discs: what is left of a flat vehicle stays possible
+    out = []
+    for a in np.flatnonzero(arms.tilts):
+        limits = (max(float(arms.tilt_min[a]), -ENDLESS), min(float(arms.tilt_max[a]), ENDLESS))
+        at = arms.position_B[a]
+        out.append(Link(f"arm_{a}", "base", at, np.eye(3), light, at, small, arms.axis_B[a], limits))
+    for r in range(len(of_rotors) if rotors else 0):
+        parent = f"arm_{of_rotors.arm[r]}" if arms.tilts[of_rotors.arm[r]] else "base"
+        at, turned = values["hub"][r], upright(values["direction"][r])
+        out.append(Link(f"rotor_{r}", parent, at, turned, light, at, turned @ small @ turned.T, turned[:, 2], None, r))
+    left = mass - light * len(out)
+    centre = (mass * com - sum((light * one.com for one in out), np.zeros(3))) / left
+    own = inertia + mass * about(com) - left * about(centre)
+    own = own - sum((one.inertia + one.mass * about(one.com) for one in out), np.zeros((3, 3)))
+    lacking = 2.0 * np.linalg.eigvalsh(own)[-1] - np.trace(own)  # no moment of a body exceeds the sum of the others
+    own += (max(lacking, 0.0) + 1e-9 * np.trace(own)) * np.eye(3)
+    return [Link("base", "", np.zeros(3), np.eye(3), left, centre, own), *out]
+
+
+def about(d: Array) -> Array:
+    """The inertia (3, 3) of a unit mass at d (3,), about the origin: |d|^2 I - d d^T."""
+    return np.asarray(d @ d * np.eye(3) - np.outer(d, d))
+
+
+def upright(direction: Array) -> Array:
+    """The rotation (3, 3) by the smallest angle that turns z into a direction (3,)."""
+    across = np.array([-direction[1], direction[0], 0.0])
+    length = float(np.linalg.norm(across))
+    if length < 1e-12:
+        return np.eye(3) if direction[2] > 0.0 else np.diag([1.0, -1.0, -1.0])
+    return np.asarray(Rotation.from_rotvec(across / length * np.arctan2(length, direction[2])).as_matrix())
+
+
+def mjcf(vehicle: Vehicle, values: Values) -> str:
+    """MuJoCo's XML."""
+    links = links_of(vehicle, values, rotors=False)
+    _, rotors = vehicle.geometry()
+    root = Element("mujoco", model=printable(vehicle.name))
+    _child(root, "compiler", angle="radian", autolimits="true")
+    _child(root, "option", gravity=_numbers([0.0, 0.0, -GRAVITY]), integrator="RK4", timestep="0.001")
+    base = _child(_child(root, "worldbody"), "body", name="base", pos="0 0 1")
+    _child(base, "freejoint", name="free")
+    bodies = {"base": base}
+    for one in links:
+        if one.axis is not None:
+            bodies[one.name] = _child(base, "body", name=one.name, pos=_numbers(one.place))
+            assert one.limits is not None
+            ends = {"range": _numbers(one.limits)}
+            _child(bodies[one.name], "joint", name=one.name, type="hinge", axis=_numbers(one.axis), **ends)
+        full = [one.inertia[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        at = {"pos": _numbers(one.com - one.place), "mass": _numbers([one.mass])}
+        bodies[one.name].insert(1, Element("inertial", at | {"fullinertia": _numbers(full)}))
+    _child(base, "site", name="imu", pos=_numbers(values["imu"]))
+    actuator = _child(root, "actuator")
+    nominal = vehicle.body.mass * GRAVITY / len(rotors)
+    lag = float(values["lag"].mean())
+    for r in range(len(rotors)):
+        parent = bodies.get(f"arm_{rotors.arm[r]}", base)
+        start = next(one.place for one in links if bodies[one.name] is parent)
+        x, y, z, w = Rotation.from_matrix(upright(values["direction"][r])).as_quat()
+        quat = {"quat": _numbers([w, x, y, z])}
+        _child(parent, "site", name=f"rotor_{r}", pos=_numbers(values["hub"][r] - start), **quat)
+        gain = float(values["level"] * values["balance"][r]) / nominal
+        rotor = {"name": f"rotor_{r}", "site": f"rotor_{r}"}
+        rotor["gear"] = _numbers([0.0, 0.0, gain, 0.0, 0.0, gain * values["yaw"][r]])
+        rotor["ctrlrange"] = _numbers([0.0, rotors.c_f[r] * rotors.speed_max[r] ** 2])
+        _child(actuator, "general", **rotor, **({"dyntype": "filterexact", "dynprm": _numbers([lag])} if lag else {}))
+    for one in links:
+        if one.axis is not None:
+            stiff = {"kp": _numbers([1e4 * float(np.trace(one.inertia))]), "dampratio": "1"}
+            _child(actuator, "position", name=one.name, joint=one.name, **stiff)
+    return _text(root)
+
+
+def sdf(vehicle: Vehicle, values: Values) -> str:
+    """Gazebo's SDF, with a motor plugin for each rotor."""
+    root = Element("sdf", version="1.9")
+    model = _child(root, "model", name=printable(vehicle.name))
+    links = links_of(vehicle, values, rotors=True)
+    for one in links:
+        link = _child(model, "link", name=one.name)
+        _leaf(link, "pose", _pose(one.place, one.turned))
+        inertial = _child(link, "inertial")
+        _leaf(inertial, "pose", _pose(one.turned.T @ (one.com - one.place), np.eye(3)))
+        _leaf(inertial, "mass", _numbers([one.mass]))
+        _inertia(_child(inertial, "inertia"), one, lambda e, key, text: _leaf(e, key, text))
+        if one.axis is None:
+            continue
+        kind = "continuous" if one.limits is None else "revolute"
+        joint = _child(model, "joint", name=f"{one.name}_joint", type=kind)
+        _leaf(joint, "parent", one.parent)
+        _leaf(joint, "child", one.name)
+        axis = _child(joint, "axis")
+        _leaf(axis, "xyz", _numbers(one.turned.T @ one.axis))
+        if one.limits is not None:
+            limit = _child(axis, "limit")
+            for end, value in zip(("lower", "upper"), one.limits, strict=True):
+                _leaf(limit, end, _numbers([value]))
+    for one in links:
+        if one.rotor is not None:
+            _motor(model, vehicle, values, one.rotor)
+    return _text(root)
+
+
+def urdf(vehicle: Vehicle, values: Values) -> str:
+    """URDF, with Gazebo's motor plugins."""
+    root = Element("robot", name=printable(vehicle.name))
+    links = {one.name: one for one in links_of(vehicle, values, rotors=True)}
+    for one in links.values():
+        inertial = _child(_child(root, "link", name=one.name), "inertial")
+        _origin(inertial, one.turned.T @ (one.com - one.place), np.eye(3))
+        _child(inertial, "mass", value=_numbers([one.mass]))
+        _inertia(_child(inertial, "inertia"), one, lambda e, key, text: e.set(key, text))
+        if one.axis is None:
+            continue
+        kind = "continuous" if one.limits is None else "revolute"
+        joint, parent = _child(root, "joint", name=f"{one.name}_joint", type=kind), links[one.parent]
+        _origin(joint, parent.turned.T @ (one.place - parent.place), parent.turned.T @ one.turned)
+        _child(joint, "parent", link=one.parent)
+        _child(joint, "child", link=one.name)
+        _child(joint, "axis", xyz=_numbers(one.turned.T @ one.axis))
+        if one.limits is not None:
+            ends = {end: _numbers([x]) for end, x in zip(("lower", "upper"), one.limits, strict=True)}
+            _child(joint, "limit", **ends, effort="100", velocity="10")
+    gazebo = _child(root, "gazebo")
+    for one in links.values():
+        if one.rotor is not None:
+            _motor(gazebo, vehicle, values, one.rotor)
+    return _text(root)
+
+
+def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
+    """The motor plugin of a rotor."""
+    _, rotors = vehicle.geometry()
+    thrust = float(values["level"] * values["balance"][r])
+    up, down = (float(x) if x > 0.0 else INSTANT for x in values["lag"])
+    drag = float(values["linear"][:2].mean() / values["hover"].sum())
+    told = {
+        "robotNamespace": printable(vehicle.name),
+        "jointName": f"rotor_{r}_joint",
+        "linkName": f"rotor_{r}",
+        "turningDirection": "cw" if values["yaw"][r] > 0.0 else "ccw",
+        "timeConstantUp": up,
+        "timeConstantDown": down,
+        "maxRotVelocity": rotors.speed_max[r],
+        "motorConstant": thrust / values["hover"][r] ** 2,
+        "momentConstant": abs(float(values["yaw"][r])),
+        "commandSubTopic": "command/motor_speed",
+        "motorNumber": str(r),
+        "rotorDragCoefficient": drag,
+        "rollingMomentCoefficient": 0.0,
+        "motorSpeedPubTopic": f"motor_speed/{r}",
+        "rotorVelocitySlowdownSim": "10",
+        "motorType": "velocity",
+    }
+    plugin = _child(parent, "plugin", filename=PLUGIN[0], name=PLUGIN[1])
+    for name, value in told.items():
+        _leaf(plugin, name, value if isinstance(value, str) else _numbers([value]))
+
+
+def _inertia(parent: Element, one: Link, put: Callable[[Element, str, str], object]) -> None:
+    """The six entries of a link's inertia, in its frame."""
+    own = one.turned.T @ one.inertia @ one.turned
+    for i, k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        put(parent, f"i{'xyz'[i]}{'xyz'[k]}", _numbers([own[i, k]]))
+
+
+def _child(parent: Element, tag: str, **attributes: str) -> Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _leaf(parent: Element, name: str, text: str) -> None:
+    _child(parent, name).text = text
+
+
+def _origin(parent: Element, place: Array, turned: Array) -> None:
+    _child(parent, "origin", xyz=_numbers(place), rpy=_numbers(Rotation.from_matrix(turned).as_euler("xyz")))
+
+
+def _pose(place: Array, turned: Array) -> str:
+    return _numbers([*place, *Rotation.from_matrix(turned).as_euler("xyz")])
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    return " ".join(f"{float(value) + 0.0:.12g}" for value in values)
+
+
+def _text(root: Element) -> str:
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
