@@ -106,6 +106,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_agrees_with_the_reference_over_a_flight(name):
     """nlopt's L-BFGS, its stop far below the acceptance threshold, on plain models. Nm."""
@@ -119,6 +120,7 @@ def test_agrees_with_the_reference_over_a_flight(name):
     assert np.abs(array(fast, "correction")).max() > 0.03
 
 
+@pytest.mark.slow
 def test_newton_settles_a_step_at_which_the_reference_is_stuck():
     """The edge of a wake is a step in the mismatch: L-BFGS gives up beside it after a hundred evaluations."""
     known = physics(0.1, servo_lag=[0.06], motor_lag=[0.02], **WRONG)

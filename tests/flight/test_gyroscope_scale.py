@@ -85,6 +85,7 @@ def test_one_axis_alone_is_said_of_that_axis():
     assert "y 0.95" in found.words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "how",
     [
@@ -201,6 +202,7 @@ def test_a_scale_beside_a_few_flat_tops_has_no_factor():
     assert "x 0.9" in found.words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", [slice(0, 3), 2])
 @pytest.mark.parametrize("first", [False, True])
 def test_axes_that_show_noise_alone_in_part_of_the_flight_are_said(axes, first):

@@ -13,6 +13,7 @@ def cases():
             yield pytest.param(attack, id=f"{area}: {attack.what}"[:150], marks=marks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attack", list(cases()))
 def test_bound_holds(attack, tmp_path):
     outcome = attack.run(tmp_path)

@@ -93,6 +93,7 @@ def test_provenance_says_from_where(calibrated):
     assert source.fitted.endswith("Z")
 
 
+@pytest.mark.slow
 def test_a_second_calibration_starts_anew_and_ends_alike(calibrated, season):
     again = wg.calibrate(wg.open_flights(season[1][:3], calibrated.model), calibrated.model)
     assert set(again.effects) == set(calibrated.effects)
@@ -101,6 +102,7 @@ def test_a_second_calibration_starts_anew_and_ends_alike(calibrated, season):
     assert abs(again.added.trial.change) < 0.2
 
 
+@pytest.mark.slow
 def test_a_loading_that_one_flight_alone_has_is_no_calibration():
     """Two flights with centres of mass on either side: each block shows its own, and the mean is no one's."""
     flights = wg.open_flights([flown(11, 0.004, 0.0, 0.0), flown(12, -0.004, 0.0, 0.0)], MODEL)
@@ -119,6 +121,7 @@ def test_nothing_is_changed_where_nothing_is_wrong():
     assert material == []
 
 
+@pytest.mark.slow
 def test_a_weighed_mass_sets_what_the_thrust_is_as_sure_as(season):
     told = replace(MODEL, vehicle=replace(MODEL.vehicle, tolerances=Tolerances(mass=0.04)))
     flights = wg.open_flights(season[1][:1], told)
@@ -127,6 +130,7 @@ def test_a_weighed_mass_sets_what_the_thrust_is_as_sure_as(season):
     assert value(found, "thrust_scale", "scale").scatter is None
 
 
+@pytest.mark.slow
 def test_an_inertia_that_the_file_is_not_sure_of_is_fitted():
     """0.01 kg m^2 more about every axis than the model has, told to 30 %; the mass is weighed, the servos are quick."""
     flight, _ = fly("inertia", {"sx": 0.005, "sy": 0.005, "sz": 0.005}, "train", 12.0, seed=5, crisp=True)
@@ -164,6 +168,7 @@ def with_curve(level, factor):
     return model_file.loads(text)
 
 
+@pytest.mark.slow
 def test_a_wrong_curve_is_found_on_healthy_flights():
     """The model takes the ESC for a square with 8 % more thrust; the vehicle's curve has a factor of 0.6."""
     flight = as_throttle(fly("none", None, "train", 12.0, seed=2)[0], 0.6)
@@ -194,12 +199,14 @@ def quadrotors():
     return flights, wg.calibrate(flights, QUADROTOR), QUADROTOR.with_effects(wrong)
 
 
+@pytest.mark.slow
 def test_a_calibration_that_is_right_shows_a_weak_rotor_as_before(quadrotors):
     _, found, _ = quadrotors
     assert found.effects == ("motor_lag",)
     assert found.hidden is None
 
 
+@pytest.mark.slow
 def test_a_model_is_refused_with_which_a_weak_rotor_would_not_be_found(quadrotors):
     _, found, wrong = quadrotors
     refused = refused_where_hidden(replace(found, added=replace(found.added, model=wrong)))

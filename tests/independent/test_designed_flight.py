@@ -43,6 +43,7 @@ def separation(monkeypatch):
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "truth", "other"), [("tether", "tether", "constant_wrench"), ("jet", "constant_wrench", "tether")]
 )

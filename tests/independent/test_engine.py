@@ -304,6 +304,7 @@ def test_two_effects_add() -> None:
     np.testing.assert_allclose(both[3:5], one[3:5], rtol=0.15, atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trajectory", ["train", "pitch", "figure8", "steps", "fast", "low", "turn"])
 def test_every_trajectory_is_flown_within_the_limits(trajectory: str) -> None:
     flight, truth = fly("none", trajectory=trajectory, noise=0.0)
@@ -317,6 +318,7 @@ def test_every_trajectory_is_flown_within_the_limits(trajectory: str) -> None:
     assert low < tilt.max() < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", hidden.HIDDEN)
 def test_every_effect_flies_and_leaves_a_trace(name: str) -> None:
     cls = hidden.HIDDEN[name]

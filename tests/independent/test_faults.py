@@ -18,6 +18,7 @@ OF_EACH = 8
 """The first files of each form, out of the published ones."""
 
 
+@pytest.mark.slow
 def test_damaged_files_of_every_form_are_read_or_refused_in_one_line():
     found = list(rows([Case(form, number) for form in FORMS for number in range(OF_EACH)]))
     assert [row for row in found if row.outcome == Outcome.FAULT] == []

@@ -157,6 +157,7 @@ def test_an_effect_is_told_less_well_by_a_worse_imu():
     assert good > cheap > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, h in HIDDEN.items() if "low" not in h.flying])
 def test_every_hidden_effect_leaves_a_trace_and_the_vehicle_in_the_air(name):
     truth = build(Truth(vehicle("x8")), (name,), (1.0,), 2)

@@ -27,6 +27,7 @@ def flown():
     return fly(HEX, 14.0, 21)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_a_fault_is_named_and_mended(name, flown, tmp_path):
     (fault,) = [f for f in FAULTS if f.name == name]

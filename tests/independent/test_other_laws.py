@@ -35,6 +35,7 @@ def test_motors_that_follow_with_squared_speed_have_their_lags_at_hover():
     np.testing.assert_allclose([1.0 / (2.0 * up * HOVER), 1.0 / (2.0 * down * HOVER)], [0.02, 0.04])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("drone_models") is None, reason="needs the extra `benchmark`")
 def test_in_calm_hover_weight_is_felt_and_the_imu_is_stamped_early():
     """Thrust carries the weight, so the specific force is g upwards whatever the curve; stamps are 2 ms early."""

@@ -79,6 +79,7 @@ def families(names):
     return {family(name) for name in names}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEEN)
 def test_no_firm_name_is_wrong(explained, name):
     assert families(explained(name).firm) <= ANYWAY | SEEN[name][1]

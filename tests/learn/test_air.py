@@ -103,6 +103,7 @@ def test_wind_is_named_with_a_drag_of_another_form_than_what_is_tried():
     assert np.linalg.norm(wind - AIR) < 0.25 * np.linalg.norm(AIR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [linear, plate])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_still_air_has_no_wind(drag, seed):

@@ -32,6 +32,7 @@ def test_parts_add_up_to_the_nominal_error(tumbling):
         assert (made.unexplained >= 0).all()
 
 
+@pytest.mark.slow
 def test_known_sizes_are_recovered(tumbling):
     """Noise, a function of the command and a 2.7 Hz hum, each found as large as it is (they hardly correlate)."""
     white, known, smooth, other = parts(tumbling)

@@ -103,6 +103,7 @@ def weak(flown, against):
     return against([flight]), truth.parameters["weak_rotor"]
 
 
+@pytest.mark.slow
 def test_a_weak_rotor_is_found_under_a_wrong_model(weak):
     """The loss of the one rotor, not the thrust and the centre of mass that are wrong in all flights."""
     found, truth = weak
@@ -116,6 +117,7 @@ def test_a_weak_rotor_is_found_under_a_wrong_model(weak):
     assert found.places[0].probability > 0.9
 
 
+@pytest.mark.slow
 def test_values_by_flight_show_who_differs(weak):
     """On every flight by itself the healthy ones agree, the suspect one has less by the loss."""
     found, truth = weak
@@ -125,6 +127,7 @@ def test_values_by_flight_show_who_differs(weak):
     assert np.mean(values["healthy"]) - values["suspect"][0] == pytest.approx(truth["loss"], rel=0.3)
 
 
+@pytest.mark.slow
 def test_nothing_changed_is_said(well):
     found = well
     assert found.verdict is Verdict.NOTHING
@@ -132,6 +135,7 @@ def test_nothing_changed_is_said(well):
     assert found.nothing > 0.9
 
 
+@pytest.mark.slow
 def test_one_healthy_flight_is_enough_for_a_large_change_and_the_answer_says_so(flown, against):
     found = against([flown("com_offset", {"x": 0.009, "y": 0.0, "z": 0.0})[0]], [flown(seed=1)[0]])
     assert not found.scatter_known
@@ -148,6 +152,7 @@ def differing(once):
     return lambda seed: once(f"differing {seed}", lambda: fly(Case("hexa", "none", 0.0, seed, SECONDS)))[0]
 
 
+@pytest.mark.slow
 def test_healthy_flights_that_differ_as_vehicles_do_are_no_change(differing, against):
     """Another battery place, 0.5 % from rotor to rotor, 0.1 deg of mounting, some wind: no constant trims."""
     found = against([differing(20004)], [differing(k) for k in (20000, 20001, 20002)], (*TRIED, "imu_misalignment"))
@@ -179,6 +184,7 @@ def pool(flown, wrong, baseline):
     return baseline._pooled(flights, unfollowed_axes(tuple(baseline._timed(f) for f in flights)), lambda f, w: None)[0]
 
 
+@pytest.mark.slow
 def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
     """The model has 1.05 of the thrust, and its centre of mass at (6, -4) mm: at equal rotor speeds in hover, the
     forces that healthy flights show are 1 / 1.05 of its own, and pass through the origin.
@@ -195,6 +201,7 @@ def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
     assert np.all(arm / (-0.004, -0.006) < 1.2)
 
 
+@pytest.mark.slow
 def test_changes_are_exact_where_they_are_linearised(pool):
     """All of them together, and the larger one without the other, are what the model with them predicts."""
     changes = {"com_offset": np.array([0.012, 0.0, 0.0]), "thrust_scale": np.array([-0.01])}
@@ -209,6 +216,7 @@ def test_changes_are_exact_where_they_are_linearised(pool):
         np.testing.assert_allclose(straight[rows], left_by(suspect.data, model), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_other_effects_are_linearised_at_their_points_beside_what_changed(pool):
     """A lag of 30 ms of rotors that push a tenth less is exact, by itself, on top of that."""
     changes, points = {"thrust_scale": np.array([-0.1])}, {"servo_lag": np.array([0.03])}
@@ -238,6 +246,7 @@ def test_lags_alone_are_linearised_anew_where_they_are_by_themselves(hexarotor):
     assert list(late(Found(), hexarotor.vehicle)) == ["command_delay"]
 
 
+@pytest.mark.slow
 def test_a_servo_lag_grows_by_what_was_added_to_the_one_that_all_flights_have(flown, hexarotor):
     """Servos lag by 15 ms in all flights, 45 ms more on the suspect one; the model has neither."""
     flights = [flown(seed=1)[0], flown(seed=2)[0], flown("servo_lag")[0]]
@@ -258,6 +267,7 @@ def test_what_leaves_far_more_than_any_healthy_flight_has_no_name():
     assert verdict_of(SimpleNamespace(nothing=0.9), (), ()) is Verdict.NOTHING
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("well")
 def test_a_baseline_says_of_the_second_suspect_what_a_new_comparison_does(flown, wrong, baseline, weak):
     """Nothing of the first suspect stays in it; the answer is that of the function."""
@@ -269,6 +279,7 @@ def test_a_baseline_says_of_the_second_suspect_what_a_new_comparison_does(flown,
     np.testing.assert_allclose(again.scatter, weak[0].scatter, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_odd_healthy_flight_is_found_named_and_left_out(flown, against):
     """One of the healthy flights has the weak rotor; the suspect is well."""
     odd = flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]
@@ -279,6 +290,7 @@ def test_an_odd_healthy_flight_is_found_named_and_left_out(flown, against):
     assert found.verdict is Verdict.NOTHING
 
 
+@pytest.mark.slow
 def test_other_trajectories_are_compared_and_what_does_not_overlap_is_said(flown, against):
     """Healthy in hover, which shows means only, suspect tumbling: nothing wrong is firm, and tilt is not compared."""
     healthy = [flown(trajectory="hover", seed=s)[0] for s in (1, 2)]
@@ -299,6 +311,7 @@ def test_batteries_of_another_charge_are_not_compared(suspect, said, monkeypatch
     assert [one.quantity for one in by_flight.not_compared(pool, {1})] == said
 
 
+@pytest.mark.slow
 def test_a_change_is_found_on_another_trajectory(flown, wrong, baseline):
     """Healthy flights excite all axes, the suspect one flies steps."""
     found = baseline.against(

@@ -62,7 +62,9 @@ def changed(suspect, healthy):
     return wg.changed(odd, good, model, jobs=1)
 
 
-@pytest.mark.parametrize(("count", "size"), [(1, 3e-3), (1, 3e-4), (3, 3e-4)])
+@pytest.mark.parametrize(
+    ("count", "size"), [(1, 3e-3), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((1, 3e-4), (3, 3e-4)))]
+)
 def test_a_rotor_that_lost_a_fifth_of_its_thrust_is_found_in_a_hover(count, size):
     """However much its commands wander: the motion shows nothing of that, and means alone are compared."""
     healthy = [hover(f"healthy {k}", k, None, size) for k in range(count)]
@@ -80,6 +82,7 @@ def test_two_hovers_of_one_vehicle_show_no_change():
     assert found.names == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lost", "verdict", "firm"), [(None, "nothing", ()), ((0, 0.2, 0, 0), "effect", ("rotor_thrust",))]
 )

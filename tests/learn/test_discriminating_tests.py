@@ -400,6 +400,7 @@ def test_the_table_names_effects_that_exist_and_is_in_the_order_of_cost():
     assert not any(set(t.shows) & set(t.unclear) for t in TRIALS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["crazyflie", "tilt_hexarotor", "variable_tilt_hexacopter"])
 def test_any_pair_of_effects_that_a_vehicle_can_have_gets_an_answer(model):
     vehicle = model_file.load(model).vehicle

@@ -29,6 +29,7 @@ def test_names_the_hidden_effect_first(fly, hexarotor, hidden):
     assert set(found.effects[1:]) <= ALWAYS
 
 
+@pytest.mark.slow
 def test_exact_aliases_are_one_group(fly, hexarotor):
     """At equal speeds within a pair a coaxial loss and a thrust scale are the same thing."""
     data, _ = fly("coaxial_loss", None, "train", seed=22, seconds=25)
@@ -37,6 +38,7 @@ def test_exact_aliases_are_one_group(fly, hexarotor):
     assert {"coaxial_loss", "thrust_scale"} <= set(found.groups[0])
 
 
+@pytest.mark.slow
 def test_only_timing_is_missing_on_the_plain_vehicle(plain, hexarotor):
     found = explain(plain, hexarotor)
     assert set(found.effects) <= ALWAYS
@@ -52,6 +54,7 @@ def test_what_no_effect_explains_is_unknown(plain, hexarotor):
     assert explain(replace(plain, measured=ringing), hexarotor).verdict == "unknown"
 
 
+@pytest.mark.slow
 def test_a_name_is_no_explanation_while_a_band_is_open(offset, hexarotor):
     """A force that beats at 1 Hz, by less than the sensors' noise, whatever is commanded: the centre of mass is as
     firm as before, but not all there is.
@@ -108,6 +111,7 @@ def test_a_rigid_payload_does_not_swing(payload, hexarotor):
     assert found.left < 1.5
 
 
+@pytest.mark.slow
 def test_a_magnet_in_a_field_is_unknown_and_depends_on_heading(fly, hexarotor):
     data, _ = fly("compass", None, "turn", seed=31, seconds=30)
     found = explain(data, hexarotor, names=SOME)
@@ -119,6 +123,7 @@ def test_a_magnet_in_a_field_is_unknown_and_depends_on_heading(fly, hexarotor):
     assert found.left > 3 * DEFAULT.structure  # a rope takes some of it in its place, with no confidence
 
 
+@pytest.mark.slow
 def test_one_bad_stretch_is_no_missing_physics(offset, hexarotor):
     """A hand on one arm, of a hundred times the noise, for 2 s of 25. In every other block something is missing."""
 
@@ -136,6 +141,7 @@ def test_one_bad_stretch_is_no_missing_physics(offset, hexarotor):
     assert again.concentrated < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, 2.0])
 def test_nothing_is_missing_from_noise_in_which_what_is_left_is_counted(plain, hexarotor, size):
     """Noise alone is one; doubled it is two, and spread over all of the time."""

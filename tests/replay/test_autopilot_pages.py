@@ -87,6 +87,7 @@ def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_
     judged(tmp_path, write_ulog(flights[1][0], tmp_path / "later.ulg", flights[1][1]))
 
 
+@pytest.mark.slow
 def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
     """The same in short: frame, order of motors and curve are of the log's parameters."""
     write_dataflash(flights[0][0], tmp_path / "flight.bin")

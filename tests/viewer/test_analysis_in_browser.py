@@ -105,6 +105,7 @@ def test_a_slider_dragged_on_the_page_moves_the_error(page, visitor, eventually,
     assert visitor.tab.get_by_role("button", name="Undo: set com_offset by hand").is_visible()
 
 
+@pytest.mark.slow
 def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, effects):
     tab(visitor, "Effects")
     visitor.tab.get_by_role("button", name="Search", exact=True).click()

@@ -297,6 +297,7 @@ def test_without_a_folder_the_model_goes_to_the_client_that_asks(page, effects):
     assert effects.save.label == "Download model"
 
 
+@pytest.mark.slow
 def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
     work(effects.work)
     assert page.told == []

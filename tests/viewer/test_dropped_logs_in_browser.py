@@ -147,6 +147,7 @@ def two_crazyflies(pilot, written, once, tmp_path):
     return pilot
 
 
+@pytest.mark.slow
 def test_the_search_and_the_comparison_with_a_second_log_can_be_cancelled(two_crazyflies):
     two_crazyflies.cancels("What changed?")
     two_crazyflies.opens("Effects")
