@@ -40,9 +40,9 @@ class Autopilot:
     """A firmware: `parameters` makes its own from values (`quantities.values_of`) and parameters as they were.
 
     `uses` are the quantities behind them, `limits` what the firmware takes, by the end of a name, `relative` the values
-    from which parameters are counted where it is not known which were set. `curve` are the names
-    of its thrust factor and of its command in hover, `factor` what the first is where nobody set it; where `linearises`
-    shares of full command are shares of thrust, and not signals.
+    from which parameters are counted where it is not known which were set, `together` how the names of those begin
+    that mean nothing one by one. `curve` are the names of its thrust factor and of its command in hover, `factor` what
+    the first is where nobody set it; where `linearises`, shares of full command are shares of thrust, and not signals.
     """
 
     name: str
@@ -53,6 +53,7 @@ class Autopilot:
     factor: float = 0.0
     linearises: bool = False
     relative: str = ""
+    together: str = ""
 
     def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
         """The parameters, with standard deviations and the effects that move each."""
@@ -173,6 +174,7 @@ AUTOPILOTS = {
         _crazyflie,
         frozenset({"mass", "inertia", "yaw", "level", "curve"}),
         {"mass": (0.01, 1.0)},
+        together="quadSysId.pwmToThrust",
     ),
 }
 """Limits of PX4 and ArduPilot: their parameter references."""

@@ -61,8 +61,7 @@ def quantities(model: Model) -> dict[str, Quantity]:
 def propagated(model: Model, of: Callable[[Values], Values]) -> dict[str, Quantity]:
     """What a function makes of the quantities of a model, with standard deviations and the effects that move each.
 
-    Effects of the air and of the battery are left out: still air, nominal voltage. A value at a limit of its parameter
-    says that the law is wrong, and counts as one that was not fitted.
+    Effects of the air and of the battery are left out (still air, nominal voltage), and those at a limit (`at_limit`).
     """
 
     def evaluated(effects: Iterable[ModelEffect]) -> Values:
@@ -77,7 +76,7 @@ def propagated(model: Model, of: Callable[[Values], Values]) -> dict[str, Quanti
         for name in value:
             if not np.allclose(without[name], value[name], rtol=1e-9, atol=1e-15, equal_nan=True):
                 by[name].append(one.name)
-        std = np.zeros_like(one.theta) if one.std is None or at_limit(one, model.vehicle) else np.nan_to_num(one.std)
+        std = np.zeros_like(one.theta) if one.std is None else np.nan_to_num(one.std)
         for i in np.flatnonzero(std > 0.0):
             step = 0.5 * std[i] * (np.arange(len(std)) == i)
             ends = [
@@ -89,12 +88,13 @@ def propagated(model: Model, of: Callable[[Values], Values]) -> dict[str, Quanti
 
 
 def acting_effects(model: Model) -> list[ModelEffect]:
-    """The effects of a model that act in still air at the nominal voltage."""
-    return [one for one in model.effects if one.effect.place != "air" and not one.effect.needs_voltage]
+    """The effects of a model that act in still air at the nominal voltage, and are at no limit."""
+    still = (one for one in model.effects if one.effect.place != "air" and not one.effect.needs_voltage)
+    return [one for one in still if not at_limit(one, model.vehicle)]
 
 
 def at_limit(one: ModelEffect, vehicle: Vehicle) -> bool:
-    """Whether a value of an effect is at a limit that is not zero."""
+    """Whether a value of an effect is at a limit of its parameter that is not zero: its law is wrong then."""
     parameters = one.effect.parameters(vehicle)
     ends = np.array([[p.low, p.high] for p in parameters])
     near = 1e-6 * np.array([p.scale for p in parameters])
@@ -151,12 +151,7 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
     hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
     out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}
     out["yaw"] = np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along) / thrust
-    moving = np.concatenate([s * v * np.eye(3) for v in SPEEDS for s in (1.0, -1.0)])
-    forces = wrench(hover[None], moving)[:, :3].reshape(len(SPEEDS), 2, 3, 3)
-    against = -0.5 * np.einsum("vkk->vk", forces[:, 0] - forces[:, 1])  # (speed, axis), odd in the velocity
-    slow, fast = against / np.array(SPEEDS)[:, None]
-    out["quadratic"] = (fast - slow) / (SPEEDS[1] - SPEEDS[0])
-    out["linear"] = slow - SPEEDS[0] * out["quadratic"]
+    out |= _drag(lambda velocity_B: wrench(hover[None], velocity_B)[:, :3])
     lags = [[named[n][p] for p in pair] for n, pair in LAGS.items() if n in named]
     out["lag"] = np.sum(lags, axis=0) if lags else np.zeros(2)
     out["delay"] = np.array(named.get("command_delay", {}).get("delay", 0.0))
@@ -166,6 +161,15 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
 
     out["curve"] = np.polynomial.polynomial.polyfit(FLOWN, mean_thrust(FLOWN[:, None] * hover) / out["level"], 2)
     return out | _by_signal(model, mean_thrust, acting.body.mass * GRAVITY / float(np.abs(along[:, 2]).sum()))
+
+
+def _drag(force: Callable[[Array], Array]) -> Values:
+    """Linear and quadratic drag (3,) along B's axes of the `force` (N, 3) at velocities (N, 3): what is odd in them."""
+    moving = np.concatenate([sign * v * np.eye(3) for v in SPEEDS for sign in (1.0, -1.0)])
+    forces = force(moving).reshape(len(SPEEDS), 2, 3, 3)
+    slow, fast = -0.5 * np.einsum("vkk->vk", forces[:, 0] - forces[:, 1]) / np.array(SPEEDS)[:, None]
+    quadratic = (fast - slow) / (SPEEDS[1] - SPEEDS[0])
+    return {"quadratic": quadratic, "linear": slow - SPEEDS[0] * quadratic}
 
 
 def _sensors(acting: WrenchModel) -> Values:
@@ -204,4 +208,4 @@ def _by_signal(model: Model, mean_thrust: Callable[[Array], Array], needed: floa
     signal = brentq(lambda share: float(thrust(np.array([share]))[0]) - needed, 0.0, 1.0)
     near = np.minimum(FLOWN * signal, 1.0)
     fitted = np.linalg.lstsq(np.stack((near, near**2), axis=1), thrust(near), rcond=None)[0]
-    return {"signal": np.array(signal), "by_signal": fitted}
+    return {"signal": np.array(signal), "by_signal": np.where(np.abs(fitted) < 1e-9 * needed, 0.0, fitted)}

@@ -107,8 +107,12 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     pilot = AUTOPILOTS[target]
     pilot.check(model, before)
     rows, lost = [], []
-    for name, one in pilot.quantities(model, before).items():
-        if not (one.identified and np.isfinite(one.value)):
+    found = pilot.quantities(model, before)
+    group = {name for name in found if pilot.together and name.startswith(pilot.together)}
+    asked = {name for name, one in found.items() if one.identified}
+    asked |= group if group & asked else set()
+    for name, one in found.items():
+        if name not in asked or not np.isfinite(one.value):
             continue
         if (refusal := pilot.refused(name, float(one.value))) is not None:
             lost.append(refusal)
@@ -143,7 +147,7 @@ def _lost(model: Model, program: str, uses: frozenset[str], *, fitted: bool) -> 
     for one in model.effects:
         moved = [name for name, quantity in found.items() if name in WORDS and one.name in quantity.by]
         missing = [WORDS[name] for name in moved if name not in uses]
-        if fitted and moved and not missing and at_limit(one, model.vehicle):
+        if at_limit(one, model.vehicle):
             out.append(f"{one.name}: is at a limit of what is plausible, so its law is wrong")
         elif fitted and moved and not missing and one.std is None:
             out.append(f"{one.name}: was not fitted, it has no standard deviation")

@@ -16,11 +16,21 @@ from typing import Any, get_args
 from pydantic import TypeAdapter
 from typing_extensions import get_original_bases, get_type_hints, is_typeddict
 
-from scripts.json_documents import changes, comparison, compensation, explanation, flights, health, models, summaries
+from scripts.json_documents import (
+    changes,
+    comparison,
+    compensation,
+    explanation,
+    flights,
+    health,
+    models,
+    summaries,
+    written,
+)
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.documents import schema as name_of
 
-MODULES = (changes, comparison, compensation, explanation, flights, health, models, summaries)
+MODULES = (changes, comparison, compensation, explanation, flights, health, models, summaries, written)
 
 
 def schema(command: str, *, strict: bool = False) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Documents of `add`, `remove`, `history`, `write`, `model`, `calibrate`, `trend` and `learn`."""
+"""Documents of `add`, `remove`, `history`, `model`, `calibrate`, `trend` and `learn`."""
 
 from __future__ import annotations
 
@@ -134,29 +134,6 @@ class Model(Document):
     effects: list[Fitted]
     assumed: list[str]
     """What nobody said, and where the value comes from."""
-
-
-class AutopilotParameter(TypedDict):
-    name: str
-    value: float
-    std: float
-    before: Number
-    """What was set; null where it is not known."""
-    nominal: Number
-    """By the model without effects."""
-    effects: list[str]
-    """From which it comes."""
-
-
-class Write(Document):
-    vehicle: str
-    target: str
-    parameters: list[AutopilotParameter]
-    """Empty of simulators."""
-    not_in_it: list[str]
-    """What the target has no parameter for."""
-    text: str
-    """Of the file."""
 
 
 class Tried(TypedDict):

@@ -186,9 +186,12 @@ def test_what_was_not_identified_is_refused_and_what_no_parameter_says_is_listed
     with pytest.raises(ModelError, match="com_offset: was not fitted"):
         written(quadrotor.with_effects([replace(com, std=None)]), "px4")
     at_limit = replace(make_effect(vehicle, "drag_torque", [-0.8]), std=np.array([0.1]))
-    made = written(quadrotor.with_effects([com, at_limit, *fitted(vehicle, motor_lag={"tau": 0.02})]), "px4")
+    model = quadrotor.with_effects([com, at_limit, *fitted(vehicle, motor_lag={"tau": 0.02})])
+    made = written(model, "px4")
     assert not [name for name in values(made) if name.endswith("KM")]
     assert any("drag_torque: is at a limit" in words for words in made.lost)
+    assert any("drag_torque: is at a limit" in words for words in written(model, "sdf").lost)
+    np.testing.assert_array_equal(quantities(model)["yaw"].value, quantities(model)["yaw"].nominal)
     assert any("motor_lag: PX4 has no parameter for the lag of the rotors" in words for words in made.lost)
     assert {"CA_ROTOR0_PX", "EKF2_IMU_POS_X"} <= values(made).keys()
     assert not {"CA_ROTOR0_PY", "MPC_THR_HOVER"} & values(made).keys()
