@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 from typing import IO, Any, ClassVar
 
 from wrenchgap.flight.errors import UsageError
@@ -28,7 +27,8 @@ LONGEST_NAME = 255
 class FileDrop:
     """Files that are dropped here, or chosen, are put into new folders below `folder`, and `received` gets their path.
 
-    `received` is called under the page's lock. One file arrives at a time: another one ends it, and so does `end`.
+    `received` is called under the page's lock; a file for which it raises an error goes. One file arrives at a time:
+    another one ends it, and so does `end`; until `received` has the last one no other begins.
     `largest` and `most` are bytes of one file, and of all that are kept.
     """
 
@@ -45,6 +45,7 @@ class FileDrop:
         self._transfer, self._size, self._done, self._path = "", 0, 0, folder
         self._file: IO[bytes] | None = None
         self._closed = False
+        self._handing = threading.Thread()
         self._lock = threading.RLock()  # pieces come by the thread of the connections, `end` by any other
 
     def start(self, transfer: str, name: str, size: int) -> None:
@@ -100,11 +101,23 @@ class FileDrop:
         if self._words.content != said:
             self._words.content = said
         if self._done == self._size:
-            path = self._path
-            event = SimpleNamespace(client=None)
-            threading.Thread(target=self.host.guarded(lambda _: self._received(path)), args=(event,)).start()
+            self._handing = threading.Thread(target=self._hand_over, args=(self._path,))
+            self._handing.start()
+
+    def _hand_over(self, path: Path) -> None:
+        """Give a file to whoever waits for it, once the page has time."""
+        try:
+            with self.host.lock, self.host.server.atomic():
+                if self._closed:
+                    raise UsageError(f"{path.name}: came while the page changed; drop it again")
+                self._received(path)
+        except Exception as error:  # the boundary between the page and whatever a user may do
+            discard(path)
+            self.host.fail(error)
 
     def _check(self, name: str, size: int) -> None:
+        if self._handing.is_alive():
+            raise UsageError(f"{name}: the page has not taken the last file yet; drop it again in a moment")
         if NAME.fullmatch(name) is None or len(name.encode()) > LONGEST_NAME:
             raise UsageError(
                 "a file whose name is no plain one was dropped; give it letters, digits and ._- and drop it again"

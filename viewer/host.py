@@ -127,11 +127,12 @@ class Host(Protocol):
         on_progress: Report,
         on_done: Callable[[T], None],
         on_error: Callable[[Exception], None] | None = None,
+        on_late: Callable[[T], None] = lambda _: None,
     ) -> Job:
         """Start a background job: `function(report)` on a thread, the other functions under the page's lock.
 
         `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
-        user is told). `cancel()` of the job ends it at its next report.
+        user is told). `cancel()` of the job ends it at its next report; `on_late` gets what comes all the same.
         """
 
         def run(job: Job) -> None:
@@ -151,8 +152,7 @@ class Host(Protocol):
                         (on_error or self.fail)(error)
                 return
             with self.lock, self.server.atomic():  # clients get no last value of a control that goes with it
-                if not job.cancelled:
-                    on_done(result)
+                (on_late if job.cancelled else on_done)(result)
 
         job = Job(getattr(function, "__name__", "work"), run)
         job.start()

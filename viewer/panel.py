@@ -124,8 +124,15 @@ class JobControls:
         """Whether the job runs."""
         return self._job is not None
 
-    def start(self, function: Callable[[Report], T], on_done: Callable[[T], None], *, then_gone: bool = False) -> None:
-        """Start the job in the background; one that runs is cancelled.
+    def start(
+        self,
+        function: Callable[[Report], T],
+        on_done: Callable[[T], None],
+        on_late: Callable[[T], None] = lambda _: None,
+        *,
+        then_gone: bool = False,
+    ) -> None:
+        """Start the job in the background; one that runs is cancelled, `on_late` gets what it had made by then.
 
         With `then_gone`, `on_done` removes these controls, which show the end of the job before it.
         """
@@ -151,7 +158,7 @@ class JobControls:
             self.words.content, self.words.visible = markup.sentences(error_text(error), look="wg-bad"), True
             self.host.fail(error)
 
-        self._job = self.host.background(function, self._progress, done, failed)
+        self._job = self.host.background(function, self._progress, done, failed, on_late)
 
     def cancel(self) -> None:
         """Cancel the running job and discard its result."""

@@ -5,6 +5,7 @@ import pytest
 from tests.replay.autopilot_logs import flight, write_ulog
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.replay.session.intake import Intake
+from wrenchgap.replay.session.panels import logs
 from wrenchgap.replay.session.panels.logs import of_page, session_of
 from wrenchgap.viewer.file_drop import FileDrop
 from wrenchgap.viewer.page import Page
@@ -92,6 +93,46 @@ def test_a_file_that_comes_while_the_page_changes_is_not_begun(page):
     drop.start("a", "log.ulg", 10)
     drop.part("a", b"x")
     assert list(kept_in.iterdir()) == []
+
+
+def test_a_log_whose_job_is_cancelled_when_its_work_is_done_leaves_nothing_on_the_disk(
+    page, log, eventually, monkeypatch
+):
+    before, jobs = panel(page), []
+
+    def cancelled_at_its_end(intake, report):
+        made = session_of(intake, report)
+        jobs.append(before.work._job)
+        before.work.cancel()
+        return made
+
+    monkeypatch.setattr(logs, "session_of", cancelled_at_its_end)
+    send(page, "first.ulg", log)
+    eventually(lambda: jobs and not jobs[0].is_alive(), "the log was not opened", 60.0)
+    assert page.session.flights != ("first.ulg",)
+    assert kept(page) == []
+
+
+def test_a_log_is_taken_however_many_clicks_wait(page, said, eventually):
+    """It was left on the disk, and nothing was said."""
+    while page._waiting.acquire(blocking=False):
+        pass
+    send(page, "notes.ulg", b"no log")
+    eventually(lambda: said and not panel(page).work.running)
+    assert "notes.ulg" in said[0]
+    assert kept(page) == []
+
+
+def test_until_the_page_has_taken_a_file_no_other_begins_and_none_is_left_of_a_page_that_went(page, said, eventually):
+    before = panel(page)
+    with page.lock:
+        send(page, "first.ulg", b"x")
+        send(page, "second.ulg", b"x", "b")
+        assert ["second.ulg: the page has not taken the last file yet" in words for words in said] == [True]
+        page.replace(page.session)
+    before.drop._handing.join(10.0)
+    assert "first.ulg: came while the page changed" in said[1]
+    assert kept(page) == []
 
 
 def test_what_the_form_lacks_is_said_in_the_words_of_the_form(page):

@@ -1,5 +1,6 @@
 """Files that are dropped on the page: what arrives is on the disk, what does not fit is refused in one line."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,10 +21,8 @@ class Page(Host):
         button = SimpleNamespace(_impl=SimpleNamespace(uuid="drop"))
         add_html = lambda content: SimpleNamespace(content=content)  # noqa: E731
         self.gui = SimpleNamespace(add_html=add_html, add_upload_button=lambda label: button)
-        self.server, self.drops, self.said, self.came = object(), {}, [], []
-
-    def guarded(self, callback):
-        return callback
+        self.server, self.lock = SimpleNamespace(atomic=nullcontext), nullcontext()
+        self.drops, self.said, self.came = {}, [], []
 
     def fail(self, error, client=None):
         self.said.append(str(error))
@@ -53,6 +52,7 @@ def test_a_file_is_on_the_disk_as_it_was_sent(drop, page, eventually):
     (path,) = eventually(lambda: page.received)
     assert (path.name, path.read_bytes()) == ("Flug süd 3.ulg", b"0123456789")
     assert page.came == [0, 4, 8, 10]
+    drop._handing.join()
     sent(drop, "Flug süd 3.ulg", b"", "b")
     eventually(lambda: len(page.received) == 2, "an empty file never came")
     assert page.received[1] != path, "a second file of the same name replaced the first"

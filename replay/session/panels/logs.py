@@ -119,8 +119,6 @@ class LogsPanel(Panel):
         What `came` and is no log of it in the end, is removed. One thing at a time: another one would be lost.
         """
         if self.work.running or self.make.running:
-            if came is not None:
-                discard(came)
             again = "click again" if came is None else f"drop {came.name} again"
             raise UsageError(f"the page is at work; {again} when that has ended")
 
@@ -138,7 +136,11 @@ class LogsPanel(Panel):
                     discard(came)
             return session
 
-        controls.start(work, self.host.replace, then_gone=True)
+        def late(_: Session) -> None:
+            if came is not None:
+                discard(came)
+
+        controls.start(work, self.host.replace, late, then_gone=True)
 
     def _answer(self) -> str:
         """What `check` says of all logs: its sentences and its table."""
