@@ -427,11 +427,11 @@ def dropped_logs(folder: Path) -> Outcome:
             send(connection, **CAMERA)
             for k in range(300):
                 names = {"source_component_uuid": source, "transfer_uuid": str(k)}
-                begin = {"filename": f"{k}.ulg", "mime_type": "x", "part_count": 9, "size_bytes": (0, 9, 10**6)[k % 3]}
+                begin = {"filename": f"{k}.ulg", "mime_type": "x", "part_count": 9, "size_bytes": (0, 9, 10**6 + k)[k % 3]}
                 send(connection, type="FileTransferStartUpload", **names, **begin)
                 for part in range(9):
                     send(connection, type="FileTransferPart", **names, part_index=part, content=b"x")
-            lives = eventually(lambda: panel.drop._transfer == "299", 40.0) and alive(page)
+            lives = eventually(lambda: panel.drop._size == 10**6 + 299, 40.0) and alive(page)
         eventually(lambda: len(list(dropped.iterdir())) <= 1)
         left, kept = len(list(dropped.iterdir())), len(told)
     finally:
