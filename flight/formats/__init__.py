@@ -123,7 +123,8 @@ def _grown(path: Path, before: os.stat_result) -> os.stat_result:
 def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], list[str]]:
     """What a reader gives, decoded, and what the decoding has to say."""
     if isinstance(reader, TableReader):
-        return reader.tables(selection), []
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers without sense are left out later, and counted
+            return reader.tables(selection), []
     collector = Collector(
         lambda topic, kind, fields: selection(topic, kind, fields) or px4.wanted(topic, kind), reader.account
     )

@@ -145,10 +145,9 @@ class CrazyflieUsdReader(TableReader):
         if not len(stamps):
             return {}
         order = in_order(stamps, event.name, self.notes)
-        with np.errstate(invalid="ignore"):  # damaged bytes may be a NaN that signals
-            columns: Columns = {
-                name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)
-            }
+        columns: Columns = {
+            name: fields[f"f{k}"][known][order].astype(float) for k, name in enumerate(event.variables, 2)
+        }
         made, notes = tables_of_columns(f"/{event.name or 'event'}", columns, stamps[order], self.path)
         self.notes += notes
         return made

@@ -97,6 +97,17 @@ def test_dates_of_several_forms_are_read_and_nothing_stands_on_the_screen(logs, 
     assert len(found.imu.time) > 0
 
 
+def test_numbers_beyond_all_sense_put_nothing_on_the_screen(logs, time, tmp_path):
+    table = pd.DataFrame({"time_us": time * 1e6} | columns(logs, time))
+    table.loc[390:, "time_us"] = -1e308
+    table.loc[:300, ["acc_x", "acc_z"]] = -1e308
+    table.to_csv(tmp_path / "log.csv", index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = flight.inspect(tmp_path / "log.csv")
+    assert any("10 row(s) of log.csv have no time" in note for note in found.notes)
+
+
 def test_topics_of_different_rates_share_a_table_with_empty_cells(logs, time, tmp_path):
     frame = pd.DataFrame({"t_s": time} | columns(logs, time))
     slow = [name for name in frame if name.startswith(("pos", "q", "v"))]
