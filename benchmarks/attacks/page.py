@@ -427,7 +427,12 @@ def dropped_logs(folder: Path) -> Outcome:
             send(connection, **CAMERA)
             for k in range(300):
                 names = {"source_component_uuid": source, "transfer_uuid": str(k)}
-                begin = {"filename": f"{k}.ulg", "mime_type": "x", "part_count": 9, "size_bytes": (0, 9, 10**6 + k)[k % 3]}
+                begin = {
+                    "filename": f"{k}.ulg",
+                    "mime_type": "x",
+                    "part_count": 9,
+                    "size_bytes": (0, 9, 10**6 + k)[k % 3],
+                }
                 send(connection, type="FileTransferStartUpload", **names, **begin)
                 for part in range(9):
                     send(connection, type="FileTransferPart", **names, part_index=part, content=b"x")

@@ -143,7 +143,7 @@ def steady_blocks(*series: Series) -> list[Span]:
     gaps = sorted((gap.start, gap.stop) for s in series for gap in s.gaps)
     found, since = [], start
     for until, then in [*gaps, (stop, stop)]:
-        length = until - since
+        length = min(until, stop) - since  # a gap may lie behind the end of another series
         count = max(1, int(np.ceil(length / SCALE.block)))
         size = length / count
         found += [(since + k * size, since + (k + 1) * size) for k in range(count) if size > 2.0 * SCALE.part]

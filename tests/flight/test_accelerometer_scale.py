@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
+from wrenchgap.flight.checks.gyroscope_scale import steady_blocks
 from wrenchgap.flight.checks.motion import motion_means
-from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
+from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries
 
 G = np.array([0.0, 0.0, 9.80665])
 
@@ -125,3 +126,14 @@ def test_a_sensor_that_is_clipped_has_no_factor():
     found = said(flown(1.06, limit=13.0, vibration=1.0))
     assert found.level in ("warn", "bad")
     assert found.mend is None
+
+
+def test_an_imu_that_ends_in_flight_is_compared_up_to_there_whatever_gaps_the_odometry_has_later():
+    """The block before a later gap reached beyond the IMU's end, where hats had no weight: 0 / 0."""
+    flight = flown(1.06, seconds=40.0)
+    imu, odometry = flight.imu, flight.odometry
+    ends = ImuSeries("/imu", imu.time[:5000], imu.omega_B[:5000], imu.specific_force_B[:5000])
+    odometry = replace(odometry, gaps=(Gap(30.0, 31.0),))
+    assert max(stop for _, stop in steady_blocks(odometry, ends)) == pytest.approx(ends.time[-1])
+    with np.errstate(all="raise"):
+        assert said(replace(flight, imu=ends, odometry=odometry)).level == "bad"
