@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,17 +19,24 @@ from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, styled, table
 
+SIDE_BY_SIDE = 6
+"""Logs in one table: of more, a terminal shows columns that are narrower than words, and of many none at all."""
+
 
 def parts(found: Health) -> list[Part]:
     """The answer, the table, which parameters differ, the long tables."""
     long = (part for log in found.logs for part in _details(log, several=len(found.logs) > 1))
-    return [*brief(found, None), *long]
+    return [*brief(found, details=True), *long]
 
 
-def brief(found: Health, most_parameters: int | None = 12) -> list[Part]:
-    """The answer, the table, and which parameters differ."""
+def brief(found: Health, *, details: bool = False) -> list[Part]:
+    """The answer, the table, and which parameters differ; without `details` of so many logs and parameters as fit."""
     lines = [Line(text, look) for text, look in answer(found)]
-    return [*lines, Line(), overview(found), *parameters.parts(found.parameters, most_parameters)]
+    several = [found.logs[k : k + SIDE_BY_SIDE] for k in range(0, len(found.logs), SIDE_BY_SIDE)]
+    tables = [overview(replace(found, logs=logs)) for logs in several[: None if details else 1]]
+    more = 0 if details else len(found.logs) - len(several[0])
+    left = [Line(f"{more} more logs: --details.")] if more else []
+    return [*lines, Line(), *tables, *left, *parameters.parts(found.parameters, None if details else 12)]
 
 
 def answer(found: Health) -> list[tuple[str, str]]:

@@ -450,3 +450,16 @@ def test_the_next_command_names_a_shipped_model_as_its_user_does(tmp_path):
     flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
     log = wg.save_log(flown, tmp_path / "hover.mcap")
     assert answer(wg.check(log, wg.load_model("crazyflie")))[-1][0].endswith(" -m crazyflie")
+
+
+def test_of_many_logs_each_that_is_shown_can_be_read(run, tmp_path):
+    """Of twenty a terminal's columns were three letters wide, of a hundred they had none."""
+    rows = "".join(f"{0.01 * k:.2f},1000,0.1\n" for k in range(100))
+    names = [tmp_path / f"log{k:02d}.csv" for k in range(20)]
+    for k, name in enumerate(names):
+        name.write_text(f"t_s,motor.m1,gyro.x\n{rows}{1 + 0.01 * k:.2f},{1000 + k},0.1\n")
+    brief, whole = (run("check", *names, *more).output for more in ((), ("--details",)))
+    table = brief.partition("next:")[2]
+    assert [name.name in table for name in names] == [True] * 6 + [False] * 14
+    assert "14 more logs: --details" in table
+    assert all(name.name in whole.partition("next:")[2] for name in names)
