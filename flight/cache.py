@@ -52,7 +52,8 @@ def load(
         file.touch()
     except Exception:  # whatever is wrong with what was kept, the log itself is there
         found = read(path, topics, preferred, unmeasured, budget)
-        _keep(found, file)
+        if found.content_hash == digest:  # else another log took its name meanwhile, or it grew
+            _keep(found, file)
     return found
 
 

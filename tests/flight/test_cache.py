@@ -140,3 +140,17 @@ def test_a_pipe_in_the_place_of_a_kept_flight_is_not_waited_for(log, reads):
     os.mkfifo(kept)
     cache.load(log)
     assert len(reads) == 2
+
+
+def test_a_log_that_another_replaces_before_it_is_read_is_not_kept_as_that_one(log, monkeypatch):
+    first = log.read_bytes()
+
+    def replaced(path, *rest):
+        written(path, 4.0)
+        return flight.load(path, *rest)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cache, "read", replaced)
+        assert cache.load(log).imu.time[-1] > 3.5
+    log.write_bytes(first)
+    assert cache.load(log).imu.time[-1] < 3.5
