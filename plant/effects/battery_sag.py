@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
@@ -32,5 +33,6 @@ class BatterySag(WrenchEffect):
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added (mostly negative) wrench."""
         voltage = context.state.voltage
-        assert voltage is not None
+        if voltage is None:
+            raise ModelError(f"effect {self.name}: needs the battery's voltage, which this flight does not have")
         return np.asarray((theta[1] * voltage - theta[0])[:, None] * wrench_B)

@@ -142,7 +142,7 @@ def simulate(
     # Long because every argument has its lines in the docstring.
     believed = truth.nominal if believed is None else believed
     length = trajectory.duration if duration is None else duration
-    _check(truth.vehicle, believed.vehicle, length, 2.0 / believed.controller.rate_hz)
+    _check(truth.vehicle, believed.vehicle, length, 2.0 / believed.controller.rate_hz, physics_rate)
     per_control = _divide(physics_rate, believed.controller.rate_hz, "controller.rate_hz")
     time = np.arange(max(round(length * physics_rate), 1)) / physics_rate
     volts = None if voltage is None else np.array([voltage(t) for t in time.tolist()])
@@ -253,9 +253,17 @@ def _divide(physics_rate: float, rate: float, what: str) -> int:
     return round(ratio)
 
 
-def _check(truth: Vehicle, believed: Vehicle, length: float, least: float) -> None:
+def _check(
+    truth: Vehicle, believed: Vehicle, length: float, least: float, physics_rate: float, most: int = 4_000_000
+) -> None:
+    """Raise UsageError for what cannot be simulated; each of the `most` steps takes 1 kB."""
     if not (np.isfinite(length) and length >= least):
         raise UsageError(f"simulate: got a duration of {length} s, expected two control periods, {least:g} s, at least")
+    if length * physics_rate > most:
+        raise UsageError(
+            f"simulate: {length:g} s at {physics_rate:g} Hz, a multiple of all rates of controller and sensors, are "
+            f"more than {most:,} steps; fly a shorter time, or choose rates that are multiples of one another"
+        )
     shapes = [
         (0 if v.arms is None else len(v.arms), 0 if v.rotors is None else len(v.rotors)) for v in (truth, believed)
     ]

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.simulation.simulate import simulate
+from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import Hover, Tilts, named
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -211,3 +211,17 @@ def test_rates_that_do_not_divide_and_vehicles_that_do_not_match_are_named():
         simulate(model(), box, Hover(1.0), rng=rng)
     with pytest.raises(UsageError, match=r"expected two control periods, 0\.01 s, at least"):
         simulate(model(), None, Hover(1.0), -2.0, rng=rng)
+
+
+def test_rates_whose_common_multiple_takes_all_memory_are_refused():
+    """Of 1000.003 kHz and 200 Hz it is 200 MHz: a second of flight took 18 GB."""
+    made = model(sensors=replace(SensorNoise(), imu_rate_hz=1_000_003.0))
+    with pytest.raises(UsageError, match=r"more than 4,000,000 steps"):
+        flown(made, Hover(1.0), physics_rate=physics_rate(made))
+
+
+def test_an_effect_of_the_voltage_is_refused_where_there_is_no_battery():
+    sagging = model(("battery_sag", {"sensitivity": 0.5, "per_volt": 0.02}))
+    with pytest.raises(ModelError, match=r"battery_sag: needs the battery's voltage"):
+        flown(sagging, Hover(1.0))
+    assert len(flown(sagging, Hover(1.0), voltage=lambda t: 25.0).imu.time)
