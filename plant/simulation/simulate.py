@@ -254,9 +254,9 @@ def _divide(physics_rate: float, rate: float, what: str) -> int:
 
 
 def _check(
-    truth: Vehicle, believed: Vehicle, length: float, least: float, physics_rate: float, most: int = 4_000_000
+    truth: Vehicle, believed: Vehicle, length: float, least: float, physics_rate: float, most: int = 1_500_000
 ) -> None:
-    """Raise UsageError for what cannot be simulated; each of the `most` steps takes 1 kB."""
+    """Raise UsageError for what cannot be simulated; a step takes 1 to 3 kB, `most` are an hour at 400 Hz."""
     if not (np.isfinite(length) and length >= least):
         raise UsageError(f"simulate: got a duration of {length} s, expected two control periods, {least:g} s, at least")
     if length * physics_rate > most:
