@@ -29,7 +29,12 @@ print(json.dumps([done.returncode, text, peak * 1024 / 1e6, used.ru_utime + used
 
 def inspected(path: Path, *options: str) -> tuple[int, str, float, float]:
     """Exit code, output, peak memory [MB] and processor time [s] of `inspect`."""
-    words = [sys.executable, "-c", MEASURED, *COMMAND, "inspect", str(path), *options]
+    return measured("inspect", str(path), *options)
+
+
+def measured(*asked: str) -> tuple[int, str, float, float]:
+    """The same of any command."""
+    words = [sys.executable, "-c", MEASURED, *COMMAND, *asked]
     code, text, memory, time = json.loads(subprocess.run(words, capture_output=True, check=True).stdout)
     return code, text, memory, time
 
@@ -65,6 +70,21 @@ def columns_without_end(folder: Path) -> Outcome:
     right = code == 2 and text.count("\n") == 1 and "[0:99999999999]" in text
     words = f"refused in one line, {memory:,.0f} MB, {time:.1f} s" if right else f"exit {code}: {text[:200]}"
     return Outcome(right and memory < 500 and time < 10, words)
+
+
+def greedy_model(more: str, refusal: str, output: str, *asked: str) -> Callable[[Path], Outcome]:
+    """A model file with `more` at its end, and a command that reads it."""
+
+    def run(folder: Path) -> Outcome:
+        model = folder / "vehicle.toml"
+        plain = (resources.files("wrenchgap.models") / "tilt_hexarotor.toml").read_text(encoding="utf-8")
+        model.write_text(plain + more, encoding="utf-8")
+        code, text, memory, time = measured(*asked, "-m", str(model), "-o", str(folder / output))
+        right = code == 2 and text.count("\n") == 1 and refusal in text
+        words = f"refused in one line, {memory:,.0f} MB, {time:.1f} s" if right else f"exit {code}: {text[:200]}"
+        return Outcome(right and memory < 500 and time < 10, words)
+
+    return run
 
 
 OPTION, COMPUTED = "--budget", "computed"
@@ -123,6 +143,16 @@ ATTACKS = (
         "a model file whose topic has 99,999,999,999 columns; `inspect -m`",
         "refused in one line that says which; 500 MB, 10 s of processor time",
         columns_without_end,
+    ),
+    Attack(
+        "a model file with a controller at 200 Hz and an IMU at 1,000,003 Hz; `simulate`",
+        "refused in one line that says steps; 500 MB, 10 s of processor time",
+        greedy_model("\n[sensors]\nimu_rate_hz = 1000003\n", "steps", "out.mcap", "simulate", "-t", "hover"),
+    ),
+    Attack(
+        "a model file of 0.8 MB; `add --value`",
+        "refused in one line that says characters; 500 MB, 10 s of processor time",
+        greedy_model("# x\n" * 200_000, "characters", "out.toml", "add", "--value", "mass=added:0.1"),
     ),
     Attack("a log that its budget refuses, with `--budget 1GB,60s`", "refused before, read then", raised),
 )
