@@ -259,11 +259,11 @@ def write(
 
     run.claim({"--output": output}, model, parameters)
     read = run.model(model)
-    if parameters is not None:
-        run.note_input(parameters, "parameters")
     made = api_models.export_model(
         read, target.value, parameters=parameters, origin=run.command_line(), budget=parse_budget(budget)
     )
+    if parameters is not None:
+        run.note_input(parameters, "parameters")
     run.result(made)
     if output is not None:
         with atomic(output) as partial:

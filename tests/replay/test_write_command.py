@@ -1,0 +1,53 @@
+"""`wrenchgap write`: the file, the JSON, and what is refused in one line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.plant.model import make_effect
+
+
+@pytest.fixture
+def fitted(tmp_path):
+    """A model file with a fitted thrust and a lag that was set by hand."""
+    model = wg.load_model("crazyflie")
+    thrust = replace(make_effect(model.vehicle, "thrust_scale", [0.05]), std=np.array([0.01]))
+    lag = make_effect(model.vehicle, "motor_lag", [0.03])
+    wg.save_model(model.with_effects([thrust, lag]), tmp_path / "fitted.toml", before=model)
+    return tmp_path
+
+
+def test_the_file_loads_with_what_was_set_as_a_comment(result_of, fitted):
+    (fitted / "set.params").write_text("# QGroundControl\n1\t1\tMPC_THR_HOVER\t0.47\t9\n1\t1\tTHR_MDL_FAC\t0\t9\n")
+    said = result_of("write", "fitted.toml", "--to", "px4", "--parameters", "set.params", "-o", "out.params")
+    [row] = said["parameters"]
+    assert (row["name"], row["before"], row["effects"]) == ("MPC_THR_HOVER", 0.47, ["thrust_scale"])
+    assert any("motor_lag: PX4 has no parameter for the lag" in words for words in said["not_in_it"])
+    lines = (fitted / "out.params").read_text().splitlines()
+    assert [line.split("\t")[2] for line in lines if not line.startswith("#")] == ["MPC_THR_HOVER"]
+    assert any(line.startswith("# MPC_THR_HOVER: +-") and "was 0.47; thrust_scale" in line for line in lines)
+
+
+@pytest.mark.parametrize("target", ["ardupilot", "crazyflie", "mjcf", "sdf", "urdf", "rotorpy", "drone-models"])
+def test_every_target_has_a_file(result_of, fitted, target):
+    said = result_of("write", "fitted.toml", "--to", target, "-o", "out.txt")
+    assert (fitted / "out.txt").read_text() == said["text"]
+
+
+def test_what_cannot_be_written_is_one_line(refused, fitted):
+    (fitted / "other.param").write_text("FRAME_CLASS,1\n")
+    (fitted / "notes.txt").write_text("none")
+    assert "expected parameters of an autopilot" in refused(
+        "write", "fitted.toml", "--to", "px4", "--parameters", "notes.txt"
+    )
+    assert "none of PX4's" in refused("write", "fitted.toml", "--to", "px4", "--parameters", "other.param")
+    assert "no such file" in refused("write", "fitted.toml", "--to", "px4", "--parameters", "gone.ulg")
+    assert "'simulink' is not one of" in refused("write", "fitted.toml", "--to", "simulink")
+    assert "nothing identified" in refused("write", "crazyflie", "--to", "px4")
+    assert "do not point up" in refused("write", "tilt_hexarotor", "--to", "rotorpy")
+    assert "add [[vehicle.arms]]" in refused("write", "variable_tilt_hexacopter", "--to", "sdf")
+    (fitted / "out.txt").write_text("mine")
+    assert "out.txt" in refused("write", "fitted.toml", "--to", "mjcf", "-o", "out.txt")
+    assert (fitted / "out.txt").read_text() == "mine"
