@@ -55,6 +55,8 @@ SIMULATORS = {
     "drone-models": Simulator("drone-models", packages.drone_models, BODY | {"curve", "linear"}, HASH),
 }
 TARGETS = (*AUTOPILOTS, *SIMULATORS)
+ENDINGS = dict(zip(TARGETS, (".params", ".param", ".csv", ".xml", ".sdf", ".urdf", ".py", ".toml"), strict=True))
+"""Of the files."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,10 @@ from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
+from wrenchgap.replay import api_models
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
@@ -119,6 +121,15 @@ class SessionEffects:
         """What `save` would write into a file of this name."""
         with self.working.lock:
             return model_file.dumps(self._versioned(Path(file_name(name))))
+
+    def exported(self, target: str, flight: str) -> str:
+        """The current model in the terms of an autopilot, with what was set in this flight, or of a simulator."""
+        with self.working.lock:
+            model, autopilot = self.working.model, self.working.flight(flight).flight.autopilot
+        own = autopilot is not None and target in AUTOPILOTS and AUTOPILOTS[target].name == autopilot.name
+        return api_models.export_model(
+            model, target, parameters=autopilot.parameters if autopilot and own else None
+        ).text
 
     def trajectory_text(self, found: Design) -> str:
         """A designed flight as a trajectory file."""

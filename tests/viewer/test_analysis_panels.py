@@ -297,6 +297,19 @@ def test_without_a_folder_the_model_goes_to_the_client_that_asks(page, effects):
     assert effects.save.label == "Download model"
 
 
+def test_the_model_is_downloaded_for_an_autopilot_or_a_simulator(page, effects):
+    effects.add("com_offset")
+    sent = []
+    client = SimpleNamespace(send_file_download=lambda name, content, **how: sent.append((name, content)))
+    for target in ("mjcf", "px4"):
+        effects.target.value = target
+        for callback in effects.export._impl.update_cb:
+            callback(SimpleNamespace(client=client, client_id=1, target=effects.export))
+    assert [name for name, _ in sent] == ["mjcf.xml", "px4.params"]
+    assert b"<mujoco" in sent[0][1]
+    assert b"CA_ROTOR0_PX" in sent[1][1]
+
+
 @pytest.mark.slow
 def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
     work(effects.work)
