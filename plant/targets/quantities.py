@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.model import Model
@@ -196,6 +195,8 @@ def _by_signal(model: Model, mean_thrust: Callable[[Array], Array], needed: floa
     """The share of full command at which a rotor makes the thrust that is `needed` [N], and the curve about it."""
     if model.command is None:
         return {}
+    from scipy.optimize import brentq  # here: the page need not wait for it
+
     curve, (low, high), count = model.command, model.command.span, len(model.vehicle.geometry()[1])
 
     def thrust(shares: Array) -> Array:

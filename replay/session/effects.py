@@ -16,7 +16,6 @@ from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay import api_models
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
@@ -124,12 +123,13 @@ class SessionEffects:
 
     def exported(self, target: str, flight: str) -> str:
         """The current model in the terms of an autopilot, with what was set in this flight, or of a simulator."""
+        from wrenchgap.replay import api_models  # here: it brings the searches
+
         with self.working.lock:
             model, autopilot = self.working.model, self.working.flight(flight).flight.autopilot
-        own = autopilot is not None and target in AUTOPILOTS and AUTOPILOTS[target].name == autopilot.name
-        return api_models.export_model(
-            model, target, parameters=autopilot.parameters if autopilot and own else None
-        ).text
+        same = autopilot is not None and target in AUTOPILOTS and AUTOPILOTS[target].name == autopilot.name
+        before = autopilot.parameters if autopilot is not None and same else None
+        return api_models.export_model(model, target, parameters=before).text
 
     def trajectory_text(self, found: Design) -> str:
         """A designed flight as a trajectory file."""
