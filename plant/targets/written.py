@@ -11,7 +11,7 @@ from wrenchgap._escaping import printable
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets import packages, robots
+from wrenchgap.plant.targets import TARGETS, packages, robots
 from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.targets.quantities import Values, acting_effects, at_limit, quantities, values_of
 from wrenchgap.plant.vehicle import Vehicle
@@ -54,9 +54,6 @@ SIMULATORS = {
     "rotorpy": Simulator("RotorPy", packages.rotorpy, BODY | {"imu", "linear", "quadratic"}, HASH),
     "drone-models": Simulator("drone-models", packages.drone_models, BODY | {"curve", "linear"}, HASH),
 }
-TARGETS = (*AUTOPILOTS, *SIMULATORS)
-ENDINGS = dict(zip(TARGETS, (".params", ".param", ".csv", ".xml", ".sdf", ".urdf", ".py", ".toml"), strict=True))
-"""Of the files."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.effects import catalogue, find
-from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
@@ -123,7 +122,8 @@ class SessionEffects:
 
     def exported(self, target: str, flight: str) -> str:
         """The current model in the terms of an autopilot, with what was set in this flight, or of a simulator."""
-        from wrenchgap.replay import api_models  # here: it brings the searches
+        from wrenchgap.plant.targets.autopilots import AUTOPILOTS  # here: the page need not wait for them
+        from wrenchgap.replay import api_models
 
         with self.working.lock:
             model, autopilot = self.working.model, self.working.flight(flight).flight.autopilot

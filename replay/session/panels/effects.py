@@ -11,7 +11,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant.effects.effect import Parameter
-from wrenchgap.plant.targets.written import ENDINGS, TARGETS
+from wrenchgap.plant.targets import TARGETS
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.session.effects import SessionEffects
@@ -80,7 +80,7 @@ class EffectsPanel(Panel):
                 self.path = gui.add_text("file", "fitted.toml", hint=SAVES if effects.saves else DOWNLOADS)
                 self.save = connect(gui.add_button("Save model" if effects.saves else "Download model"), self._saved)
                 hint = "Autopilots get what was identified, simulators the whole vehicle; see docs/write.md."
-                self.target = gui.add_dropdown("for", TARGETS, hint=hint)
+                self.target = gui.add_dropdown("for", tuple(TARGETS), hint=hint)
                 self.export = connect(gui.add_button("Download for it", color="gray"), self._exported)
             self.links = Links(host)
         host.command("Undo the last change of the model", lambda: self._change(effects.undo))
@@ -214,7 +214,7 @@ class EffectsPanel(Panel):
 
     def _exported(self, event: Any) -> None:
         text = self.effects.exported(self.target.value, self.host.scene.name)
-        download(event.client, f"{self.target.value}{ENDINGS[self.target.value]}", text.encode())
+        download(event.client, f"{self.target.value}{TARGETS[self.target.value]}", text.encode())
 
     def _saved(self, event: Any) -> None:
         name = self.path.value.strip()
