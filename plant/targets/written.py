@@ -116,9 +116,12 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
         if (refusal := pilot.refused(name, float(one.value))) is not None:
             lost.append(refusal)
             continue
-        numbers = (float(one.value), float(one.std), before.get(name), float(one.nominal) + 0.0)
+        nominal = float(one.nominal) if abs(one.nominal) > 1e-9 * abs(one.value) else 0.0  # no rounding
+        numbers = (float(one.value), float(one.std), before.get(name), nominal)
         rows.append(WrittenParameter(name, *numbers, one.by))
     without_curve = {"mass", "level", "curve"} if model.command is None and pilot.curve else set()
+    if target == "px4" and model.vehicle.geometry()[0].tilts.any():
+        lost.append("arms that tilt: CA_ROTOR* describe them at zero tilt")
     lost += _lost(model, pilot.name, pilot.uses - without_curve, fitted=True)
     if not rows:
         raise ModelError(
