@@ -71,7 +71,7 @@ class Dataset:
         out = {}
         for axis in self.answering:
             trusted = ~self.untrusted[:, axis]
-            out[axis] = every = feedback.wholly(self.with_gains(signals, trusted))
+            out[axis] = every = feedback.wholly(self.with_gains(signals, trusted), signals)
             gain = feedback.by_parts(self.answer_gains[:, axis, of] * trusted[:, None])
             if np.isfinite(gain).all():
                 size = every.out_of(self.with_gains(left[:, axis], trusted))

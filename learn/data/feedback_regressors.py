@@ -106,9 +106,10 @@ class Answerable:
         return np.asarray(values - (self.basis @ (self.share[:, None] * (self.basis.T @ flat))).reshape(values.shape))
 
 
-def wholly(signals: Array) -> Answerable:
-    """All that signals (K, A) span."""
-    basis = spanned(signals)
+def wholly(signals: Array, of: Array | None = None) -> Answerable:
+    """All that signals (K, A) span, none of those that are but rounding of what they are filtered `of` (K, A)."""
+    size = np.linalg.norm(signals, axis=0)
+    basis = spanned(signals[:, size > ROUNDING * (size if of is None else np.linalg.norm(of, axis=0))])
     return Answerable(basis, np.ones(basis.shape[1]))
 
 

@@ -244,3 +244,14 @@ def test_where_commands_say_nothing_the_mean_of_a_flight_stays(plain, hexarotor)
     assert space.silent[:, AXIS].mean() > 0.9
     kept = np.linalg.norm(space.coefficients[:, AXIS, :2], axis=0)
     np.testing.assert_allclose(kept, np.array([3.0, 1.0]) * np.sqrt(len(constant)), rtol=1e-6)
+
+
+def test_where_commands_are_snapshots_of_answers_the_mean_of_a_flight_stays(plain):
+    """What is left of commands without all bands is rounding, and takes no direction out of a residual."""
+    answering = disturbed(plain)
+    error = np.zeros((len(EDGES) + 1, 6))
+    error[:, AXIS] = 1.0
+    data = replace(answering, records=tuple(replace(r, input_error=error) for r in answering.records))
+    constant = np.zeros_like(plain.measured)
+    constant[:, AXIS] = 3.0
+    np.testing.assert_allclose(data.unanswered(constant), constant, atol=1e-9)
