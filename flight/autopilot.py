@@ -14,8 +14,9 @@ import numpy as np
 class Autopilot:
     """The autopilot that wrote a log; texts are empty where it does not say.
 
-    `name` is "PX4" or "ArduPilot", `frame` what it calls its vehicle. `dropouts` are gaps (PX4), or blocks (ArduPilot),
-    that the logger lost, `lost` their length in all [s], None where it is not logged.
+    `name` is "PX4" or "ArduPilot", `frame` what it calls its vehicle, `serial` the number of its processor. `dropouts`
+    are gaps (PX4), or blocks (ArduPilot), that the logger lost, `lost` their length in all [s], None where it is not
+    logged.
     """
 
     name: str
@@ -25,6 +26,21 @@ class Autopilot:
     parameters: Mapping[str, float | int] = field(default_factory=dict)
     dropouts: int = 0
     lost: float | None = None
+    serial: str = ""
+
+
+OF_VEHICLE = {"name": "autopilot", "hardware": "board", "frame": "frame", "serial": "processor"}
+"""What is the same in all logs of one vehicle, in words."""
+
+
+def other_vehicle(one: Autopilot | None, others: Iterable[Autopilot | None]) -> str:
+    """In what an autopilot is like none of the others, in words; empty where it is, or where one of them is silent."""
+    listed = list(others)
+    for name, words in OF_VEHICLE.items():
+        own, theirs = getattr(one, name, ""), [getattr(other, name, "") for other in listed]
+        if own and all(theirs) and own not in theirs:
+            return f"{words} {own}, not {' or '.join(dict.fromkeys(theirs))}"
+    return ""
 
 
 COUNTERS = {

@@ -10,7 +10,7 @@ Level = Literal["ok", "warn", "bad"]
 
 NAMES: dict[str, str] = {
     "roles": "which roles are played",
-    "vehicles": "whether the log is of one vehicle",
+    "vehicles": "whether the log, and all that `changed` compares, are of one vehicle",
     "accelerometer-unit": "the unit of the accelerometer, and whether it has gravity in it",
     "body-frame": "the axes of the IMU against the attitude",
     "inertial-frame": "the attitude: frames, order of the quaternion",

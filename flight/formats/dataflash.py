@@ -91,7 +91,9 @@ def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:
     firmware = next((text for text in said if re.match(r"(Ardu|APM:)\w* .*\d", text)), "")
     frame = next((text.partition(":")[2].strip() for text in said if text.startswith("Frame:")), "")
     board = next((text for text in said if re.search(r" [0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}$", text)), "")
-    return Autopilot("ArduPilot", firmware, board.partition(" ")[0], frame, _parameters(raw.get("PARM", {})), dropped)
+    hardware, _, serial = board.partition(" ")
+    parameters = _parameters(raw.get("PARM", {}))
+    return Autopilot("ArduPilot", firmware, hardware, frame, parameters, dropped, serial=serial)
 
 
 def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:

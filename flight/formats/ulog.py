@@ -44,7 +44,8 @@ class UlogReader(TableReader):
         number = isinstance(about.get("ver_sw_release"), int)  # in a damaged log it may be bytes
         firmware = (log.get_version_info_str() if number else None) or str(about.get("ver_sw", ""))[:10]
         hardware, name = str(about.get("ver_hw", "")), str(about.get("sys_name", "PX4"))
-        self.autopilot = Autopilot(name, firmware, hardware, "", _last_values(log), len(log.dropouts), lost)
+        serial = str(about.get("sys_uuid", ""))
+        self.autopilot = Autopilot(name, firmware, hardware, "", _last_values(log), len(log.dropouts), lost, serial)
         if log.dropouts:
             self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
         found = []

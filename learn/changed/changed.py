@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.flight.autopilot import other_vehicle
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.repeats import Repeats
@@ -241,6 +242,12 @@ def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model
         repeats.refuse(one.flight, remedy="name each flight once, as healthy or as suspect")
     usual = float(np.median([_thrust(f) for f in healthy]))
     for one in suspects:
+        how = other_vehicle(one.flight.autopilot, (f.flight.autopilot for f in healthy))
+        if how and "vehicles" not in one.accept:
+            raise LogError(
+                f"{one.flight.path.name}: of another vehicle than the healthy flights: {how}; expected flights of one; "
+                "where the autopilot alone was exchanged, say --accept vehicles"
+            )
         ratio = _thrust(one) / max(usual, 1e-9)
         if not 1.0 / UNLIKE < ratio < UNLIKE:
             raise LogError(

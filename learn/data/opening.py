@@ -52,8 +52,9 @@ class OpenFlight:
 
     `flown` are the parts of the stretches that are flight, `records` what was made of each of them. `phases` are the
     others: on the ground, take-off, ... (`learn.data.phases`); `left_out` are the times [s] that are not used although
-    the log has them: such phases, or not asked for. `checks` are what was asked of it (docs/checks.md). Notes are
-    sentences, a `Finding` of each check, and a `TimeLeftOut` of each of those times.
+    the log has them: such phases, or not asked for. `checks` are what was asked of it (docs/checks.md), `accept` the
+    names of those that the user knows of. Notes are sentences, a `Finding` of each check, and a `TimeLeftOut` of each
+    of those times.
     """
 
     flight: Flight
@@ -64,6 +65,7 @@ class OpenFlight:
     notes: tuple[object, ...]
     checks: tuple[Check, ...] = ()
     phases: tuple[Phase, ...] = ()
+    accept: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         seconds = sum(float(r.time[-1] - r.time[0]) for r in self.records)
@@ -117,7 +119,7 @@ def opened(
         if not incomplete:
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
-        return OpenFlight(found, (), (), (), times_outside(between), why, asked.checks)
+        return OpenFlight(found, (), (), (), times_outside(between), why, asked.checks, accept=asked.accept)
     stretches, vehicle = resampled.samples, model.vehicle
     known = _sent(stretches, vehicle)
     phases = phases_of(known, vehicle, cutoff_hz, phase_names(keep, "keep"))
@@ -145,7 +147,7 @@ def opened(
     told += [*input_error_notes(found.name, records), *_sources(found, records), *asked.findings(found)]
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, stretches)]
     cut = stretches, tuple(flown), tuple(records), (*times_outside(between), *left_out)
-    return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
+    return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases, asked.accept)
 
 
 @dataclass

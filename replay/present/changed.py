@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.autopilot import other_vehicle
 from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
@@ -93,15 +94,14 @@ def other_recordings(found: Changed) -> list[str]:
     """Suspect flights that may be of another vehicle: unlike all of the healthy ones, their logs are of another
     autopilot, play other roles, or play them with other topics.
     """  # noqa: D205
-    known = [_recording(one.flight) for one in found.flights if one.records[0].flight in found.healthy]
-    out = []
+    healthy = [one.flight for one in found.flights if one.records[0].flight in found.healthy]
+    known, out = [_recording(flight) for flight in healthy], []
     for one in found.flights:
         own, name = _recording(one.flight), one.records[0].flight
-        if name not in found.suspect or own in known:
+        board = other_vehicle(one.flight.autopilot, (flight.autopilot for flight in healthy))
+        if name not in found.suspect or (own in known and not board):
             continue
-        lacks = ", ".join(sorted(set.intersection(*(roles for _, roles, _ in known)) - own[1])) if known else ""
-        same = own[0] in [autopilot for autopilot, _, _ in known]
-        board = "" if same else f"by {' '.join(filter(None, own[0])) or 'no autopilot'}"
+        lacks = ", ".join(sorted(set.intersection(*(roles for roles, _ in known)) - own[0])) if known else ""
         how = board or (f"no {lacks}" if lacks else "other topics")
         out.append(
             f"{name} was recorded otherwise than the healthy flights ({how}): if it is of another vehicle, that is "
@@ -110,10 +110,9 @@ def other_recordings(found: Changed) -> list[str]:
     return out
 
 
-def _recording(flight: Flight) -> tuple[tuple[str, ...], set[str], Mapping[str, str]]:
-    """What logs of one vehicle have in common: the autopilot, roles, and topics by role."""
-    one = flight.autopilot
-    return () if one is None else (one.name, one.hardware, one.frame), set(flight.series()), flight.mapping
+def _recording(flight: Flight) -> tuple[set[str], Mapping[str, str]]:
+    """What logs of one vehicle have in common: roles, and topics by role."""
+    return set(flight.series()), flight.mapping
 
 
 def feedback(found: Changed) -> list[str]:

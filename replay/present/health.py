@@ -128,7 +128,7 @@ def next_command(found: Health) -> str:
 def _kind(log: LogHealth) -> tuple[str, ...]:
     """What logs of one vehicle have in common."""
     one = log.autopilot
-    return (log.inspection.format,) if one is None else (one.name, str(one.hardware))
+    return (log.inspection.format,) if one is None else (one.name, str(one.hardware), one.serial)
 
 
 def _comparison(logs: Sequence[LogHealth]) -> list[str]:
