@@ -165,8 +165,8 @@ class Vehicle:
         return self.named("arm", arm) or f"arm_{arm}"
 
     def rotor_name(self, rotor: int) -> str:
-        """The user's name of a rotor, by its index; without one the name that parameters have."""
-        return self.named("rotor", rotor) or f"rotor_{rotor}"
+        """The user's name of a rotor, by its index; M1, M2, ... as autopilots count where the model names none."""
+        return self.named("rotor", rotor) or (f"rotor_{rotor}" if any(self.rotor_names) else f"M{rotor + 1}")
 
     def named(self, kind: Literal["arm", "rotor"], index: int) -> str:
         """The user's own name of an arm or a rotor, "" where the model file has none."""
@@ -174,9 +174,8 @@ class Vehicle:
         return names[index] if index < len(names) else ""
 
     def called(self, parameter: str) -> str:
-        """A parameter in words: the user's name of the arm or rotor that it belongs to, else the parameter itself."""
+        """A parameter in words: the name of the arm or rotor that it belongs to, else the parameter itself."""
         found = PART.fullmatch(parameter)
         if found is None:
             return parameter
-        kind: Literal["arm", "rotor"] = "arm" if found[1] == "arm" else "rotor"
-        return self.named(kind, int(found[2])) or parameter
+        return self.arm_name(int(found[2])) if found[1] == "arm" else self.rotor_name(int(found[2]))

@@ -97,7 +97,8 @@ class FileDrop:
             self._refuse(error)
             return
         acknowledge(self.host.server, self._uuid, self._transfer, self._done, self._size)
-        said = markup.sentences(f"{self._path.name}: {20 * self._done // max(self._size, 1) * 5} % is here")
+        part = 20 * self._done // max(self._size, 1) * 5
+        said = "" if self._done == self._size else markup.sentences(f"{self._path.name}: {part} % is here")
         if self._words.content != said:
             self._words.content = said
         if self._done == self._size:

@@ -90,7 +90,7 @@ def places(found: Weighed, names: tuple[str, ...], name: str) -> tuple[Place, ..
 
 
 def towards(vehicle: Vehicle, x: float, y: float) -> str:
-    """The rotor or the side of the vehicle in a direction of the body's x-y plane: "M4 (front left)"."""
+    """The side of the vehicle in a direction of the body's x-y plane, and the rotor there: "front left (M4)"."""
     size = float(np.hypot(x, y))
     if size == 0.0:
         return ""
@@ -108,4 +108,4 @@ def towards(vehicle: Vehicle, x: float, y: float) -> str:
         vehicle.rotor_name(int(r[0])) if len(r) == 1 else vehicle.arm_name(k)
         for k, r in zip(near, carried, strict=True)
     ]
-    return f"{' and '.join(names)} ({side})"
+    return f"{side} ({' and '.join(names)})"

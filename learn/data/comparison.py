@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, GRAVITY, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import dataset
@@ -82,7 +82,7 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Result):
-    """Models on flights. `noise` (6,) is the sensor noise that no model can predict.
+    """Models on flights. `noise` (6,) is the sensor noise that no model can predict, `weight` [N] the vehicle's.
 
     `notes` are those of the flights, and what was left out of which model.
     """
@@ -92,6 +92,7 @@ class Comparison(Result):
     evaluations: tuple[Evaluation, ...]
     noise: Array
     notes: tuple[object, ...]
+    weight: float
 
     def reduction(self, evaluation: Evaluation) -> Array:
         """Fraction (6,) of the first model's rms that is gone with this one."""
@@ -123,7 +124,8 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
             )
         )
     names = tuple(f.records[0].flight for f in flights)
-    return Comparison(names, records, tuple(evaluations), data.noise, tuple(dict.fromkeys(notes)))
+    weight = model.vehicle.body.mass * GRAVITY
+    return Comparison(names, records, tuple(evaluations), data.noise, tuple(dict.fromkeys(notes)), weight)
 
 
 def worst_stretches(records: Sequence[Record], residuals: Sequence[Array], weights: Array) -> tuple[Stretch, ...]:

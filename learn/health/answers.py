@@ -70,14 +70,15 @@ class Lack(StrEnum):
     FLIGHT = "time in the air [s]"
     SPEED = "speed [m/s]"
     TURNING = "angular acceleration [rad/s^2]"
+    FOLLOWING = "motion that follows the commands"
     VOLTAGE = "drop of the voltage [%]"
 
 
 ASKED: dict[Question, tuple[Lack, ...]] = {
     Question.ROTORS: (Lack.MOTORS, Lack.FLIGHT),
     Question.CENTRE: (Lack.ANY, Lack.FLIGHT),
-    Question.LAG: (Lack.MOTORS, Lack.COMMANDS, Lack.IMU, Lack.TURNING, Lack.FLIGHT),
-    Question.INERTIA: (Lack.COMMANDS, Lack.IMU, Lack.TURNING, Lack.FLIGHT),
+    Question.LAG: (Lack.MOTORS, Lack.COMMANDS, Lack.IMU, Lack.TURNING, Lack.FLIGHT, Lack.FOLLOWING),
+    Question.INERTIA: (Lack.COMMANDS, Lack.IMU, Lack.TURNING, Lack.FLIGHT, Lack.FOLLOWING),
     Question.DRAG: (Lack.IMU, Lack.SPEED, Lack.FLIGHT),
     Question.VOLTAGE: (Lack.VOLTAGE, Lack.FLIGHT),
     Question.SPECTRUM: (Lack.ROTORS,),
@@ -120,8 +121,13 @@ def answers_of(
     phases: FlightPhases,
     battery: Battery | None,
     vibration: Vibration,
+    *,
+    follows: bool = True,
 ) -> tuple[Answer, ...]:
-    """Every question, and what the log lacks for it first; none of a log that is not what it seems."""
+    """Every question, and what the log lacks for it first; none of a log that is not what it seems.
+
+    `follows` says whether the motion follows the commands about x or y, which only a model tells.
+    """
     if phases.lack is NoPhases.DOUBT:
         return ()
     sent, motion = flight.actuators if thrusts is not None else flight.commanded, flight.imu or flight.odometry
@@ -137,6 +143,7 @@ def answers_of(
         Lack.SPEED: (_speed(flight, phases), NEEDS.speed),
         Lack.TURNING: (_turning(flight, phases), NEEDS.turning),
         Lack.VOLTAGE: (dropped, NEEDS.drop),
+        Lack.FOLLOWING: (1.0 if follows else None, 1.0),
     }
     short = {lack for lack, (have, need) in has.items() if have is None or have < need}
     first = {question: next((lack for lack in asked if lack in short), None) for question, asked in ASKED.items()}

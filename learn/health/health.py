@@ -20,6 +20,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.opening import checks_against
 from wrenchgap.learn.data.read_options import ReadOptions
+from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.motors import Motors, motors_of
@@ -124,22 +125,29 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
     rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
-    against = () if model is None or seen.flight is None else _contradictions(seen.flight, model, options)
+    against, follows = _against(seen.flight, model, options)
     if seen.flight is not None:
-        rest = _of_flight(seen.flight, recorded, None if against else model)
+        rest = _of_flight(seen.flight, recorded, None if against else model, follows=follows)
     if not rest["phases"].seconds(*AIRBORNE):
         against = ()  # no model fits a log without a flight, which is said
     settings = settings_of(log.autopilot, rest["answers"], names)
     return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **rest)
 
 
-def _contradictions(flight: Flight, model: Model, options: ReadOptions) -> tuple[Check, ...]:
-    """Bad checks of a flight against a model, but for the rate, which is the log's own."""
-    found, _ = checks_against(flight, model, options)
-    return tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
+def _against(flight: Flight | None, model: Model | None, options: ReadOptions) -> tuple[tuple[Check, ...], bool]:
+    """Bad checks of a flight against a model, but for the rate, which is the log's own; and whether its motion follows
+    the commands about x or y, as far as a model tells (`learn.diagnose.timing`).
+    """  # noqa: D205
+    if flight is None or model is None:
+        return (), True
+    found, opened = checks_against(flight, model, options)
+    bad = tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
+    if bad or opened is None:
+        return bad, True
+    return bad, not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
 
 
-def _of_flight(flight: Flight, recorded: Recorded, model: Model | None) -> dict[str, Any]:
+def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, *, follows: bool) -> dict[str, Any]:
     thrusts = thrusts_of(flight, model)
     phases = phases_of(flight, thrusts)
     battery = battery_of(flight, recorded, phases)
@@ -163,5 +171,5 @@ def _of_flight(flight: Flight, recorded: Recorded, model: Model | None) -> dict[
         "battery": battery,
         "estimator": estimator_of(flight.autopilot, recorded, phases),
         "rates": tuple(rates),
-        "answers": answers_of(flight, thrusts, phases, battery, vibration),
+        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows),
     }

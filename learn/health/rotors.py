@@ -124,7 +124,7 @@ def rotors_of(flight: Flight, model: Model | None = None) -> tuple[RotorPlace, .
     unknown = tuple(RotorPlace(f"M{number + 1}") for number in range(count))
     if model is not None and model.vehicle.has_rotors:
         arms, rotors = model.vehicle.geometry()
-        names = [model.vehicle.named("rotor", k) or f"rotor_{k}" for k in range(len(rotors))]
+        names = [model.vehicle.rotor_name(k) for k in range(len(rotors))]
         places = [tuple(map(float, arms.position_B[arm] - model.vehicle.body.com_B)) for arm in rotors.arm]
         known = list(zip(names, places, np.sign(rotors.spin).astype(int).tolist(), strict=True))
     else:

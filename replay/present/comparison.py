@@ -10,7 +10,7 @@ from wrenchgap.learn.data.comparison import Comparison, Stretch
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, unmeasured
+from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, size_in_words, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
 
 
@@ -25,15 +25,19 @@ def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
 
 
 def brief(result: Comparison) -> list[Part]:
-    """What the last model leaves of force and torque beside the first one and the sensors, and the errors by axis."""
+    """What the last model leaves of force and torque, in parts of the weight and beside the first one and the sensors,
+    and the errors by axis.
+    """  # noqa: D205
     first, last = result.evaluations[0], result.evaluations[-1]
     (force, torque), noise = force_and_torque(last.pooled.rms), force_and_torque(result.noise)
+    said = f"On {_where(result)} the force error of {last.name} is {share(force / result.weight)} of the weight, its "
+    said += f"torque error that of a centre of mass {size_in_words(torque / result.weight, 'm')} off."
     sizes = f"{number(force)} N and {number(torque)} Nm rms (sensors: {number(noise[0])} N, {number(noise[1])} Nm)"
     than = ""
     if last is not first:
         falls = reductions(1.0 - np.array([force, torque]) / force_and_torque(first.pooled.rms))
         than = f", {falls[0]} and {falls[1]} against {first.name}"
-    out = [Line(f"On {_where(result)} {last.name} leaves {sizes}{than}.", "bold")]
+    out = [Line(said, "bold"), Line(f"It leaves {sizes}{than}.")]
     if last.worst:
         one = last.worst[0]
         out.append(Line(f"Worst in {one.flight} at {one.start:.1f} s: {stretch_in_words(one)}."))
@@ -221,7 +225,7 @@ def _wrenches(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas:
     """
     hidden = {result.evaluations[0].name} if _is_command(result) else set()
     last, shaded = result.evaluations[-1], False
-    for index, (record, (time, share)) in enumerate(zip(result.records, pieces, strict=True)):
+    for index, (record, (time, part)) in enumerate(zip(result.records, pieces, strict=True)):
         drawn = [(record.commanded, style.COMMANDED, "commanded", 1.2)]
         drawn.append((record.measured, style.MEASURED, "measured", 1.7))
         for place, e in enumerate(result.evaluations):
@@ -230,7 +234,7 @@ def _wrenches(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas:
         for values, colour, name, width in drawn:
             if np.isnan(values[:, axis]).all():
                 continue
-            shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
+            shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=part)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
             centre, half = last.predictions[index][:, axis], sigmas * last.sigma[index][:, axis]
             words = None if index else f"± {sigmas:g} sigma of {last.name}"
@@ -242,13 +246,13 @@ def _wrenches(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas:
 def _residuals(panel: Any, result: Comparison, pieces: Pieces, axis: int, sigmas: float = 2.0) -> bool:
     """Measured minus predicted of every model, the last on top, and `sigmas` of the sensors' noise as a band."""
     shaded = False
-    for index, (record, (time, share)) in enumerate(zip(result.records, pieces, strict=True)):
+    for index, (record, (time, part)) in enumerate(zip(result.records, pieces, strict=True)):
         if not record.measured_axes[axis]:
             panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
             continue
         for place, e in enumerate(result.evaluations):
             residual = record.measured[:, axis] - e.predictions[index][:, axis]
-            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
+            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=part)
         words = "" if index else f"± {sigmas:g} sigma of the sensor noise"
         style.band(panel, [float(time[0]), float(time[-1])], sigmas * float(record.noise[axis]), words)
     return shaded

@@ -37,11 +37,15 @@ def sentences(
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     if missed or hidden or lacking:
         words = [f"{_injected(one, vehicle)} (injected, it was not firm)" for one in missed.values()]
-        for name, own in hidden.items():
-            instead = " or ".join(dict.fromkeys(n for one in own for n in one.instead))
-            words.append(f"{name} ({instead} could make the same)" if instead else f"{name} (too weak here)")
+        alike = {
+            name: " or ".join(dict.fromkeys(n for one in own for n in one.instead)) for name, own in hidden.items()
+        }
+        words += [f"{name} (too weak here)" for name, instead in alike.items() if not instead]
         words += [f"{name} (not excited)" for name in lacking]
-        said.append(f"Could not have been shown: {_listed(words, most_hidden)}.")
+        unlike = [f"{name} from {instead}" for name, instead in alike.items() if instead]
+        halves = [f"Could not have been shown: {_listed(words, most_hidden)}."] if words else []
+        halves += [f"Could not have been told apart: {_listed(unlike, most_hidden)}."] if unlike else []
+        said.append(" ".join(halves))
     more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
     advice = [f"fly {'; '.join(more)}"] if more else []
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):

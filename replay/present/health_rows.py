@@ -43,7 +43,7 @@ def _missing(log: LogHealth, role: str = "") -> str:
 def _balance(log: LogHealth) -> str:
     if log.motors is None:
         return _missing(log, "actuators")
-    each = ", ".join(f"{m.rotor.name} {100 * m.deviation:+.0f} %" for m in log.motors.motors)
+    each = ", ".join(f"{m.rotor.name} {round(100 * m.deviation):+d} %" for m in log.motors.motors)
     return f"{each} of the mean thrust in {log.motors.condition} ({log.motors.shape})"
 
 
@@ -135,7 +135,7 @@ ROWS: tuple[tuple[str, Callable[[LogHealth], str], str], ...] = (
     ("rates", _rates, "gaps"),
     ("dropouts", _dropouts, "logger"),
     ("checks", _noticed, "log"),
-    ("can answer", _can, ""),
-    ("cannot", lambda log: unanswered(log.answers) or "-", ""),
+    ("enough for", _can, ""),
+    ("not for", lambda log: unanswered(log.answers) or "-", ""),
 )
 """Rows of the table: head, cell of a log, and what statements that colour it are about."""

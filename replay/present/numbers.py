@@ -99,12 +99,12 @@ def separation(value: float, most: float = 100.0) -> str:
 
 
 def user_name(name: str, vehicle: Vehicle | None) -> str:
-    """A parameter in a sentence: the user's name of the rotor or arm that it belongs to, where there is one."""
+    """A parameter in a sentence: the name of the rotor or arm that it belongs to."""
     return name if vehicle is None else vehicle.called(name)
 
 
 def label(name: str, vehicle: Vehicle | None) -> str:
-    """A parameter in a table: "M3 (rotor_2)" where the user has a name for its rotor or arm, else its own."""
+    """A parameter in a table: "M3 (rotor_2)" where its rotor or arm is called otherwise, else its own."""
     own = user_name(name, vehicle)
     return name if own == name else f"{own} ({name})"
 

@@ -69,18 +69,18 @@ def class_json(one: EquivalenceClass, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def nothing_missing(found: Explanation) -> str:
-    """Nothing is named; but not that nothing is missing, where most of the weight says that something is."""
+    """Nothing is named; but not that nothing is missing, where most of the weight says that something is, or an axis
+    stays above all that noise, commands and their answers may have made.
+    """  # noqa: D205
     sets = found.posterior.sets
     none = sum(s.weight for s in sets if not s.names)
     likeliest = next((s for s in sets if s.names), None)
     if none >= 0.5 or likeliest is None:
-        return "Nothing is established." if unproven(found) else "Nothing is missing that these logs can show."
-    small = "something" if found.open.any() else "something small"
-    names = " + ".join(likeliest.names)
-    return (
-        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or {small}, most "
-        f"likely {names} ({100 * likeliest.weight:.0f} %); fly longer, or with excitation, to tell."
-    )
+        some = unproven(found) or found.open.any()
+        return "Nothing is established." if some else "Nothing is missing that these logs can show."
+    small = "" if found.open.any() else f"nothing is missing ({share(none)} of the weight), or something small, "
+    likely = f"most likely {' + '.join(likeliest.names)} ({share(likeliest.weight)})"
+    return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell."
 
 
 def turbulence(found: Explanation, most: float = 0.05) -> str:
@@ -122,11 +122,14 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
 
 
 def largest_residual(found: Explanation) -> str:
-    """The axis on which most is left, in units of the noise."""
+    """The axis on which most is left, in units of the noise, and what may have made it where structure is none."""
     after, noise = found.rms_after, found.noise
     axis = int(np.nanargmax(after / np.maximum(noise, 1e-30)))
     size = f"{after[axis]:.2g} {unit_of(axis)} rms"
-    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
+    closed, more = axis in found.answering and not found.open[axis], ""
+    if closed and after[axis] > found.posterior.settings.structure * noise[axis]:
+        more = "; the rest may be gusts that the commands answered, or what slowly logged commands do not say"
+    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g}{more})."
 
 
 def nearest(

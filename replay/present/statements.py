@@ -14,6 +14,7 @@ from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace
 from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
 from wrenchgap.replay.present.numbers import by_reason, direction, number, share
+from wrenchgap.replay.present.what_to_inspect import YAW_BIAS
 
 LEVELS = ("bad", "warn", "ok")
 LOST = 0.01
@@ -137,8 +138,7 @@ def _balance(motors: Motors, drift: str) -> str:
         who = " and ".join(map(rotor, side))
         return (
             f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean {when}: a yaw "
-            "bias. Look for a twisted motor mount or arm, then for propellers of two kinds; a sound vehicle may have a "
-            "part of it: compare with an earlier flight."
+            f"bias. Look for {YAW_BIAS}; a sound vehicle may have a part of it: compare with an earlier flight."
         )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))

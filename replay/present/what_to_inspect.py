@@ -1,15 +1,19 @@
 """What to look at on the vehicle after something was found: a sentence for each effect, in the user's names."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.posterior import NamedSet
-from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present.numbers import quantity, share
+from wrenchgap.plant.history import Value
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.replay.present.numbers import quantity, share, size_in_words
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,8 @@ ACTIONS = {
     "drag_torque_of_speed": "check that all propellers are of one type, and mounted the right way round",
 }
 """What to do, where an effect is of no single rotor or arm."""
+YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
+"""What to look for where the motors of one turning direction work harder."""
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment")
 """Those of which a model that lacks them says that something is to be looked at."""
 NOTHING = "Of what these flights could have shown, nothing is to be inspected."
@@ -103,7 +109,24 @@ def of_explanation(found: Explanation) -> list[str]:
             out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
         elif name in LOADS:
             out.append(f"{_of_whole(name, values, vehicle, 'is off')}.")
+    if "constant_wrench" in found.effects:
+        out += _of_constant(found.fit.values("constant_wrench"), vehicle)
     return out
+
+
+def _of_constant(values: Sequence[Value], vehicle: Vehicle) -> list[str]:
+    """What a constant wrench is in a pilot's words, as `wrenchgap check` has them, where it is no zero."""
+    by = {v.name: v.value for v in values if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)}
+    weight, causes = vehicle.body.mass * GRAVITY, []
+    if by.keys() & {"torque_x", "torque_y"}:
+        x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight
+        off = size_in_words(float(np.hypot(x, y)), "m")
+        causes.append(f"a centre of mass {off} towards {towards(vehicle, x, y)}, or weak propellers there")
+    if "torque_z" in by:
+        causes.append(f"a yaw bias of {quantity(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
+    if tilt := float(np.hypot(by.get("force_x", 0.0), by.get("force_y", 0.0))) / weight:
+        causes.append(f"an autopilot that is mounted {np.degrees(tilt):.2g} deg off the rotors' plane, or wind")
+    return [f"What is constant is what these make: {'; '.join(causes)}."] if causes else []
 
 
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Intake:
     """Logs of one vehicle, what `check` says of them, and the model once there is one; changes make another intake.
 
     `options` say how logs are read, `save_to` where the page may save, `sheet` what was assumed of a model that was
-    made here of what was `given`. What is dropped lies in `dropped`.
+    made here of what was `given`; `saved` says whether a file has the model. What is dropped lies in `dropped`.
     """
 
     logs: tuple[Path, ...] = ()
@@ -63,6 +64,7 @@ class Intake:
     health: Health | None = None
     sheet: Sheet | None = None
     given: Given = field(default_factory=Given)
+    saved: bool = True
     dropped: Path = field(default_factory=_folder)
 
     def with_file(self, path: Path, report: Report) -> Intake:
@@ -86,7 +88,7 @@ class Intake:
 
     def with_model(self, model: Model, report: Report, sheet: Sheet | None = None) -> Intake:
         """With another model, for whose rotors the logs are looked at again."""
-        return replace(self, model=model, sheet=sheet).with_logs(self.logs, report)
+        return replace(self, model=model, sheet=sheet, saved=sheet is None).with_logs(self.logs, report)
 
     def drafted(self, given: Given, report: Report) -> Intake:
         """With a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
@@ -109,7 +111,8 @@ class Intake:
             return BareSession(self, first)
         report(0.0, "opening the flights")
         flights = open_flights(self.logs, self.model, self.options.changed(cutoff_hz=self.cutoff_hz))
-        return LogSession(flights, self.model, folder=self.save_to, budget=self.options.budget, first=first)
+        how: Any = {"folder": self.save_to, "budget": self.options.budget, "first": first, "saved": self.saved}
+        return LogSession(flights, self.model, **how)
 
 
 class BareSession:

@@ -65,8 +65,9 @@ class LogSession:
         folder: SaveFolder | None = None,
         budget: Budget | str | None = None,
         first: MakePanel | None = None,
+        saved: bool = True,
     ) -> None:
-        self.working = WorkingModel(listed(flights), model, gp)
+        self.working = WorkingModel(listed(flights), model, gp, saved=saved)
         self._budget = budget
         self.vehicle, self.flights = model.vehicle, tuple(self.working.flights)
         found, notes = predictors(model, against)
@@ -259,12 +260,12 @@ def _actuators(scene: Scene, records: Sequence[Record], vehicle: Vehicle) -> tup
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
-        arms = {vehicle.named("arm", i) or f"arm {i}": values for i, values in enumerate(tilt)}
+        arms = {vehicle.arm_name(i): values for i, values in enumerate(tilt)}
         found.append(Series("tilt", "deg", scene.time, arms, "Actuators", FLOORS["deg"]))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
         speed = at_stamps(scene.time, known).T
-        rotors = {vehicle.named("rotor", i) or f"rotor {i}": values for i, values in enumerate(speed)}
+        rotors = {vehicle.rotor_name(i): values for i, values in enumerate(speed)}
         found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators", FLOORS["rotor speed"]))
     return tuple(found)
 

@@ -43,15 +43,20 @@ class Revision:
 
 
 class WorkingModel:
-    """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened."""
+    """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened.
 
-    def __init__(self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None):
+    `saved` says whether a file has the model as it is opened.
+    """
+
+    def __init__(
+        self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None, *, saved: bool = True
+    ) -> None:
         self.flights, self.gp = {one.records[0].flight: one for one in flights}, gp
         self.lock = threading.RLock()
         self.revisions = [Revision(model, "", tuple(e.name for e in model.effects))]
         """The model as it was opened, and after every change since."""
         self._undone: list[Revision] = []
-        self._saved = model
+        self._saved = model if saved else None
         found, self.notes = predictors(model, (), gp, flights[0].records[0].cutoff_hz)
         self.opened_model, self._opened_predictor = model, found[-1]
         self._data: dict[tuple[str, ...], Dataset] = {}

@@ -411,7 +411,7 @@ def test_means_by_flight_are_signed(plain):
 
 @pytest.mark.parametrize(("x", "y", "side"), [(1, 0, "front"), (-1, 0, "back"), (0, 1, "left"), (1, 1, "front left")])
 def test_directions_have_names(hexarotor, x, y, side):
-    assert f"({side})" in towards(hexarotor.vehicle, x, y)
+    assert f"{side} (" in towards(hexarotor.vehicle, x, y)
 
 
 def test_places_are_the_users(hexarotor):

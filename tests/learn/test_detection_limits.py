@@ -174,3 +174,15 @@ def test_what_was_injected_and_not_firm_is_not_said_to_have_been_shown(searched)
     assert "thrust_scale" not in would
     assert "thrust_scale scale " in could
     assert "(injected, it was not firm)" in could
+
+
+def test_what_is_seen_under_another_name_is_no_effect_that_could_not_have_been_shown(searched):
+    """`check` says that such a log is enough for it."""
+    weak, alike = (replace(one, size=np.nan) for one in searched.limits[:2])
+    limits = (
+        replace(weak, effect="mass", instead=()),
+        replace(alike, effect="com_offset", instead=("constant_wrench",)),
+    )
+    said = " ".join(detection.sentences(replace(searched, limits=limits, recoveries=())))
+    assert "Could not have been shown: mass (too weak here)" in said
+    assert "Could not have been told apart: com_offset from constant_wrench." in said

@@ -165,9 +165,9 @@ def test_rotors_and_arms_are_called_as_the_user_calls_them():
     ]
 
 
-def test_without_names_rotors_are_called_as_parameters_are():
+def test_without_names_rotors_are_called_as_autopilots_count():
     vehicle = model_file.loads(TEXT).vehicle
-    assert (vehicle.rotor_name(1), vehicle.arm_name(0), vehicle.called("rotor_1")) == ("rotor_1", "arm_0", "rotor_1")
+    assert (vehicle.rotor_name(1), vehicle.arm_name(0), vehicle.called("rotor_1")) == ("M2", "arm_0", "M2")
     assert (vehicle.rotor_names, vehicle.arm_names) == ((), ())
 
 

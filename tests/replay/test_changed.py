@@ -125,7 +125,7 @@ def test_many_parameters_on_few_flights_are_rows_with_the_same_values(moved):
 
 def test_the_side_that_is_inspected_is_where_it_moved(moved):
     """x -4 mm, y +7 mm: back left."""
-    assert "(back left)" in what_to_inspect.sentences(moved)[0]
+    assert "back left (" in what_to_inspect.sentences(moved)[0]
 
 
 def test_json_has_no_keys_but_those_of_its_schema(moved):

@@ -7,20 +7,24 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import wrenchgap as wg
+from tests.independent.flown_quadrotor import MODEL as QUADROTOR
+from tests.independent.flown_quadrotor import Case
+from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from tests.replay import health_logs
 from tests.replay.autopilot_logs import true_vehicle
 from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap import flight
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
+from wrenchgap.learn.health.answers import Lack, Question
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer
@@ -334,6 +338,15 @@ def test_inspect_begins_with_its_checks_and_says_like_notes_once(tmp_path, run):
     assert first < topics
 
 
+@pytest.mark.parametrize(("case", "lack"), [({"gusts": 3.0}, Lack.FOLLOWING), ({"excited": 2.0}, None)])
+def test_with_a_model_a_hover_in_gusts_is_not_enough_for_a_lag(tmp_path, case, lack):
+    """As `explain` says of the same log: the commands answer the motion."""
+    (flown,) = fly_quadrotors([Case("flown", seconds=20.0, seed=1, **case)])
+    write(flown, tmp_path / "flown.mcap")
+    (log,) = wg.check(tmp_path / "flown.mcap", QUADROTOR).logs
+    assert {a.question: a.lack for a in log.answers}[Question.LAG] is lack
+
+
 def test_a_kept_flight_keeps_its_autopilot(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     log = ulog(tmp_path / "log.ulg", Wrong(dropouts=(40,)))
@@ -368,14 +381,23 @@ def test_trend_and_changed_list_the_parameters_of_their_flights(trimmed, command
     assert "SAME" not in str(found)
 
 
-@pytest.mark.parametrize(("board", "said"), [("V6C", ""), ("NANO", "(by PX4 NANO): if it is of another vehicle")])
-def test_changed_asks_whether_a_log_of_another_autopilot_is_of_the_same_vehicle(trimmed, board, said):
-    boards = zip(trimmed[0], ("V6C", board), strict=True)
-    flights = [replace(one, flight=replace(one.flight, autopilot=Autopilot("PX4", hardware=b))) for one, b in boards]
-    healthy, suspect = (one.records[0].flight for one in flights)
-    words = other_recordings(SimpleNamespace(flights=flights, healthy=(healthy,), suspect=(suspect,)))
-    assert said in " ".join(words)
-    assert len(words) == bool(said)
+@pytest.mark.parametrize("what", [{"hardware": "NANO"}, {"serial": "2"}, {"frame": "HEXA"}, {"name": "ArduPilot"}])
+def test_changed_refuses_a_log_of_another_vehicle_unless_told(trimmed, what):
+    """Of another autopilot, board, processor or frame; what a log does not say tells nothing."""
+    flights, model = trimmed
+    first = Autopilot("PX4", hardware="V6C", frame="QUAD", serial="1")
+
+    def compared(autopilot, **more):
+        both = zip(flights, (first, autopilot), strict=True)
+        opened = [replace(f, flight=replace(f.flight, autopilot=one), **more) for f, one in both]
+        return wg.changed(opened[1:], opened[:1], model, names=["thrust_scale"], jobs=1)
+
+    silent = replace(first, **dict.fromkeys(what, ""))
+    assert not other_recordings(compared(silent))
+    with pytest.raises(LogError, match=f"another vehicle.* {next(iter(what.values()))}, not .*--accept vehicles"):
+        compared(replace(first, **what))
+    (words,) = other_recordings(compared(replace(first, **what), accept=("vehicles",)))
+    assert next(iter(what.values())) in words
 
 
 def test_notes_that_differ_by_names_and_numbers_alone_are_one():

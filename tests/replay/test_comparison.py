@@ -27,6 +27,17 @@ def record_of(path):
     return wg.open_flights(path, MODEL)[0].records[0]
 
 
+def test_errors_are_said_in_parts_of_the_weight(logs):
+    """4 % of the weight; a torque of the weight 12 mm off."""
+    found = wg.compare(wg.open_flights(logs.test, MODEL), MODEL)
+    (one,) = found.evaluations
+    rms = found.weight * np.array([0.04, 0.0, 0.0, 0.0, 0.012, 0.0])
+    known = replace(found, evaluations=(replace(one, pooled=replace(one.pooled, rms=rms)),))
+    assert found.weight == pytest.approx(MODEL.vehicle.body.mass * 9.80665)
+    assert "force error of nominal is 4.0 % of the weight" in str(known).splitlines()[0]
+    assert "a centre of mass 12 mm off" in " ".join(str(known).split())
+
+
 def test_errors_of_a_known_residual():
     residual = np.zeros((4, 6))
     residual[:, 0] = [3.0, -3.0, 5.0, -1.0]

@@ -22,6 +22,7 @@ from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant.effects import find
+from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
@@ -80,7 +81,22 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     loss[[3, 8]] = -0.2, -0.1
     fitted = replace(named.fit, parameters=tuple(rotors), theta=loss, covariance=1e-6 * np.eye(12))
     member = replace(named.members[0], name="rotor_thrust")
-    assert "rotor_thrust (rotor_3 -0.200, rotor_8 -0.100)," in summary(replace(named, members=(member,), fit=fitted))
+    assert "rotor_thrust (M4 -0.200, M9 -0.100)," in summary(replace(named, members=(member,), fit=fitted))
+
+
+def test_a_constant_wrench_is_said_as_check_says_it(named):
+    """The weight 12 mm behind the middle, a yaw torque, a tilt of two degrees; a force along z tells nothing."""
+    weight = named.model.vehicle.body.mass * 9.80665
+    parameters = tuple(("constant_wrench", p) for p in find("constant_wrench").parameters(named.model.vehicle))
+    theta = weight * np.array([np.radians(2.0), 0.0, 0.0, 0.0, -0.012, 0.01])
+    fitted = replace(named.fit, parameters=parameters, theta=theta, covariance=1e-12 * np.eye(6))
+    member = replace(named.members[0], name="constant_wrench")
+    (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
+    assert "a centre of mass 12 mm towards back (" in words
+    assert "a yaw bias of" in words
+    assert "2 deg off the rotors' plane" in words
+    still = replace(fitted, covariance=np.eye(6) * weight**2)
+    assert not what_to_inspect.of_explanation(replace(named, members=(member,), fit=still))
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):
@@ -90,6 +106,7 @@ def test_the_largest_remaining_error_is_counted_in_noise(named):
     assert "torque_y, 0.1 Nm rms (sensor noise 0.001)" in summary(one)
     two = replace(one, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 1e-3, 1e-3]))
     assert "force_x, 0.5 N rms (sensor noise 0.1)" in summary(two)
+    assert "0.1 Nm rms (sensor noise 0.001; the rest may be gusts" in summary(replace(one, answering=(4,)))
 
 
 def test_a_group_is_told_with_all_its_members(grouped):
@@ -170,7 +187,9 @@ def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_estab
         replace(loud, ranking=(replace(late, reduction=0.4 * off),)),
     ):
         assert "Not established" not in summary(other)
-        assert summary(other).startswith("Nothing is missing that these logs can show.")
+        assert summary(other).startswith("Nothing is established. Open: on torque_x")
+        shut = replace(other, open=np.zeros(6, dtype=bool))
+        assert summary(shut).startswith("Nothing is missing that these logs can show.")
 
 
 def test_a_few_seconds_of_flight_are_called_too_short(nothing):

@@ -102,7 +102,7 @@ def test_of_two_rotors_on_one_arm_the_lower_is_said_to_be_below():
     upper, lower = sorted(range(2), key=lambda r: -rotors.offset[r])
     assert found[f"rotor_{upper}"].center == pytest.approx(found[f"rotor_{lower}"].center)
     assert found[f"rotor_{lower}"].get_linestyle() == "--"
-    assert {f"rotor_{upper}", f"rotor_{lower} (below)"} <= set(texts(panel))
+    assert {f"M{upper + 1}", f"M{lower + 1} (below)"} <= set(texts(panel))
 
 
 def test_every_shipped_vehicle_can_be_drawn():

@@ -53,6 +53,7 @@ def test_a_file_is_on_the_disk_as_it_was_sent(drop, page, eventually):
     assert (path.name, path.read_bytes()) == ("Flug süd 3.ulg", b"0123456789")
     assert page.came == [0, 4, 8, 10]
     drop._handing.join()
+    assert not drop._words.content, "what is here is the log's to say, or the refusal's"
     sent(drop, "Flug süd 3.ulg", b"", "b")
     eventually(lambda: len(page.received) == 2, "an empty file never came")
     assert page.received[1] != path, "a second file of the same name replaced the first"

@@ -179,6 +179,7 @@ def _note_written(files: list[str]) -> None:
 
 
 def _result(run: Run, found: dict[str, Any]) -> None:
+    from wrenchgap.replay.present.numbers import change
     from wrenchgap.replay.present.tables import table
 
     run.line()
@@ -187,9 +188,7 @@ def _result(run: Run, found: dict[str, Any]) -> None:
     rows = []
     first = found["torque_rms"]["nominal"]
     for name, values in found["torque_rms"].items():
-        falls = [
-            f"{100 * (v / n - 1):+.0f} %" if name.startswith("with") else "" for v, n in zip(values, first, strict=True)
-        ]
+        falls = [change(v / n - 1) if name.startswith("with") else "" for v, n in zip(values, first, strict=True)]
         rows.append((name, *(f"{v:.4f}" for v in values), *falls))
     errors = {name: found["tracking"][key]["attitude_error"]["mean_abs"] for key, name in RUNS.items()}
     tracking = [(name, *(f"{v:.4f}" for v in values)) for name, values in errors.items()]

@@ -17,7 +17,7 @@ from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.addition import verdict
 from wrenchgap.replay.present.comparison import stretch_in_words
 from wrenchgap.replay.present.notes import not_tried
-from wrenchgap.replay.present.numbers import number, parameters_in_words, share
+from wrenchgap.replay.present.numbers import change, number, parameters_in_words, share
 from wrenchgap.replay.present.staircase import heading, label
 from wrenchgap.replay.present.where import depends_on
 from wrenchgap.viewer import markup
@@ -105,5 +105,5 @@ def by_axis(rms: Array) -> str:
 
 def candidate_title(candidate: Candidate, mark: str, vehicle: Vehicle) -> str:
     """Values of a candidate, and by how much it changes the rms of every axis."""
-    changes = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, candidate.reduction, strict=True))
+    changes = ", ".join(f"{axis} {change(-f)}" for axis, f in zip(AXES, candidate.reduction, strict=True))
     return f"{parameters_in_words(candidate.values, vehicle)}; {mark + '; ' if mark else ''}rms: {changes}"

@@ -124,9 +124,11 @@ class LogsPanel(Panel):
 
         def work(report: Report) -> Session:
             kept: tuple[Path, ...] = ()
-            model = getattr(self.host.session, "model", self.intake.model)  # with effects that were added meanwhile
+            working, now = getattr(self.host.session, "working", None), self.intake
+            if working is not None:  # with effects that were added meanwhile
+                now = replace(now, model=working.model, saved=working.saved)
             try:
-                made = change(replace(self.intake, model=model), report)
+                made = change(now, report)
                 session = session_of(made, report)
                 kept = made.logs
             except WrenchgapError as error:
