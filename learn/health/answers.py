@@ -132,7 +132,7 @@ def answers_of(
         return ()
     sent, motion = flight.actuators if thrusts is not None else flight.commanded, flight.imu or flight.odometry
     rate, seen = (None if series is None else 1.0 / series.period for series in (sent, motion))
-    dropped = None if battery is None or battery.none else 100.0 * battery.drop
+    dropped = None if battery is None or battery.none else max(100.0 * battery.drop, 0.0)
     has: dict[Lack, tuple[float | None, float]] = {
         Lack.ANY: (rate, NEEDS.any_rate),
         Lack.MOTORS: (None if thrusts is None else rate, NEEDS.any_rate),

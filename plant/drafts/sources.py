@@ -16,11 +16,11 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.drafts import ardupilot, px4, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
-from wrenchgap.plant.drafts.draft import Draft, Sourced
+from wrenchgap.plant.drafts.draft import CommandDraft, Draft, Sourced
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.reader import BOUNDS
 
-KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .urdf, .sdf, .xml (MuJoCo)"
+KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .csv or .parquet (Betaflight), .urdf, .sdf, .xml (MuJoCo)"
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
             return _ulog(source, user, budget)
         case ".bin" | ".param" | ".params" | ".parm":
             return _ardupilot(source, user, budget)
+        case ".csv" | ".parquet":
+            return _table(source, user, budget)
         case ".urdf" | ".sdf" | ".world" | ".xml" | ".mjcf":
             return _over(_described(source), user)
         case ".xacro":
@@ -161,6 +163,18 @@ def parameters_of(path: Path, budget: Budget | str | None = None) -> dict[str, f
         case ".param" | ".params" | ".parm":
             return ardupilot.read_parameters(path)
     raise UsageError(f"{path}: expected parameters of an autopilot: .ulg (PX4), .bin or .log (ArduPilot), .params")
+
+
+def _table(source: Path, user: Given, budget: Budget | str | None) -> Draft:
+    """Of a table of shares of full throttle (Betaflight, INAV), the thrust curve; the vehicle is as the user says."""
+    flown, notes = _flown(source, budget)
+    draft = Draft(source.stem, source.name, notes=notes)
+    if flown is None or flown.actuators is None or flown.actuators.unit != "normalised":
+        return _over(draft, user)
+    shape = Sourced(1.0, "propellers as usual: thrust with the square of the command", assumed=True)
+    keys = {"unit": Sourced("normalised", f"{flown.actuators.topic}: 0 to 1"), "factor": shape}
+    hover = Sourced(0.25, "hovering at half throttle", assumed=True)
+    return _level(_over(replace(draft, command=CommandDraft(keys, hover=hover)), user), flown)
 
 
 def _level(draft: Draft, flown: Flight | None) -> Draft:

@@ -94,7 +94,7 @@ class Intake:
         """With a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
         from wrenchgap.replay.api_models import draft_model
 
-        known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin")
+        known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
         sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
         return replace(self, given=given).with_model(sheet.model, report, sheet)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from tests.flight.formats.test_blackbox import TIME, decoded
 from tests.replay.autopilot_logs import MASS, every, write_dataflash, write_ulog
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.replay.session.intake import NOTHING_YET, BareSession, Intake
@@ -107,3 +108,14 @@ def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(autopilot_flights, t
     assert slow.cutoff_hz == pytest.approx(3.8, abs=0.11)
     (flight,) = slow.drafted(Given(mass=MASS), quiet).session(quiet).working.flights.values()
     assert flight.records[0].cutoff_hz == slow.cutoff_hz
+
+
+def test_a_betaflight_table_makes_a_model_with_its_thrust_curve(tmp_path):
+    """Half of full throttle carries 0.6 kg: a quarter of the full thrust."""
+    motor = 48.0 + (2047.0 - 48.0) * np.tile(0.5 * np.sqrt(1.0 + 0.1 * np.cos(TIME))[:, None], (1, 4))
+    motor[0] = 48.0  # not yet armed
+    decoded(tmp_path / "log.csv", motor)
+    intake = Intake().with_file(tmp_path / "log.csv", quiet)
+    model = intake.drafted(Given(mass=0.6, frame="quad_bf_x", arm=0.12), quiet).model
+    full = model.vehicle.rotors.c_f * model.command.speeds(np.ones((1, 4)), np.array([15.58]), model.vehicle) ** 2
+    np.testing.assert_allclose(full, [[0.6 * 9.80665 / 4 / 0.25] * 4], rtol=0.02)
