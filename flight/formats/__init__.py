@@ -89,8 +89,16 @@ def content_hash(path: Path) -> str:
 def read_log(path: Path, selection: Selection, budget: Budget | str | None = None) -> Log:
     """Read a log once: columns of the topics that `selection` wants, log times of all.
 
-    Raises LogError: no such file, no log, or no message in it; BudgetError where it takes more than the `budget`.
+    Raises LogError: no such file, no log, no message in it, or no access; BudgetError where it takes more than the
+    `budget`.
     """
+    try:
+        return _read_log(path, selection, budget)
+    except OSError as error:  # also of what took the log's place after it was looked at
+        raise LogError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _read_log(path: Path, selection: Selection, budget: Budget | str | None) -> Log:
     reader = reader_of(path)
     files = reader.data_files()
     before = [file.stat() for file in files]

@@ -74,3 +74,15 @@ def test_speeds_as_shares_of_the_largest_are_normalised(bare):
     (check,) = [c for c in found if c.level == "bad"]
     factor = float(check.mend.split("*")[1].strip("'"))
     assert factor == pytest.approx(most, rel=0.1)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-200])
+def test_of_rotors_that_stand_still_no_factor_is_proposed(bare, size):
+    """It was infinite, and numpy's warning of it stood on the screen."""
+    model, flight = bare
+    sent = replace(flight.actuators, rotor_speed=size * flight.actuators.rotor_speed)
+    with np.errstate(divide="raise"):
+        found = of_name(replace(flight, actuators=sent), model, "rotor-speed-unit")
+    (check,) = [c for c in found if c.level == "bad"]
+    assert check.mend is None
+    assert "the logged rotors stand still" in check.words

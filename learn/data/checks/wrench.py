@@ -36,6 +36,8 @@ class WrenchThresholds:
     """Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
     full: float = 1.05
     """Largest of a normalised command."""
+    still: float = 0.01
+    """Largest rotor speed, in any unit, of rotors that carry nothing."""
     turned: float = 0.001
     """Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no
     command."""
@@ -94,7 +96,11 @@ def _speeds(flight: Flight, vehicle: Vehicle, seen: CommandsAndMotion, ratio: fl
         if WRENCH.force[0] < ratio * k**2 < WRENCH.force[1]:
             words = f"{said}: rotor speeds are in {unit}"
             return Check("rotor-speed-unit", "bad", words, option(flight, word, "rotor_speed"))
-    if seen.speed is not None and np.max(np.abs(seen.speed)) <= WRENCH.full:
+    largest = np.inf if seen.speed is None else float(np.max(np.abs(seen.speed)))
+    if largest < WRENCH.still:
+        words = f"{said}: the logged rotors stand still; map their speeds with --topic rotor_speed=/your/topic"
+        return Check("rotor-speed-unit", "bad", words)
+    if largest <= WRENCH.full:
         words = f"{said}: rotor speeds are normalised"
         mend = option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed")
         return Check("rotor-speed-unit", "bad", words, mend)

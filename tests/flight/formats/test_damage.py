@@ -20,6 +20,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import mcap, read_log, reader, rosbag2
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.reader import Channel
+from wrenchgap.flight.formats.tabular import CsvReader
 
 END = (15, bytes(4))
 
@@ -139,6 +140,19 @@ def test_a_file_that_another_one_replaces_while_it_is_read_is_refused(form, chan
 
     with pytest.raises(LogError, match="was replaced, cut or removed while it was read"):
         read_log(path, changing)
+
+
+def becomes_a_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("change", [Path.unlink, becomes_a_folder])
+def test_a_file_that_is_gone_when_it_is_opened_again_is_said_in_one_line(change, tmp_path, monkeypatch):
+    path, read = FORMS["csv"](tmp_path), CsvReader.tables
+    monkeypatch.setattr(CsvReader, "tables", lambda self, asked: change(path) or read(self, asked))
+    with pytest.raises(LogError, match=r"log\.csv: cannot be read: "):
+        read_log(path, everything)
 
 
 def test_rows_that_only_the_write_ahead_log_of_a_bag_has_are_said_to_be_missing(tmp_path):
