@@ -27,7 +27,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.drafts.ardupilot import USUAL
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, propagated, values_of
+from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, values_of
 
 Parameters = Mapping[str, float]
 
@@ -57,18 +57,19 @@ class Autopilot:
 
     def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
         """The parameters, with standard deviations and the effects that move each."""
-        if self.curve is None or model.command is None:
+        if self.curve is None or model.command is None or not has_signal(model):
             return propagated(model, lambda values: self.parameters(values, before))
         old = before.get(self.curve[0], self.factor)
         sent = old if self.linearises and model.command.unit == "normalised" else 0.0
-        identified = propagated(model, lambda v: {"factor": np.array(_factor(v, sent))})["factor"].identified
+        shaped = propagated(model, lambda values: {"curve": values["curve"]})["curve"].identified
         names = self.curve
 
         def every(values: Values) -> Values:
             factor, signal = _factor(values, sent), _signal(float(values["signal"]), sent)
-            used = factor if identified else old  # what the firmware has when the other is set
+            used = factor if shaped else old  # what the firmware has when this is set
             hover = used * signal**2 + (1.0 - used) * signal
-            return self.parameters(values, before) | dict(zip(names, np.array((factor, hover)), strict=True))
+            curve = dict(zip(names, np.array((factor, hover)), strict=True)) if shaped else {names[1]: np.array(hover)}
+            return self.parameters(values, before) | curve
 
         return propagated(model, every)
 

@@ -112,7 +112,7 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
         carry the weight, ``balance`` (R,), thrusts there over their mean, ``yaw`` (R,) [m], the torque about that
         direction per thrust; ``lag`` (2,) up and down and ``delay`` () [s]; ``linear`` (3,) [N s/m] and ``quadratic``
         (3,) [N s^2/m^2] drag along B's axes; ``curve`` (3,), the thrust over ``level`` at speeds s times ``hover``,
-        c_0 + c_1 s + c_2 s^2. Where the model has [command], ``signal`` (), the share of full command in hover, and
+        c_0 + c_1 s + c_2 s^2. Where [command] says what full command is, ``signal`` (), the share of it in hover, and
         ``by_signal`` (2,) [N], the mean thrust of a rotor over that share u, a_1 u + a_2 u^2; not a number where the
         rotors cannot carry the vehicle.
     """
@@ -191,13 +191,18 @@ def _sensors(acting: WrenchModel) -> Values:
     return {"imu": acting.vehicle.imu_position_B + lever, "misalignment": turned}
 
 
+def has_signal(model: Model) -> bool:
+    """Whether [command] says which commands are none and full: a bench table of pulse widths does not."""
+    return model.command is not None and (model.command.unit == "normalised" or model.command.ends != (0.0, 1.0))
+
+
 def _by_signal(model: Model, mean_thrust: Callable[[Array], Array], needed: float) -> Values:
     """The share of full command at which a rotor makes the thrust that is `needed` [N], and the curve about it."""
-    if model.command is None:
+    if model.command is None or not has_signal(model):
         return {}
     from scipy.optimize import brentq  # here: the page need not wait for it
 
-    curve, (low, high), count = model.command, model.command.span, len(model.vehicle.geometry()[1])
+    curve, (low, high), count = model.command, model.command.ends, len(model.vehicle.geometry()[1])
 
     def thrust(shares: Array) -> Array:
         commands = np.repeat((low + shares * (high - low))[:, None], count, axis=1)

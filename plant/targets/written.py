@@ -13,7 +13,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.targets import TARGETS, packages, robots
 from wrenchgap.plant.targets.autopilots import AUTOPILOTS
-from wrenchgap.plant.targets.quantities import Values, acting_effects, at_limit, quantities, values_of
+from wrenchgap.plant.targets.quantities import Values, acting_effects, at_limit, has_signal, quantities, values_of
 from wrenchgap.plant.vehicle import Vehicle
 
 WORDS = {
@@ -119,7 +119,7 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
         nominal = float(one.nominal) if abs(one.nominal) > 1e-9 * abs(one.value) else 0.0  # no rounding
         numbers = (float(one.value), float(one.std), before.get(name), nominal)
         rows.append(WrittenParameter(name, *numbers, one.by))
-    without_curve = {"mass", "level", "curve"} if model.command is None and pilot.curve else set()
+    without_curve = set() if has_signal(model) else {"level", "curve"} | ({"mass"} if pilot.curve else set())
     if target == "px4" and model.vehicle.geometry()[0].tilts.any():
         lost.append("arms that tilt: CA_ROTOR* describe them at zero tilt")
     lost += _lost(model, pilot.name, pilot.uses - without_curve, fitted=True)

@@ -11,7 +11,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.command_curve import CommandCurve, Polynomial
+from wrenchgap.plant.command_curve import Bench, CommandCurve, Polynomial
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import RigidBody, unpack
@@ -207,6 +207,18 @@ def test_parameters_of_another_vehicle_are_refused(quadrotor):
         written(model, "px4", {"FRAME_CLASS": 1.0})
     with pytest.raises(UsageError, match="expected one of px4, "):
         written(model, "betaflight")
+
+
+def test_a_bench_table_is_over_the_same_commands(quadrotor):
+    command = np.linspace(0.2, 0.9, 200)
+    bench = CommandCurve("normalised", "thrust", Bench(command, FULL * command**2))
+    effects = fitted(quadrotor.vehicle, thrust_scale={"scale": 0.1})
+    expected = values(written(quadrotor.with_effects(effects), "px4"))["MPC_THR_HOVER"]
+    found = values(written(replace(quadrotor, command=bench).with_effects(effects), "px4"))["MPC_THR_HOVER"]
+    assert found == pytest.approx(expected, abs=1e-4)
+    pulses = replace(bench, unit="pwm", law=Bench(1000.0 + 1000.0 * command, FULL * command**2))
+    with pytest.raises(ModelError, match="thrust_scale: ArduPilot has no parameter for the thrust at a speed"):
+        written(replace(quadrotor, command=pulses).with_effects(effects), "ardupilot")  # of which range?
 
 
 def test_a_value_that_the_firmware_does_not_take_is_not_written(quadrotor):
