@@ -129,7 +129,7 @@ def test_swapping_tells_a_weak_rotor_from_a_centre_of_mass(checks):
 def test_swapped_are_the_odd_rotor_and_the_farthest_that_turns_alike(checks, vehicle):
     _, rotors = vehicle.geometry()
     swap = bench(checks(WEAK, {"constant_wrench": None}))["swap"]
-    one, other = (int(k) for k in re.findall(r"rotor_(\d+)", swap.what))
+    one, other = (int(k) - 1 for k in re.findall(r"\bM(\d+)", swap.what))
     assert one == 3
     assert rotors.spin[one] == rotors.spin[other]
     assert abs(int(rotors.arm[one]) - int(rotors.arm[other])) == 3  # the opposite one of six arms
@@ -442,13 +442,13 @@ def test_checks_are_numbered_lines_and_json(checks):
 
 
 def test_checks_name_rotors_and_arms_as_the_user_does(checks, vehicle):
-    names = {"rotor_names": tuple(f"M{r + 1}" for r in range(12)), "arm_names": tuple("ABCDEF")}
+    names = {"rotor_names": tuple(f"P{r + 1}" for r in range(12)), "arm_names": tuple("ABCDEF")}
     own = replace(vehicle, **names)
     found = bench(checks(WEAK, {"constant_wrench": None}, on=own))
     plain = bench(checks(WEAK, {"constant_wrench": None}))
-    numbers = [int(k) for k in re.findall(r"rotor_(\d+)", plain["swap"].what)]
-    assert f"Swap M{numbers[0] + 1} and M{numbers[1] + 1} (" in found["swap"].what
+    numbers = re.findall(r"\bM(\d+)", plain["swap"].what)
+    assert f"Swap P{numbers[0]} and P{numbers[1]} (" in found["swap"].what
     (stand,) = (trial.setup(own, ()) for trial in TRIALS if trial.name == "thrust")
-    assert stand.says(np.eye(12)[3] * -0.08) == "M4 -8.0 %"
+    assert stand.says(np.eye(12)[3] * -0.08) == "P4 -8.0 %"
     tilted = bench(checks({"tilt_offset": {"arm_2": np.radians(1.0)}}, {"constant_wrench": None}, on=own))
     assert "C +1.0 deg if tilt_offset" in tilted["tilt_zero"].what
