@@ -17,6 +17,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
+from wrenchgap.plant.reader import text_of
 
 Parameters = Mapping[str, float]
 USUAL = {
@@ -58,11 +59,7 @@ def read_parameters(path: Path) -> dict[str, float]:
     Lines of QGroundControl have two numbers before and one behind: vehicle, component, NAME, VALUE, type.
     """
     found: dict[str, float] = {}
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read as parameters: {error.strerror}") from None
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text_of(path, "as parameters").splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue

@@ -74,19 +74,29 @@ class Autopilot:
         return propagated(model, every)
 
     def check(self, model: Model, before: Parameters) -> None:
-        """Raise ModelError for parameters of another firmware, or of rotors in another order than the model's."""
+        """Raise ModelError for parameters of another firmware or vehicle, and for values that no firmware takes."""
         own = {*self.parameters(values_of(model, []), {}), *(self.curve or ())}
         if before and not before.keys() & own:
             raise ModelError(
                 f"{model.name}: the parameters that were set are none of {self.name}'s; give those of its log"
             )
+        counted = [name for name in before if name.endswith(("_CT", "_OFF")) or name in (self.curve or ())[:1]]
+        for name in counted:  # the new values are counted from these
+            if (why := self.refused(name, before[name])) is not None:
+                raise ModelError(f"{model.name}: the parameters that were set: {why}")
         arms, rotors = model.vehicle.geometry()
+        if before.get("CA_ROTOR_COUNT", len(rotors)) != len(rotors):
+            raise ModelError(
+                f"{model.name}: has {len(rotors)} rotors, CA_ROTOR_COUNT is {before['CA_ROTOR_COUNT']:g}; give the "
+                "parameters of this vehicle"
+            )
         for r, place_B in enumerate(arms.position_B[rotors.arm] - model.vehicle.body.com_B):
             name = f"CA_ROTOR{r}_P"
             if f"{name}X" not in before:
                 continue
             mine, theirs = frd(place_B)[:2], np.array([before[f"{name}X"], before.get(f"{name}Y", 0.0)])
-            if mine @ theirs < 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs):  # cos 45 deg: that of another rotor
+            alike = 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs)  # cos 45 deg: beyond, it is another rotor's
+            if not mine @ theirs >= alike:
                 raise ModelError(
                     f"{model.name}: rotor {r} is at x {mine[0]:.3g}, y {mine[1]:.3g} m (forward, right), {name}X and Y "
                     f"are {theirs[0]:.3g}, {theirs[1]:.3g}; put the rotors of the model in the autopilot's order"
@@ -95,7 +105,7 @@ class Autopilot:
     def refused(self, name: str, value: float) -> str | None:
         """Why a value is none for this firmware, None where it is one."""
         low, high = next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))
-        return None if low <= value <= high else f"{name} would be {value:.4g}, {self.name} takes {low:g} to {high:g}"
+        return None if low <= value <= high else f"{name} {value:.4g} is none: {self.name} takes {low:g} to {high:g}"
 
 
 def frd(vector_B: Array) -> Array:

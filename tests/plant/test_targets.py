@@ -203,6 +203,11 @@ def test_parameters_of_another_vehicle_are_refused(quadrotor):
     other = {f"CA_ROTOR{r}_P{axis}": places[r - 1, k] for r in range(4) for k, axis in enumerate("XYZ")}
     with pytest.raises(ModelError, match="put the rotors of the model in the autopilot's order"):
         written(model, "px4", other)
+    for wrong in ({"THR_MDL_FAC": 1e300}, {"THR_MDL_FAC": np.nan}, {"SENS_BOARD_X_OFF": 1e9}, {"CA_ROTOR1_CT": -6.5}):
+        with pytest.raises(ModelError, match="the parameters that were set: "):
+            written(model, "px4", wrong)
+    with pytest.raises(ModelError, match="has 4 rotors, CA_ROTOR_COUNT is 6"):
+        written(model, "px4", {"CA_ROTOR_COUNT": 6, "THR_MDL_FAC": 0.0})
     with pytest.raises(ModelError, match="none of PX4's"):
         written(model, "px4", {"FRAME_CLASS": 1.0})
     with pytest.raises(UsageError, match="expected one of px4, "):
@@ -225,7 +230,7 @@ def test_a_value_that_the_firmware_does_not_take_is_not_written(quadrotor):
     curve = replace(quadrotor.command, law=Polynomial(np.array([0.0, 0.0, 3.1])))  # hovers at 97 % of its command
     weak = replace(quadrotor, command=curve)
     made = written(weak.with_effects(fitted(weak.vehicle, mass={"added": 0.01}, com_offset={"x": 0.002})), "px4")
-    assert any("MPC_THR_HOVER would be 0.9" in words and "takes 0.1 to 0.8" in words for words in made.lost)
+    assert any("MPC_THR_HOVER 0.9" in words and "takes 0.1 to 0.8" in words for words in made.lost)
     assert "MPC_THR_HOVER" not in values(made)
 
 
