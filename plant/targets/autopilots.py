@@ -40,9 +40,10 @@ class Autopilot:
     """A firmware: `parameters` makes its own from values (`quantities.values_of`) and parameters as they were.
 
     `uses` are the quantities behind them, `limits` what the firmware takes, by the end of a name, `relative` the values
-    from which parameters are counted where it is not known which were set, `together` how the names of those begin
-    that mean nothing one by one. `curve` are the names of its thrust factor and of its command in hover, `factor` what
-    the first is where nobody set it; where `linearises`, shares of full command are shares of thrust, and not signals.
+    from which parameters are counted where it is not known which were set, `together` patterns of names of which one
+    means nothing without the others (places in metres beside those that were ratios). `curve` are the names of its
+    thrust factor and of its command in hover, `factor` what the first is where nobody set it; where `linearises`,
+    shares of full command are shares of thrust, and not signals.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Autopilot:
     factor: float = 0.0
     linearises: bool = False
     relative: str = ""
-    together: str = ""
+    together: tuple[str, ...] = ()
 
     def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
         """The parameters, with standard deviations and the effects that move each."""
@@ -168,6 +169,7 @@ AUTOPILOTS = {
         | {"MPC_THR_HOVER": (0.1, 0.8)},
         ("THR_MDL_FAC", "MPC_THR_HOVER"),
         linearises=True,
+        together=(r"CA_ROTOR\d+_P[XYZ]", r"CA_ROTOR\d+_A[XYZ]", r"CA_ROTOR\d+_KM", r"CA_ROTOR\d+_CT"),
         relative=f"CA_ROTOR*_CT {CT}, THR_MDL_FAC 0 and SENS_BOARD_*_OFF 0, PX4's defaults",
     ),
     "ardupilot": Autopilot(
@@ -185,7 +187,7 @@ AUTOPILOTS = {
         _crazyflie,
         frozenset({"mass", "inertia", "yaw", "level", "curve"}),
         {"mass": (0.01, 1.0)},
-        together="quadSysId.pwmToThrust",
+        together=(r"quadSysId\.pwmToThrust[AB]",),
     ),
 }
 """Limits of PX4 and ArduPilot: their parameter references."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -107,9 +108,10 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     pilot.check(model, before)
     rows, lost = [], []
     found = pilot.quantities(model, before)
-    group = {name for name in found if pilot.together and name.startswith(pilot.together)}
     asked = {name for name, one in found.items() if one.identified}
-    asked |= group if group & asked else set()
+    for pattern in pilot.together:
+        group = {name for name in found if re.fullmatch(pattern, name)}
+        asked |= group if group & asked else set()
     for name, one in found.items():
         if name not in asked or not np.isfinite(one.value):
             continue

@@ -193,8 +193,17 @@ def test_what_was_not_identified_is_refused_and_what_no_parameter_says_is_listed
     assert any("drag_torque: is at a limit" in words for words in written(model, "sdf").lost)
     np.testing.assert_array_equal(quantities(model)["yaw"].value, quantities(model)["yaw"].nominal)
     assert any("motor_lag: PX4 has no parameter for the lag of the rotors" in words for words in made.lost)
-    assert {"CA_ROTOR0_PX", "EKF2_IMU_POS_X"} <= values(made).keys()
-    assert not {"CA_ROTOR0_PY", "MPC_THR_HOVER"} & values(made).keys()
+    assert "EKF2_IMU_POS_X" in values(made)
+    assert not {"EKF2_IMU_POS_Y", "MPC_THR_HOVER", "CA_ROTOR0_AX"} & values(made).keys()
+
+
+def test_places_are_written_together_since_px4_may_have_had_ratios(quadrotor):
+    model = quadrotor.with_effects(fitted(quadrotor.vehicle, com_offset={"x": 0.004}))
+    ratios = {f"CA_ROTOR{r}_P{axis}": np.sign(place) for r, hub in enumerate(quadrotor.vehicle.arms.position_B * FRD)
+              for axis, place in zip("XY", hub, strict=False)}  # fmt: skip
+    found = values(written(model, "px4", ratios))
+    places = np.array([[found[f"CA_ROTOR{r}_P{axis}"] for axis in "XYZ"] for r in range(4)])
+    np.testing.assert_allclose(places, (quadrotor.vehicle.arms.position_B - [0.004, 0.0, -0.01]) * FRD, atol=1e-9)
 
 
 def test_parameters_of_another_vehicle_are_refused(quadrotor):
