@@ -18,7 +18,7 @@ PX4 `GetSensorLevelAdjustment`; crazyflie-firmware, power_distribution_quadrotor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,8 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.drafts.ardupilot import USUAL
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, values_of
+from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, quantities, values_of
+from wrenchgap.plant.wrench_model import ModelEffect
 
 Parameters = Mapping[str, float]
 
@@ -59,13 +60,14 @@ class Autopilot:
     def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
         """The parameters, with standard deviations and the effects that move each."""
         if self.curve is None or model.command is None or not has_signal(model):
-            return propagated(model, lambda values: self.parameters(values, before))
+            return propagated(model, lambda effects: self.parameters(values_of(model, effects), before))
         old = before.get(self.curve[0], self.factor)
         sent = old if self.linearises and model.command.unit == "normalised" else 0.0
-        shaped = propagated(model, lambda values: {"curve": values["curve"]})["curve"].identified
+        shaped = quantities(model)["curve"].identified
         names = self.curve
 
-        def every(values: Values) -> Values:
+        def every(effects: Sequence[ModelEffect]) -> Values:
+            values = values_of(model, effects)
             factor, signal = _factor(values, sent), _signal(float(values["signal"]), sent)
             used = factor if shaped else old  # what the firmware has when this is set
             hover = used * signal**2 + (1.0 - used) * signal

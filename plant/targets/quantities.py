@@ -11,8 +11,9 @@ sqrt(sum_i (dq/dtheta_i sigma_i)^2). A quantity without one was not identified: 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, cross
 
 Values = dict[str, Array]
 """Quantities by name, `values_of`."""
+REST = np.zeros((1, 3))
 HEIGHT = 1000.0
 """[m], at which no ground is felt."""
 SPEEDS = (2.0, 4.0)
@@ -54,17 +56,17 @@ class Quantity:
 
 def quantities(model: Model) -> dict[str, Quantity]:
     """The quantities of a model (`values_of`) with their standard deviations; ModelError for one without rotors."""
-    return propagated(model, lambda values: values)
+    return propagated(model, lambda effects: values_of(model, effects))
 
 
-def propagated(model: Model, of: Callable[[Values], Values]) -> dict[str, Quantity]:
-    """What a function makes of the quantities of a model, with standard deviations and the effects that move each.
+def propagated(model: Model, of: Callable[[Sequence[ModelEffect]], Values]) -> dict[str, Quantity]:
+    """What a function makes of the effects of a model, with standard deviations and the effects that move each value.
 
     Effects of the air and of the battery are left out (still air, nominal voltage), and those at a limit (`at_limit`).
     """
 
-    def evaluated(effects: Iterable[ModelEffect]) -> Values:
-        return {name: np.asarray(value, dtype=float) for name, value in of(values_of(model, effects)).items()}
+    def evaluated(effects: Sequence[ModelEffect]) -> Values:
+        return {name: np.asarray(value, dtype=float) for name, value in of(effects).items()}
 
     own = acting_effects(model)
     value, nominal = evaluated(own), evaluated([])
@@ -100,7 +102,7 @@ def at_limit(one: ModelEffect, vehicle: Vehicle) -> bool:
     return bool(np.any((np.abs(one.theta[:, None] - ends) < near[:, None]) & (ends != 0.0)))
 
 
-def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
+def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
     """The quantities of a model's vehicle with these effects; raises ModelError for a vehicle without rotors.
 
     Returns
@@ -122,24 +124,8 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
         one.name: dict(zip([p.name for p in one.effect.parameters(vehicle)], one.theta, strict=True))
         for one in acting.effects
     }
-    hover = np.sqrt(vehicle.body.mass * GRAVITY / len(rotors) / rotors.c_f)
-
-    def wrench(speed: Array, velocity_B: Array = np.zeros((1, 3))) -> Array:
-        """Wrenches (N, 6) about O at rotor speeds (N, R), level, at one velocity or several (N, 3)."""
-        n = max(len(speed), len(velocity_B))
-        still = np.zeros((n, 3))
-        state = State(
-            np.zeros(n),
-            np.tile([0.0, 0.0, HEIGHT], (n, 1)),
-            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-            still + velocity_B,
-            still,
-        )
-        commands = Commands(np.zeros((n, 6)), np.zeros((n, len(arms))), speed + np.zeros((n, len(rotors))))
-        alone = (slice(k, k + 1) for k in range(n))  # each in equilibrium, and none follows another
-        settled = concatenated([acting.command(commands.take(one), state.take(one), 0.01)[0] for one in alone])
-        return np.asarray(acting.wrench(settled, state))
-
+    hover = hover_speeds(vehicle)
+    wrench = partial(still_wrench, acting)
     out = {"mass": np.array(acting.body.mass), "com": acting.body.com_B, "inertia": acting.body.inertia}
     out |= _sensors(acting)
     count = len(rotors)
@@ -150,7 +136,7 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
     hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
     out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}
     out["yaw"] = np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along) / thrust
-    out |= _drag(lambda velocity_B: wrench(hover[None], velocity_B)[:, :3])
+    out |= _drag(lambda velocity_B: wrench(hover[None], velocity_B=velocity_B)[:, :3])
     lags = [[named[n][p] for p in pair] for n, pair in LAGS.items() if n in named]
     out["lag"] = np.sum(lags, axis=0) if lags else np.zeros(2)
     out["delay"] = np.array(named.get("command_delay", {}).get("delay", 0.0))
@@ -160,6 +146,28 @@ def values_of(model: Model, effects: Iterable[ModelEffect]) -> Values:
 
     out["curve"] = np.polynomial.polynomial.polyfit(FLOWN, mean_thrust(FLOWN[:, None] * hover) / out["level"], 2)
     return out | _by_signal(model, mean_thrust, acting.body.mass * GRAVITY / float(np.abs(along[:, 2]).sum()))
+
+
+def hover_speeds(vehicle: Vehicle) -> Array:
+    """Speeds (R,) [rad/s] at which all rotors nominally make the same thrust, and together the weight."""
+    _, rotors = vehicle.geometry()
+    return np.asarray(np.sqrt(vehicle.body.mass * GRAVITY / len(rotors) / rotors.c_f))
+
+
+def still_wrench(acting: WrenchModel, speed: Array, tilt: Array | None = None, velocity_B: Array = REST) -> Array:
+    """Wrenches (N, 6) about O at rotor speeds (N, R), level, far above the ground, each in equilibrium.
+
+    `tilt` (A,) [rad] is that of the arms, zero by default; there may be one speed or one velocity (1, 3) for all.
+    """
+    arms, rotors = acting.vehicle.geometry()
+    n = max(len(speed), len(velocity_B))
+    still, upright = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    state = State(np.zeros(n), np.tile([0.0, 0.0, HEIGHT], (n, 1)), upright, still + velocity_B, still)
+    tilts = np.zeros((n, len(arms))) + (0.0 if tilt is None else tilt)
+    commands = Commands(np.zeros((n, 6)), tilts, speed + np.zeros((n, len(rotors))))
+    alone = (slice(k, k + 1) for k in range(n))  # none follows another
+    settled = concatenated([acting.command(commands.take(one), state.take(one), 0.01)[0] for one in alone])
+    return np.asarray(acting.wrench(settled, state))
 
 
 def _drag(force: Callable[[Array], Array]) -> Values:
