@@ -1,7 +1,7 @@
 """Public functions that make a model or look at one; the others are in `replay.api`."""
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -19,6 +19,8 @@ from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed, text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, parameters_of, with_spins
+from wrenchgap.plant.effectiveness import Effectiveness
+from wrenchgap.plant.effectiveness import effectiveness as effectiveness_of
 from wrenchgap.plant.targets.written import Written, written
 
 
@@ -76,6 +78,32 @@ def calibrate(
     """
     found = calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)
     return refused_where_hidden(found, progress)
+
+
+@check_arguments
+def effectiveness(model: Model | Addition, tilt: float | Sequence[float] = 0.0) -> Effectiveness:
+    """What a newton asked of each rotor makes as flown, beside the nominal, and the allocation that allows for it.
+
+    Parameters
+    ----------
+    model
+        With rotors and fitted effects.
+    tilt
+        Angle [rad] of all arms that tilt, or one for each arm, about which the vehicle hovers.
+
+    Returns
+    -------
+    Effectiveness
+        ``matrix`` (6, R), ``got`` (6, 6) and ``allocation`` (R, 6) with nominal values and standard deviations.
+
+    Raises
+    ------
+    ModelError
+        For a model without rotors.
+    UsageError
+        For tilts that the arms do not have.
+    """
+    return effectiveness_of(model_of(model), tilt)
 
 
 @check_arguments

@@ -52,6 +52,7 @@ COMMANDS = {
     "predict": "predict test.mcap -m tilt_hexarotor --against fitted.toml",
     "history": "history fitted.toml",
     "model-show": "model show fitted.toml",
+    "effectiveness": "effectiveness fitted.toml",
     "write": "write fitted.toml --to px4",
     "remove": "remove com_offset -m fitted.toml -o without.toml",
     "trend": "trend train.mcap test.mcap ideal.mcap -m tilt_hexarotor --fit com_offset,mass",

@@ -31,7 +31,8 @@ NAME = "wrenchgap"
 COMMANDS = (
     *(analysis.check, analysis.inspect, model.calibrate, analysis.compare),
     *(logs.predict, analysis.where, analysis.explain),
-    *(analysis.changed, analysis.trend, model.add, model.remove, model.history, model.write),
+    *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
+    *(model.effectiveness, model.write),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
     *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),
 )

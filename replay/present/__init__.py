@@ -26,6 +26,7 @@ MODULES = {
     "Comparison": "comparison",
     "Counterfactual": "counterfactual",
     "Design": "design",
+    "Effectiveness": "effectiveness",
     "Explanation": "explanation",
     "Export": "export",
     "FlownExport": "flown",

@@ -1,4 +1,4 @@
-"""Document of `write`."""
+"""Documents of `write` and `effectiveness`."""
 
 from __future__ import annotations
 
@@ -28,3 +28,27 @@ class Write(Document):
     """What the target has no parameter for."""
     text: str
     """Of the file."""
+
+
+class Effectiveness(Document):
+    vehicle: str
+    tilt: list[float]
+    """Of the arms [rad]."""
+    axes: list[str]
+    """Rows of `matrix`, about the centre of mass."""
+    rotors: list[str]
+    """Columns of `matrix`."""
+    effects: list[str]
+    """That change it."""
+    matrix: list[list[float]]
+    """As flown, per newton of nominal thrust [1, m]."""
+    matrix_std: list[list[float]]
+    nominal: list[list[float]]
+    got: list[list[float]]
+    """Column k: the wrench that comes when the nominal allocation is asked for one unit of axis k."""
+    got_std: list[list[float]]
+    asked: list[str]
+    """Rows of `allocation`: rotors, of those that tilt their thrust along and across its direction at rest."""
+    allocation: list[list[float]]
+    """Nominal thrusts to ask for, for one unit of each axis."""
+    nominal_allocation: list[list[float]]

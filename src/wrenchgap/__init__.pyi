@@ -29,6 +29,7 @@ from .replay.api_flights import predict as predict
 from .replay.api_flights import trend as trend
 from .replay.api_models import calibrate as calibrate
 from .replay.api_models import draft_model as draft_model
+from .replay.api_models import effectiveness as effectiveness
 from .replay.api_models import export_model as export_model
 from .replay.api_models import save_draft as save_draft
 from .replay.compensation.compensators import combined as combined

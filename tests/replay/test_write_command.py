@@ -7,6 +7,8 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.targets import TARGETS
+from wrenchgap.replay.cli.commands.model import Target
 
 
 @pytest.fixture
@@ -34,6 +36,21 @@ def test_the_file_loads_with_what_was_set_as_a_comment(result_of, fitted):
 def test_every_target_has_a_file(result_of, fitted, target):
     said = result_of("write", "fitted.toml", "--to", target, "-o", "out.txt")
     assert (fitted / "out.txt").read_text() == said["text"]
+
+
+def test_effectiveness_is_printed_drawn_and_written(result_of, run, refused, fitted):
+    said = result_of("effectiveness", "fitted.toml", "--figure", "e.png", "--csv", "e.csv")
+    np.testing.assert_allclose(np.array(said["matrix"])[2], 1.05)  # the scale of thrust
+    np.testing.assert_allclose(np.array(said["allocation"]), np.array(said["nominal_allocation"]) / 1.05, atol=1e-9)
+    assert {path.name for path in fitted.iterdir()} >= {"e.png", "e.csv"}
+    assert "force_z 105 +-1.0 %" in run("effectiveness", "fitted.toml").output
+    assert "no effect of the model changes" in run("effectiveness", "tilt_hexarotor", "--tilt", "20").output
+    assert "expected degrees" in refused("effectiveness", "fitted.toml", "--tilt", "flat")
+    assert "does not tilt" in refused("effectiveness", "fitted.toml", "--tilt", "5")
+
+
+def test_the_command_knows_every_target():
+    assert [target.value for target in Target] == list(TARGETS)
 
 
 def test_what_cannot_be_written_is_one_line(refused, fitted):

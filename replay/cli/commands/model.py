@@ -271,6 +271,36 @@ def write(
     run.write("write", made.to_json(), **{target.value: output})
 
 
+def effectiveness(
+    model: o.ModelFile,
+    tilt: Annotated[
+        str, typer.Option(metavar="DEG[,DEG...]", help="Tilt of all arms, or of each, about which it hovers.")
+    ] = "0",
+    figure: o.Figure = None,
+    csv: o.Csv = None,
+    *,
+    run: DetailedRun,
+) -> None:
+    """What rotors make of what is asked of them as flown, beside the nominal matrix, and the corrected allocation.
+
+    From all fitted effects on thrusts, torques, tilts and the centre of mass, with standard deviations.
+
+    Example: `wrenchgap effectiveness fitted.toml --tilt 20 --figure effectiveness.png`
+    """
+    import numpy as np
+
+    from wrenchgap.replay import api_models
+
+    run.claim({"--figure": figure, "--csv": csv}, model)
+    try:
+        angles = np.radians([float(word) for word in tilt.split(",")])
+    except ValueError:
+        raise usage_error(f"--tilt {tilt}: expected degrees, one or several with commas between") from None
+    found = api_models.effectiveness(run.model(model), angles.tolist())
+    run.result(found)
+    run.save("effectiveness", found, figure=figure, csv=csv)
+
+
 def history(model: o.ModelFile, *, run: Run) -> None:
     """Versions of a model: what each changed, from which flights, and what that did to the error.
 

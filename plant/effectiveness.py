@@ -1,0 +1,100 @@
+"""The effectiveness of rotors as flown: what a newton asked of each makes of force and torque, beside the nominal one.
+
+About hover at one tilt of the arms, with thrusts t that the controller asks for, T = c_f Omega^2 of the nominal rotor:
+
+    dW = B dt,    B (6, R) about the centre of mass, by central differences of the model with its effects
+
+so thrust gains, wakes, slopes of thrust curves, drag torques, twisted arms, servo zeros and the place of the centre of
+mass are in it; B_0 is that of the vehicle without effects. A controller that allocates with B_0's pseudo-inverse gets
+
+    G = B B_0^+    (6, 6), the identity within the directions that the vehicle can make, where nothing is wrong
+
+and with B^+ what it asked for, as far as the rotors can: that is the corrected allocation. Where arms tilt, both are
+those of the thrusts along and across their directions at rest, T cos(alpha) and T sin(alpha), in which the wrench is
+linear at any tilt: B of these has the columns at 0 and at 90 deg. Lags act later and are not in it.
+Sources: Johansen and Fossen, "Control allocation - a survey", Automatica 2013; Kamel et al., "The Voliro
+omniorientational hexacopter", RAM 2018.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.result import Result
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.targets.quantities import Quantity, Values, hover_speeds, propagated, still_wrench
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com
+
+STEP = 0.05
+"""Of the thrust in hover, for the differences: a slope of the curve where the vehicle flies, and not at a point."""
+ROUNDING = 1e-9
+"""Of the largest entry: what is below is none."""
+RANK = 1e-6
+"""Singular values below so much of the largest are directions that the vehicle cannot make."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Effectiveness(Result):
+    """Of R rotors about hover at `tilt` (A,) [rad]: wrench per newton asked, about the centre of mass [1, m].
+
+    `matrix` (6, R) is as flown, with standard deviations, `got` (6, 6) what a unit of each axis, asked for with the
+    nominal allocation, makes; both with their nominal values. `allocation` (R + R', 6) is the corrected one [1, 1/m]:
+    thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest.
+    """
+
+    vehicle: Vehicle
+    tilt: Array
+    matrix: Quantity
+    got: Quantity
+    allocation: Quantity
+
+
+def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiveness:
+    """The effectiveness of a model at one `tilt` of all arms, or one for each [rad].
+
+    Raises ModelError for a model without rotors, UsageError for tilts that the arms do not have.
+    """
+    arms, _ = model.vehicle.geometry()
+    angles = np.atleast_1d(np.asarray(tilt, dtype=float))
+    if len(angles) not in (1, len(arms)) or not np.isfinite(angles).all():
+        raise UsageError(f"--tilt: got {len(angles)} angles, expected one for all, or one for each of {len(arms)} arms")
+    angles = np.broadcast_to(angles, len(arms)).copy()
+    fixed = np.flatnonzero(~arms.tilts & (angles != 0.0)) if len(np.atleast_1d(tilt)) > 1 else np.empty(0, dtype=int)
+    if fixed.size or (angles.any() and not arms.tilts.any()):
+        raise UsageError(f"--tilt: {model.vehicle.arm_name(int(fixed[0]) if fixed.size else 0)} does not tilt")
+    angles = np.where(arms.tilts, angles, 0.0)
+    inverse = np.linalg.pinv(_linear(model, []), rcond=RANK)
+
+    def values(effects: Sequence[ModelEffect]) -> Values:
+        linear = _linear(model, effects)
+        found = {"matrix": _matrix(model, effects, angles), "got": linear @ inverse}
+        found["allocation"] = np.linalg.pinv(linear, rcond=RANK)
+        return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
+
+    found = propagated(model, values)
+    return Effectiveness(model.vehicle, angles, found["matrix"], found["got"], found["allocation"])
+
+
+def _linear(model: Model, effects: Sequence[ModelEffect]) -> Array:
+    """B (6, R + R') of thrusts along the directions at rest and, of rotors that tilt, across them."""
+    arms, rotors = model.vehicle.geometry()
+    along, turning = _matrix(model, effects, np.zeros(len(arms))), arms.tilts[rotors.arm]
+    if not turning.any():
+        return along
+    across = _matrix(model, effects, np.where(arms.tilts, 0.5 * np.pi, 0.0))
+    return np.hstack((along, across[:, turning]))
+
+
+def _matrix(model: Model, effects: Sequence[ModelEffect], tilt: Array) -> Array:
+    """B (6, R), by central differences in the nominal thrust of each rotor."""
+    acting, hover = WrenchModel(model.vehicle, tuple(effects)), hover_speeds(model.vehicle)
+    count = len(hover)
+    more, less = (hover * np.sqrt(1.0 + sign * STEP * np.eye(count)) for sign in (1.0, -1.0))
+    ends = about_com(acting.body, still_wrench(acting, np.vstack((more, less)), tilt))
+    return np.asarray((ends[:count] - ends[count:]).T / (2.0 * STEP * model.vehicle.body.mass * GRAVITY / count))
