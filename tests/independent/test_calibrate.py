@@ -215,6 +215,8 @@ def test_a_model_is_refused_with_which_a_weak_rotor_would_not_be_found(quadrotor
     assert refused.effects == ()
     assert fate(refused, "motor_lag") is Fate.HIDES
     told, todo = (part.text for part in brief(refused)[:2])
-    assert told.startswith(f"Not calibrated: put into these flights, {refused.hidden.parameter} with ")
+    assert told.startswith(
+        f"Not calibrated: put into these flights, {QUADROTOR.vehicle.called(refused.hidden.parameter)} with "
+    )
     assert todo.startswith("These flights do not carry")
     assert refused.to_json()["hidden_rotor"]["change"] == refused.hidden.change
