@@ -85,6 +85,7 @@ def test_no_firm_name_is_wrong(explained, name):
     assert families(explained(name).firm) <= ANYWAY | SEEN[name][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEEN)
 def test_no_value_at_its_limit_is_firm_or_named_as_the_answer(explained, name):
     found = explained(name)

@@ -160,6 +160,7 @@ def leaning_discs():
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("air", [AIR, np.zeros(3)], ids=["wind", "still"])
 def test_wind_is_named_with_the_drag_of_rotors(fly, hexarotor, leaning_discs, air):
     size = {"air_x": air[0], "air_y": air[1]}

@@ -97,6 +97,7 @@ def test_products_of_flights_with_an_effect_are_those_of_flights_that_had_it(pla
     np.testing.assert_allclose(found.combined(first), wanted.combined(first), atol=1e-5 * np.sqrt(largest.min()))
 
 
+@pytest.mark.slow
 def test_effects_at_their_limits_are_firm_and_nothing_else_is_at_half_of_them(searched, plain, hexarotor):
     tried = [limit_of(searched, "rotor_thrust", "rotor_3"), limit_of(searched, "com_offset", "x")]
 

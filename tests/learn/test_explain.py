@@ -20,7 +20,7 @@ def explain(data, model, names=()):
     return search_dataset(data, model, candidates(data.records, model, names))
 
 
-@pytest.mark.parametrize("hidden", ["servo_lag", "tilt_offset"])
+@pytest.mark.parametrize("hidden", ["servo_lag", pytest.param("tilt_offset", marks=pytest.mark.slow)])
 def test_names_the_hidden_effect_first(fly, hexarotor, hidden):
     """The others are in tests/independent/test_hidden_effects.py."""
     found = explain(fly(hidden, None, "train", seed=21, seconds=25)[0], hexarotor)

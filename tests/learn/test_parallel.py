@@ -33,9 +33,9 @@ def test_other_processes_do_a_part_of_the_work_and_stay_for_the_next():
         time.sleep(0.3)
         return os.getpid()
 
-    first, second = (set(each(who, list("abcdefgh"), 2)) for _ in range(2))
-    assert len(first) == 2
-    assert first == second
+    tries = (set(each(who, list("abcdefgh"), 2)) for _ in range(30))  # a busy machine takes its time to start a process
+    first = next(found for found in tries if len(found) == 2)
+    assert set(each(who, list("abcdefgh"), 2)) == first
     assert set(each(lambda _: os.getpid(), ["a", "b", "c"], 1)) == {os.getpid()}
 
 

@@ -338,6 +338,7 @@ def test_inspect_begins_with_its_checks_and_says_like_notes_once(tmp_path, run):
     assert first < topics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "lack"), [({"gusts": 3.0}, Lack.FOLLOWING), ({"excited": 2.0}, None)])
 def test_with_a_model_a_hover_in_gusts_is_not_enough_for_a_lag(tmp_path, case, lack):
     """As `explain` says of the same log: the commands answer the motion."""

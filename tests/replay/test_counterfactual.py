@@ -214,6 +214,7 @@ def shifting(torque=0.1):
     return Compensator(mismatch, Settings(dt=0.005))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [{}, {"start": 3.0}])
 @pytest.mark.parametrize("changed", [{}, {"compensator": True}, {"gains": True}, {"plant": True}])
 def test_compiled_code_flies_again_what_plain_numpy_flies(hidden, start, changed):

@@ -93,6 +93,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("name", CASES)
 def test_c_under_sanitisers_is_python_over_a_flight_in_closed_loop(name, tmp_path):

@@ -160,6 +160,7 @@ def test_a_motion_that_grows_beyond_all_numbers_is_refused_without_warnings(flow
             wg.predict(flights[0], replace(MODEL, vehicle=light))
 
 
+@pytest.mark.slow
 def test_the_wrenches_of_long_predictions_are_not_kept(flown):
     """Of 4,000 predictions over 5 s at 125 Hz they would be 120 MB, of 60 s at 250 Hz 2.9 GB."""
     flights, _ = flown

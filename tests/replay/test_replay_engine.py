@@ -217,6 +217,7 @@ def test_only_the_part_between_two_times_is_replayed(flown, gp):
     assert np.isfinite(part.measured).all(axis=1).mean() > 0.5
 
 
+@pytest.mark.slow
 def test_a_compensation_that_cannot_be_compiled_is_told(flown, gp, result):
     """A lag that differs by direction decides by a value, which no program writes down once it is led."""
     lag = make_effect(MODEL.vehicle, "asymmetric_motor_lag", {"tau_up": 0.03, "tau_down": 0.06})
