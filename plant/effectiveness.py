@@ -27,7 +27,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets.quantities import Quantity, Values, hover_speeds, propagated, still_wrench
+from wrenchgap.plant.targets.quantities import Quantity, Values, at_limit, hover_speeds, propagated, still_wrench
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com
 
@@ -45,7 +45,8 @@ class Effectiveness(Result):
 
     `matrix` (6, R) is as flown, with standard deviations, `got` (6, 6) what a unit of each axis, asked for with the
     nominal allocation, makes; both with their nominal values. `allocation` (R + R', 6) is the corrected one [1, 1/m]:
-    thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest.
+    thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest. `left_out` are effects
+    with a value at its limit.
     """
 
     vehicle: Vehicle
@@ -53,6 +54,7 @@ class Effectiveness(Result):
     matrix: Quantity
     got: Quantity
     allocation: Quantity
+    left_out: tuple[str, ...] = ()
 
 
 def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiveness:
@@ -78,7 +80,8 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
         return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
 
     found = propagated(model, values)
-    return Effectiveness(model.vehicle, angles, found["matrix"], found["got"], found["allocation"])
+    ended = tuple(one.name for one in model.effects if at_limit(one, model.vehicle))
+    return Effectiveness(model.vehicle, angles, found["matrix"], found["got"], found["allocation"], ended)
 
 
 def _linear(model: Model, effects: Sequence[ModelEffect]) -> Array:

@@ -17,6 +17,7 @@ from functools import partial
 
 import numpy as np
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands, Motion, State, concatenated
@@ -95,11 +96,11 @@ def acting_effects(model: Model) -> list[ModelEffect]:
 
 
 def at_limit(one: ModelEffect, vehicle: Vehicle) -> bool:
-    """Whether a value of an effect is at a limit of its parameter that is not zero: its law is wrong then."""
+    """Whether a value of an effect is at a limit of its parameter that is not zero, or beyond: its law is wrong."""
     parameters = one.effect.parameters(vehicle)
-    ends = np.array([[p.low, p.high] for p in parameters])
-    near = 1e-6 * np.array([p.scale for p in parameters])
-    return bool(np.any((np.abs(one.theta[:, None] - ends) < near[:, None]) & (ends != 0.0)))
+    low, high, near = np.array([(p.low, p.high, 1e-6 * p.scale) for p in parameters]).T
+    ended = (one.theta <= low + near) & (low != 0.0) | (one.theta >= high - near) & (high != 0.0)
+    return bool(np.any(ended))
 
 
 def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
@@ -132,6 +133,9 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
     rest = wrench(np.zeros((1, count)))[0]
     parts = wrench(hover[None])[0] - wrench(hover * (1.0 - np.eye(count)))
     thrust = np.linalg.norm(parts[:, :3], axis=1)
+    if not (thrust > 0.0).all():
+        r = int(np.flatnonzero(~(thrust > 0.0))[0])
+        raise ModelError(f"{vehicle.name}: {vehicle.rotor_name(r)} makes no thrust with the effects of the model")
     along = parts[:, :3] / thrust[:, None]
     hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
     out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}

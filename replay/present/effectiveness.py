@@ -9,7 +9,7 @@ from wrenchgap.plant.effectiveness import ROUNDING, Effectiveness
 from wrenchgap.plant.targets.quantities import Quantity
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import number
-from wrenchgap.replay.present.tables import Line, Part, table
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 SURE = 3.0
 """Standard deviations from which a difference is told."""
@@ -25,7 +25,9 @@ def parts(found: Effectiveness) -> list[Part]:
 
 def brief(found: Effectiveness) -> list[Part]:
     """What of the asked wrench comes, in words and as a table."""
-    return [*(Line(sentence, "bold") for sentence in sentences(found)), Line(), _got(found)]
+    left = [f"{name} is left out: at a limit of what is plausible, so its law is wrong" for name in found.left_out]
+    lines = [Line(sentence, "bold") for sentence in sentences(found)]
+    return [*lines, *note_lines(left, "warning"), Line(), _got(found)]
 
 
 def sentences(found: Effectiveness) -> list[str]:
@@ -135,6 +137,7 @@ def to_json(found: Effectiveness) -> dict[str, Any]:
         "axes": list(AXES),
         "rotors": [found.vehicle.rotor_name(r) for r in range(found.matrix.value.shape[1])],
         "effects": list(found.matrix.by),
+        "left_out": list(found.left_out),
         "matrix": found.matrix.value,
         "matrix_std": found.matrix.std,
         "nominal": found.matrix.nominal,

@@ -40,6 +40,8 @@ class Effectiveness(Document):
     """Columns of `matrix`."""
     effects: list[str]
     """That change it."""
+    left_out: list[str]
+    """Effects with a value at its limit."""
     matrix: list[list[float]]
     """As flown, per newton of nominal thrust [1, m]."""
     matrix_std: list[list[float]]

@@ -52,6 +52,13 @@ def test_a_curve_counts_by_its_slope_in_hover(quadrotor):
     np.testing.assert_allclose(found.matrix.value[2], 0.7, rtol=1e-3)
 
 
+def test_a_value_at_its_limit_is_left_out_and_said(quadrotor):
+    found = flown(quadrotor, drag_torque={"change": -0.8})
+    assert found.left_out == ("drag_torque",)
+    np.testing.assert_array_equal(found.matrix.value, found.matrix.nominal)
+    assert "drag_torque is left out" in str(found)
+
+
 def test_what_the_corrected_allocation_asks_for_is_what_comes(hexarotor):
     """At the tilts and thrusts of the corrected allocation the model itself makes the wrench that was asked for."""
     effects = {
