@@ -10,8 +10,9 @@ mass are in it; B_0 is that of the vehicle without effects. A controller that al
     G = B B_0^+    (6, 6), the identity within the directions that the vehicle can make, where nothing is wrong
 
 and with B^+ what it asked for, as far as the rotors can: that is the corrected allocation. Where arms tilt, both are
-those of the thrusts along and across their directions at rest, T cos(alpha) and T sin(alpha), in which the wrench is
-linear at any tilt: B of these has the columns at 0 and at 90 deg. Lags act later and are not in it.
+those of the thrusts along and across their directions at rest, T cos(alpha) and T sin(alpha): B of these has the
+columns at 0 and at 90 deg. The wrench is linear in them at any tilt, but for effects that depend on tilt or thrust in
+another way (wakes, twisted arms, slopes of thrust curves), which are taken there. Lags act later and are not in it.
 Sources: Johansen and Fossen, "Control allocation - a survey", Automatica 2013; Kamel et al., "The Voliro
 omniorientational hexacopter", RAM 2018.
 """
@@ -43,16 +44,16 @@ RANK = 1e-6
 class Effectiveness(Result):
     """Of R rotors about hover at `tilt` (A,) [rad]: wrench per newton asked, about the centre of mass [1, m].
 
-    `matrix` (6, R) is as flown, with standard deviations, `got` (6, 6) what a unit of each axis, asked for with the
-    nominal allocation, makes; both with their nominal values. `allocation` (R + R', 6) is the corrected one [1, 1/m]:
-    thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest. `left_out` are effects
-    with a value at its limit.
+    `matrix` (6, R) is as flown, with standard deviations; `achieved` (6, 6) is what comes of a unit of each axis asked
+    for with the nominal allocation; both with their nominal values. `allocation` (R + R', 6) is the corrected one [1,
+    1/m]: thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest. `left_out` are
+    effects with a value at its limit.
     """
 
     vehicle: Vehicle
     tilt: Array
     matrix: Quantity
-    got: Quantity
+    achieved: Quantity
     allocation: Quantity
     left_out: tuple[str, ...] = ()
 
@@ -75,13 +76,13 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
 
     def values(effects: Sequence[ModelEffect]) -> Values:
         linear = _linear(model, effects)
-        found = {"matrix": _matrix(model, effects, angles), "got": linear @ inverse}
+        found = {"matrix": _matrix(model, effects, angles), "achieved": linear @ inverse}
         found["allocation"] = np.linalg.pinv(linear, rcond=RANK)
         return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
 
     found = propagated(model, values)
     ended = tuple(one.name for one in model.effects if at_limit(one, model.vehicle))
-    return Effectiveness(model.vehicle, angles, found["matrix"], found["got"], found["allocation"], ended)
+    return Effectiveness(model.vehicle, angles, found["matrix"], found["achieved"], found["allocation"], ended)
 
 
 def _linear(model: Model, effects: Sequence[ModelEffect]) -> Array:

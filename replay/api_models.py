@@ -94,7 +94,7 @@ def effectiveness(model: Model | Addition, tilt: float | Sequence[float] = 0.0) 
     Returns
     -------
     Effectiveness
-        ``matrix`` (6, R), ``got`` (6, 6) and ``allocation`` (R, 6) with nominal values and standard deviations.
+        ``matrix`` (6, R), ``achieved`` (6, 6) and ``allocation`` (R, 6) with nominal values and standard deviations.
 
     Raises
     ------

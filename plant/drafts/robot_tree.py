@@ -102,6 +102,11 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
     )
 
 
+def unit_mass_inertia(d: Array) -> Array:
+    """The inertia (3, 3) [m^2] of a unit mass at d (3,) [m], about the origin: |d|^2 I - d d^T."""
+    return np.asarray(d @ d * np.eye(3) - np.outer(d, d))
+
+
 def combined_mass_properties(links: Sequence[Link]) -> tuple[float, Array, Array]:
     """Mass [kg], centre (3,) [m] and inertia (3, 3) [kg m^2] about it of all bodies."""
     masses = np.array([one.mass for one in links])
@@ -111,7 +116,7 @@ def combined_mass_properties(links: Sequence[Link]) -> tuple[float, Array, Array
     inertia = np.zeros((3, 3))
     for one in links:
         d = one.centre - centre
-        inertia += one.inertia + one.mass * (d @ d * np.eye(3) - np.outer(d, d))
+        inertia += one.inertia + one.mass * unit_mass_inertia(d)
     return mass, np.asarray(centre), inertia
 
 

@@ -25,9 +25,10 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.ned_frd import flu
 from wrenchgap.plant.drafts.ardupilot import USUAL
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, quantities, values_of
+from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, values_of
 from wrenchgap.plant.wrench_model import ModelEffect
 
 Parameters = Mapping[str, float]
@@ -57,13 +58,12 @@ class Autopilot:
     relative: str = ""
     together: tuple[str, ...] = ()
 
-    def quantities(self, model: Model, before: Parameters) -> dict[str, Quantity]:
-        """The parameters, with standard deviations and the effects that move each."""
+    def quantities(self, model: Model, before: Parameters, shaped: bool) -> dict[str, Quantity]:
+        """The parameters, with standard deviations and the effects that move each; `shaped`: a curve was identified."""
         if self.curve is None or model.command is None or not has_signal(model):
             return propagated(model, lambda effects: self.parameters(values_of(model, effects), before))
         old = before.get(self.curve[0], self.factor)
         sent = old if self.linearises and model.command.unit == "normalised" else 0.0
-        shaped = quantities(model)["curve"].identified
         names = self.curve
 
         def every(effects: Sequence[ModelEffect]) -> Values:
@@ -113,7 +113,7 @@ class Autopilot:
 
 def frd(vector_B: Array) -> Array:
     """From B (forward, left, up) to the autopilots' body frame (forward, right, down), vectors and small rotations."""
-    return np.asarray(vector_B * np.array([1.0, -1.0, -1.0]))
+    return flu(vector_B)  # the same turn by 180 deg about x, both ways
 
 
 def _factor(values: Values, sent: float) -> float:

@@ -30,18 +30,23 @@ def rotorpy(vehicle: Vehicle, values: Values) -> str:
         raise ModelError(f"{vehicle.name}: has {len(rotors)} rotors; RotorPy inverts the allocation of four")
     arms, J = values["hub"] - values["com"], values["inertia"]
     k_eta = float(values["level"] / np.mean(values["hover"] ** 2))
-    told: dict[str, object] = {"mass": float(values["mass"])}
-    told |= {f"I{a}{b}": float(J[i, k]) for (i, a), (k, b) in _pairs()}
-    told |= {"num_rotors": 4, "rotor_pos": {f"r{r + 1}": arm.tolist() for r, arm in enumerate(arms)}}
-    told |= {"rotor_directions": np.sign(values["yaw"]).tolist(), "rI": (values["imu"] - values["com"]).tolist()}
-    told |= {f"c_D{axis}": float(values["quadratic"][k]) for k, axis in enumerate("xyz")}
+    quad: dict[str, object] = {"mass": float(values["mass"])}
+    quad |= {f"I{a}{b}": float(J[i, k]) for (i, a), (k, b) in _pairs()}
+    quad |= {"num_rotors": 4, "rotor_pos": {f"r{r + 1}": arm.tolist() for r, arm in enumerate(arms)}}
+    quad |= {"rotor_directions": np.sign(values["yaw"]).tolist(), "rI": (values["imu"] - values["com"]).tolist()}
+    quad |= {f"c_D{axis}": float(values["quadratic"][k]) for k, axis in enumerate("xyz")}
     along, up = values["linear"][:2].mean() / values["hover"].sum(), values["linear"][2] / values["hover"].sum()
-    told |= {"k_eta": k_eta, "k_m": k_eta * float(np.abs(values["yaw"]).mean()), "k_d": float(along), "k_z": float(up)}
-    told |= {"k_h": 0.0, "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
-    told |= {"rotor_speed_min": float(rotors.speed_min.max()), "rotor_speed_max": float(rotors.speed_max.min())}
-    told["motor_noise_std"] = 0.0
+    quad |= {
+        "k_eta": k_eta,
+        "k_m": k_eta * float(np.abs(values["yaw"]).mean()),
+        "k_d": float(along),
+        "k_z": float(up),
+    }
+    quad |= {"k_h": 0.0, "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
+    quad |= {"rotor_speed_min": float(rotors.speed_min.max()), "rotor_speed_max": float(rotors.speed_max.min())}
+    quad["motor_noise_std"] = 0.0
     arrays = {"rotor_directions", "rI"}
-    lines = [f"    {key!r}: {f'np.array({value!r})' if key in arrays else repr(value)}," for key, value in told.items()]
+    lines = [f"    {key!r}: {f'np.array({value!r})' if key in arrays else repr(value)}," for key, value in quad.items()]
     places = "quad_params['rotor_pos'] = {name: np.array(at) for name, at in quad_params['rotor_pos'].items()}"
     return "\n".join(["import numpy as np", "", "quad_params = {", *lines, "}", places]) + "\n"
 
@@ -54,7 +59,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
     thrust = float(values["level"]) * values["curve"] * (PER_RPM / values["hover"].mean()) ** np.arange(3)
     up, down = (1.0 / (float(x) or INSTANT) for x in values["lag"])
     document = tomlkit.document()
-    told = {
+    quad = {
         "gravity_vec": [0.0, 0.0, -GRAVITY],
         "mass": float(values["mass"]),
         "L": length,
@@ -67,7 +72,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
         "drag_matrix": np.diag(-values["linear"]).tolist(),
         "prop_inertia": 0.0,
     }
-    for key, value in told.items():
+    for key, value in quad.items():
         document[key] = value
     return tomlkit.dumps(document)
 

@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap._escaping import printable
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant.drafts.robot_tree import unit_mass_inertia
 from wrenchgap.plant.targets.quantities import Values
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
@@ -71,16 +72,11 @@ def links_of(vehicle: Vehicle, values: Values, rotors: bool) -> list[Link]:
         out.append(Link(f"rotor_{r}", parent, at, turned, light, at, turned @ small @ turned.T, turned[:, 2], None, r))
     left = mass - light * len(out)
     centre = (mass * com - sum((light * one.com for one in out), np.zeros(3))) / left
-    own = inertia + mass * about(com) - left * about(centre)
-    own = own - sum((one.inertia + one.mass * about(one.com) for one in out), np.zeros((3, 3)))
+    own = inertia + mass * unit_mass_inertia(com) - left * unit_mass_inertia(centre)
+    own = own - sum((one.inertia + one.mass * unit_mass_inertia(one.com) for one in out), np.zeros((3, 3)))
     lacking = 2.0 * np.linalg.eigvalsh(own)[-1] - np.trace(own)  # no moment of a body exceeds the sum of the others
     own += (max(lacking, 0.0) + 1e-9 * np.trace(own)) * np.eye(3)
     return [Link("base", "", np.zeros(3), np.eye(3), left, centre, own), *out]
-
-
-def about(d: Array) -> Array:
-    """The inertia (3, 3) of a unit mass at d (3,), about the origin: |d|^2 I - d d^T."""
-    return np.asarray(d @ d * np.eye(3) - np.outer(d, d))
 
 
 def upright(direction: Array) -> Array:
@@ -196,7 +192,7 @@ def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
     thrust = float(values["level"] * values["balance"][r])
     up, down = (float(x) if x > 0.0 else INSTANT for x in values["lag"])
     drag = float(values["linear"][:2].mean() / values["hover"].sum())
-    told = {
+    settings = {
         "robotNamespace": printable(vehicle.name),
         "jointName": f"rotor_{r}_joint",
         "linkName": f"rotor_{r}",
@@ -215,7 +211,7 @@ def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
         "motorType": "velocity",
     }
     plugin = _child(parent, "plugin", filename=PLUGIN[0], name=PLUGIN[1])
-    for name, value in told.items():
+    for name, value in settings.items():
         _leaf(plugin, name, value if isinstance(value, str) else _numbers([value]))
 
 

@@ -14,7 +14,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.targets import TARGETS, packages, robots
 from wrenchgap.plant.targets.autopilots import AUTOPILOTS
-from wrenchgap.plant.targets.quantities import Values, acting_effects, at_limit, has_signal, quantities, values_of
+from wrenchgap.plant.targets.quantities import Quantity, Values, acting_effects, at_limit, quantities, values_of
 from wrenchgap.plant.vehicle import Vehicle
 
 WORDS = {
@@ -96,7 +96,7 @@ def written(model: Model, target: str, before: Mapping[str, float] | None = None
         return _parameters(model, target, before or {}, origin)
     form = SIMULATORS[target]
     values = values_of(model, acting_effects(model))
-    lost = _lost(model, form.name, form.uses, fitted=False)
+    lost = _lost(model, quantities(model), form.name, form.uses, fitted=False)
     first, last = form.comment
     head = [origin, *(f"not in it: {words}" for words in lost)]
     comments = [f"{first} {printable(line).replace('--', '- -')} {last}".rstrip() for line in head if line]
@@ -107,7 +107,8 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     pilot = AUTOPILOTS[target]
     pilot.check(model, before)
     rows, lost = [], []
-    found = pilot.quantities(model, before)
+    own = quantities(model)
+    found = pilot.quantities(model, before, own["curve"].identified)
     asked = {name for name, one in found.items() if one.identified}
     for pattern in pilot.together:
         group = {name for name in found if re.fullmatch(pattern, name)}
@@ -121,10 +122,11 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
         nominal = float(one.nominal) if abs(one.nominal) > 1e-9 * abs(one.value) else 0.0  # no rounding
         numbers = (float(one.value), float(one.std), before.get(name), nominal)
         rows.append(WrittenParameter(name, *numbers, one.by))
-    without_curve = set() if has_signal(model) else {"level", "curve"} | ({"mass"} if pilot.curve else set())
+    without_curve = {"level", "curve"} | ({"mass"} if pilot.curve else set())
+    hovers = "signal" in own and bool(np.isfinite(own["signal"].value))
     if target == "px4" and model.vehicle.geometry()[0].tilts.any():
         lost.append("arms that tilt: CA_ROTOR* describe them at zero tilt")
-    lost += _lost(model, pilot.name, pilot.uses - without_curve, fitted=True)
+    lost += _lost(model, own, pilot.name, pilot.uses if hovers else pilot.uses - without_curve, fitted=True)
     if not rows:
         raise ModelError(
             f"{model.name}: holds nothing identified that {pilot.name} has a parameter for"
@@ -144,9 +146,10 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     return Written(model.name, target, "\n".join(lines) + "\n", tuple(rows), tuple(lost))
 
 
-def _lost(model: Model, program: str, uses: frozenset[str], *, fitted: bool) -> list[str]:
+def _lost(
+    model: Model, found: Mapping[str, Quantity], program: str, uses: frozenset[str], *, fitted: bool
+) -> list[str]:
     """In words, what effects of a model say that a program cannot; `fitted`: which were not fitted, too."""
-    found = quantities(model)
     out = []
     for one in model.effects:
         moved = [name for name, quantity in found.items() if name in WORDS and one.name in quantity.by]

@@ -27,26 +27,26 @@ def brief(found: Effectiveness) -> list[Part]:
     """What of the asked wrench comes, in words and as a table."""
     left = [f"{name} is left out: at a limit of what is plausible, so its law is wrong" for name in found.left_out]
     lines = [Line(sentence, "bold") for sentence in sentences(found)]
-    return [*lines, *note_lines(left, "warning"), Line(), _got(found)]
+    return [*lines, *note_lines(left, "warning"), Line(), _achieved(found)]
 
 
 def sentences(found: Effectiveness) -> list[str]:
     """The answer: shares of what is asked, the largest cross-coupling, rotors that differ."""
-    axes = made(found)
-    told = ", ".join(f"{AXES[k]} {_share(found.got, k, k)}" for k in axes)
+    axes = controllable_axes(found)
+    told = ", ".join(f"{AXES[k]} {_share(found.achieved, k, k)}" for k in axes)
     angles = np.degrees(found.tilt[found.vehicle.geometry()[0].tilts])
     at = f" at {', '.join(f'{a:.0f}' for a in np.unique(angles))} deg" if angles.size and angles.any() else ""
     out = [f"{found.vehicle.name}{at}: allocated nominally, this much of what is asked for comes: {told}."]
     crossed = [(i, k) for group in (axes[axes < 3], axes[axes > 2]) for i in group for k in group if i != k]
     if crossed:
-        i, k = max(crossed, key=lambda pair: abs(float(found.got.value[pair])))
-        value, std = float(found.got.value[i, k]), float(found.got.std[i, k])
+        i, k = max(crossed, key=lambda pair: abs(float(found.achieved.value[pair])))
+        value, std = float(found.achieved.value[i, k]), float(found.achieved.std[i, k])
         if abs(value) > max(SURE * std, 0.005):
             out.append(f"{AXES[k]} makes {_per_cent(abs(value), std)} of itself as {AXES[i]}, most of all pairs.")
     arms = [(i, k) for i in axes[axes > 2] for k in axes[axes < 3]]
     if arms:
-        i, k = max(arms, key=lambda pair: abs(float(found.got.value[pair])))
-        value, std = float(found.got.value[i, k]), float(found.got.std[i, k])
+        i, k = max(arms, key=lambda pair: abs(float(found.achieved.value[pair])))
+        value, std = float(found.achieved.value[i, k]), float(found.achieved.std[i, k])
         if abs(value) > max(SURE * std, LEAST_ARM):
             arm = f"{number(1e3 * value)} +-{number(1e3 * std, 2)} mm"
             out.append(f"Force makes torque: one newton of {AXES[k]} makes {AXES[i]} by an arm of {arm}.")
@@ -62,12 +62,12 @@ def sentences(found: Effectiveness) -> list[str]:
     return out
 
 
-def made(found: Effectiveness) -> Any:
+def controllable_axes(found: Effectiveness) -> Any:
     """Axes that the vehicle can make."""
-    return np.flatnonzero(np.diag(found.got.nominal) > 0.5)
+    return np.flatnonzero(np.diag(found.achieved.nominal) > 0.5)
 
 
-def asked(found: Effectiveness) -> list[str]:
+def allocation_rows(found: Effectiveness) -> list[str]:
     """What the rows of the allocation ask for: thrusts of rotors, of those that tilt along and across them at rest."""
     names = [found.vehicle.rotor_name(r) for r in range(found.matrix.value.shape[1])]
     if len(names) == len(found.allocation.value):
@@ -77,8 +77,8 @@ def asked(found: Effectiveness) -> list[str]:
     return [*(f"{name} along" for name in names), *across]
 
 
-def _share(got: Quantity, i: int, k: int) -> str:
-    return _per_cent(float(got.value[i, k]), float(got.std[i, k]))
+def _share(achieved: Quantity, i: int, k: int) -> str:
+    return _per_cent(float(achieved.value[i, k]), float(achieved.std[i, k]))
 
 
 def _per_cent(value: float, std: float) -> str:
@@ -97,10 +97,13 @@ def _cell(value: float, std: float) -> str:
     return number(value) if std <= ROUNDING * abs(value) else f"{number(value)} +-{number(std, 1)}"
 
 
-def _got(found: Effectiveness) -> Any:
-    axes = made(found)
+def _achieved(found: Effectiveness) -> Any:
+    axes = controllable_axes(found)
     rows = [
-        (f"one of {AXES[k]}", *(_cell(float(found.got.value[i, k]), float(found.got.std[i, k])) for i in axes))
+        (
+            f"one of {AXES[k]}",
+            *(_cell(float(found.achieved.value[i, k]), float(found.achieved.std[i, k])) for i in axes),
+        )
         for k in axes
     ]
     return table("what comes when the nominal allocation is asked for", ("", *(AXES[i] for i in axes)), rows)
@@ -120,10 +123,10 @@ def _by_rotor(found: Effectiveness) -> Any:
 
 
 def _allocation(found: Effectiveness) -> Any:
-    axes = made(found)
+    axes = controllable_axes(found)
     rows = [
         (name, *(number(float(values[k])) for k in axes))
-        for name, values in zip(asked(found), found.allocation.value, strict=True)
+        for name, values in zip(allocation_rows(found), found.allocation.value, strict=True)
     ]
     heads = ("", *(f"{AXES[k]} [{'1' if k < 3 else '1/m'}]" for k in axes))
     return table("corrected allocation: nominal thrust [N] to ask of each rotor", heads, rows)
@@ -141,9 +144,9 @@ def to_json(found: Effectiveness) -> dict[str, Any]:
         "matrix": found.matrix.value,
         "matrix_std": found.matrix.std,
         "nominal": found.matrix.nominal,
-        "got": found.got.value,
-        "got_std": found.got.std,
-        "asked": asked(found),
+        "achieved": found.achieved.value,
+        "achieved_std": found.achieved.std,
+        "asked": allocation_rows(found),
         "allocation": found.allocation.value,
         "nominal_allocation": found.allocation.nominal,
     }

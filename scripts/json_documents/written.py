@@ -46,9 +46,9 @@ class Effectiveness(Document):
     """As flown, per newton of nominal thrust [1, m]."""
     matrix_std: list[list[float]]
     nominal: list[list[float]]
-    got: list[list[float]]
+    achieved: list[list[float]]
     """Column k: the wrench that comes when the nominal allocation is asked for one unit of axis k."""
-    got_std: list[list[float]]
+    achieved_std: list[list[float]]
     asked: list[str]
     """Rows of `allocation`: rotors, of those that tilt their thrust along and across its direction at rest."""
     allocation: list[list[float]]

@@ -26,7 +26,7 @@ def test_nominally_a_newton_is_a_newton_along_the_thrust_and_a_torque_by_its_arm
     x, y, _ = quadrotor.arms.position_B.T
     drag = -quadrotor.rotors.spin * quadrotor.rotors.kappa
     np.testing.assert_allclose(found.matrix.value, [0 * x, 0 * x, 1 + 0 * x, y, -x, drag], atol=1e-12)
-    np.testing.assert_allclose(found.got.value, np.diag([0, 0, 1, 1, 1, 1]), atol=1e-9)
+    np.testing.assert_allclose(found.achieved.value, np.diag([0, 0, 1, 1, 1, 1]), atol=1e-9)
     assert not found.matrix.identified
 
 
@@ -42,8 +42,8 @@ def test_a_weak_rotor_a_moved_centre_and_more_drag_torque(quadrotor):
     np.testing.assert_allclose(found.matrix.value[2:], gain * np.array([1 + 0 * x, y, 0.01 - x, drag]), atol=1e-9)
     np.testing.assert_allclose(found.matrix.std[2], 0.02 * (np.arange(4) == 2), atol=1e-9)
     np.testing.assert_allclose(found.matrix.std[4, 0], 0.001, rtol=1e-6)  # 1 mm of the centre of mass
-    assert found.got.value[5, 5] == pytest.approx(1.5 * gain.mean())
-    assert found.got.value[4, 2] == pytest.approx(0.01 * gain.mean() + 0.2 * x[2] / 4.0)
+    assert found.achieved.value[5, 5] == pytest.approx(1.5 * gain.mean())
+    assert found.achieved.value[4, 2] == pytest.approx(0.01 * gain.mean() + 0.2 * x[2] / 4.0)
 
 
 def test_a_curve_counts_by_its_slope_in_hover(quadrotor):

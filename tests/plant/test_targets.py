@@ -227,7 +227,7 @@ def test_a_bench_table_is_over_the_same_commands(quadrotor):
     command = np.linspace(0.2, 0.9, 200)
     bench = CommandCurve("normalised", "thrust", Bench(command, FULL * command**2))
     effects = fitted(quadrotor.vehicle, thrust_scale={"scale": 0.1})
-    expected = values(written(quadrotor.with_effects(effects), "px4"))["MPC_THR_HOVER"]
+    expected = np.sqrt(1.2 * GRAVITY / (4 * FULL * 1.1))  # 4 T_max (1 + s) u^2 = m g
     found = values(written(replace(quadrotor, command=bench).with_effects(effects), "px4"))["MPC_THR_HOVER"]
     assert found == pytest.approx(expected, abs=1e-4)
     pulses = replace(bench, unit="pwm", law=Bench(1000.0 + 1000.0 * command, FULL * command**2))
@@ -238,6 +238,9 @@ def test_a_bench_table_is_over_the_same_commands(quadrotor):
 def test_a_value_that_the_firmware_does_not_take_is_not_written(quadrotor):
     curve = replace(quadrotor.command, law=Polynomial(np.array([0.0, 0.0, 3.1])))  # hovers at 97 % of its command
     weak = replace(quadrotor, command=curve)
+    weaker = replace(quadrotor, command=replace(quadrotor.command, law=Polynomial(np.array([0.0, 0.0, 2.0]))))
+    scaled = weaker.with_effects(fitted(weaker.vehicle, thrust_scale={"scale": 0.1}, com_offset={"x": 0.002}))
+    assert any("thrust_scale: PX4 has no parameter" in words for words in written(scaled, "px4").lost)  # never hovers
     made = written(weak.with_effects(fitted(weak.vehicle, mass={"added": 0.01}, com_offset={"x": 0.002})), "px4")
     assert any("MPC_THR_HOVER 0.9" in words and "takes 0.1 to 0.8" in words for words in made.lost)
     assert "MPC_THR_HOVER" not in values(made)
@@ -261,6 +264,7 @@ def test_descriptions_read_back_as_the_same_vehicle(tmp_path, target, name):
     )
     np.testing.assert_allclose(read.body.mass, body.mass, rtol=1e-6)
     np.testing.assert_allclose(read.body.com_B, body.com_B, atol=1e-7)
+    # a flat vehicle, less its light links, would have moments that no body has: to the share of the links
     np.testing.assert_allclose(read.body.inertia, body.inertia, rtol=1e-4, atol=1e-8)
     hubs, hubs_read = (
         (a.position_B[r.arm] + r.offset[:, None] * a.normal_B[r.arm])
