@@ -39,6 +39,7 @@ from wrenchgap.replay.compensation.replay import replay_compensation as replay_c
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
+from wrenchgap.replay.prediction import open_loop_beside
 from wrenchgap.replay.report import report as report
 
 Progress = Callable[[float, str], None]
@@ -104,11 +105,16 @@ def inspect(
 def compare(
     flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
 ) -> Comparison:
-    """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`."""
+    """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`.
+
+    And where the log has the odometry, how far they are off when they predict the motion (`predict`).
+    """
     opened, base, names = listed(flights, "compare"), model_of(model), labels(model, *others)
-    found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz, names)
+    further = [model_of(o) for o in others]
+    found, notes = predictors(base, further, gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
-    return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))
+    ahead, why_not = open_loop_beside(opened, base, further, gp=gp, names=names)
+    return replace(result, ahead=ahead, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes, *why_not))))
 
 
 @check_arguments

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,8 @@ MOST_HORIZONS = 100
 """Each keeps the states of all starts, 0.5 MB a copy."""
 MOST_STARTS = 5000
 """Of more samples so many, evenly spread: neighbours share all but one of their commands and say the same twice."""
+FEWER_STARTS = 300
+"""Where predictions are one result among others: as many as there are seconds of independent motion, and more."""
 DRAWS, DRAWN = 8, 4000
 """Draws of the model's values, and predictions of what may be off: of 4,000 errors 200 are beyond their quantile."""
 LIMIT = 0.95
@@ -85,7 +88,7 @@ class OpenLoop(Result):
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RecordedStretch:
     """N samples of a flight, `dt` [s] apart: states `y` (N, 13), commands over the period from each sample on.
 
     `motion` is the recorded one, `record` the same stretch as models are compared on it.
@@ -107,14 +110,18 @@ def open_loop(
     gp: GaussianProcess | None = None,
     horizons: Sequence[float] = HORIZONS,
     names: Sequence[str] = (),
+    most: int = MOST_STARTS,
+    drawn: int = DRAWN,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
 ) -> OpenLoop:
     """Predict flights that were opened for `model` over `horizons` [s]: without a model, nominal, with effects, others.
 
     A process acts as it does along the recorded flight. `names` are those of the model and of others, by default of
-    their files. Raises LogError where a flight lacks the odometry or is shorter than the longest horizon, UsageError
-    for horizons that are no positive numbers or shorter than a sample, ModelError for a motion that grows beyond all.
+    their files; of more samples than `most`, so many are started from, and `drawn` predictions say what errors should
+    be; none, nothing is said of it. Raises LogError where a flight lacks the odometry or is shorter than the longest
+    horizon, UsageError for horizons that are no positive numbers or shorter than a sample, ModelError for a motion that
+    grows beyond all.
     """
     report = progress or (lambda fraction, words: None)
     asked = np.unique(np.asarray(horizons, dtype=float))
@@ -123,8 +130,8 @@ def open_loop(
     if len(asked) > MOST_HORIZONS:
         raise UsageError(f"--horizon: names {len(asked)} horizons; expected {MOST_HORIZONS} at most")
     report(0.0, "recorded motion")
-    stretches = [s for one in flights for s in _stretches(one, model.vehicle)]
-    stride = 1 + sum(len(s.y) for s in stretches) // MOST_STARTS
+    stretches = [s for one in flights for s in stretches_of(one, model.vehicle)]
+    stride = 1 + sum(len(s.y) for s in stretches) // most
     longest = max(len(s.y) * s.dt for s in stretches)
     period = max(s.dt for s in stretches)
     if asked[0] < 0.5 * period:
@@ -145,15 +152,49 @@ def open_loop(
         usable, lacking = one.usable(model, [ahead.stretch.record for ahead in every])
         notes += lacking
         with np.errstate(over="ignore", invalid="ignore"):  # a motion without end is refused
-            errors.append(_of_model(usable, every, np.random.default_rng(seed)))
+            errors.append(_of_model(usable, every, drawn, np.random.default_rng(seed)))
     count = sum(len(ahead.starts) for ahead in every)
     flown = tuple(f.records[0].flight for f in flights)
     told = tuple(dict.fromkeys((*notes, *(note for f in flights for note in f.notes))))
     return OpenLoop(flown, asked, count, tuple(errors), tuple(flights), told)
 
 
-def _stretches(one: OpenFlight, vehicle: Vehicle) -> list[Stretch]:
-    """What flew of a flight."""
+def open_loop_beside(
+    flights: Sequence[OpenFlight], model: Model, others: Sequence[Model] = (), **settings: Any
+) -> tuple[OpenLoop | None, tuple[str, ...]]:
+    """The same beside another result, or None and why: of fewer predictions, and not what their errors should be."""
+    try:
+        return open_loop(flights, model, others, most=FEWER_STARTS, drawn=0, **settings), ()
+    except (LogError, ModelError, UsageError) as error:
+        return None, (f"Nothing was predicted ahead: {error}",)
+
+
+def paths_ahead(
+    stretches: Sequence[RecordedStretch], predictor: Predictor, horizon: float = 1.0, most: int = 100, points: int = 20
+) -> tuple[Array, Array] | None:
+    """Where predictions lead in `points` steps up to a `horizon` [s]: times (S,) at which they start, and positions
+    (S, 1 + D, points + 1, 3) [m] in E, the model's own and D that what it leaves and does not know may make of it.
+
+    None where no stretch is as long.
+    """  # noqa: D205
+    stride, times, paths = 1 + sum(len(s.y) for s in stretches) // most, [], []
+    rng = np.random.default_rng(0)
+    for s in stretches:
+        ahead = Ahead(s, _steps(horizon * np.arange(1, points + 1) / points, s.dt), stride)
+        if not len(ahead.starts):
+            continue
+        added, left = _wrenches(predictor, s)
+        found = [ahead.states(predictor.model, added, ahead.starts)]
+        found += [_drawn_states(predictor.model, ahead, ahead.starts, added, left, rng) for _ in range(DRAWS)]
+        states = np.array(found)[..., :3].transpose(2, 0, 1, 3)
+        begin = np.broadcast_to(s.y[ahead.starts, None, None, :3], (*states.shape[:2], 1, 3))
+        times.append(s.state.time[ahead.starts])
+        paths.append(np.concatenate((begin, states), axis=2))
+    return (np.concatenate(times), np.concatenate(paths)) if times else None
+
+
+def stretches_of(one: OpenFlight, vehicle: Vehicle) -> list[RecordedStretch]:
+    """What flew of a flight. Raises LogError where the log lacks the odometry."""
     odometry = one.flight.odometry
     if odometry is None or any(samples.quat_EB is None for samples in one.flown):
         raise LogError(
@@ -167,7 +208,7 @@ def _stretches(one: OpenFlight, vehicle: Vehicle) -> list[Stretch]:
         flown = recorded_motion(held, odometry, vehicle.imu_position_B, cutoff_hz=cutoff_hz)
         s = flown.state
         y = np.concatenate((s.position_E, s.quat_EB, s.velocity_E, s.omega_B), axis=1)
-        out.append(Stretch(y, s, flown.motion, commands_of(held, vehicle)[0], samples.dt, record))
+        out.append(RecordedStretch(y, s, flown.motion, commands_of(held, vehicle)[0], samples.dt, record))
     return out
 
 
@@ -179,7 +220,7 @@ def _steps(horizons: Array, dt: float) -> Index:
 class Ahead:
     """Predictions of one stretch, which start at samples (`every` so many) that the longest of `steps` (H,) follows."""
 
-    def __init__(self, stretch: Stretch, steps: Index, every: int = 1) -> None:
+    def __init__(self, stretch: RecordedStretch, steps: Index, every: int = 1) -> None:
         self.stretch, self.steps = stretch, steps
         self.starts = np.arange(0, max(len(stretch.y) - int(steps[-1]), 0), every)
 
@@ -233,40 +274,47 @@ def _errors(name: str, errors: Array) -> PredictionErrors:
     return PredictionErrors(name, errors.mean(axis=1), np.sqrt((errors**2).mean(axis=1)))
 
 
-def _of_model(one: Predictor, every: Sequence[Ahead], rng: np.random.Generator) -> PredictionErrors:
-    """Errors of a model, and what they should be within by what it leaves and does not know."""
-    found, drawn = [], []
+def _of_model(one: Predictor, every: Sequence[Ahead], count: int, rng: np.random.Generator) -> PredictionErrors:
+    """Errors of a model, and by `count` predictions what they should be within by what it leaves and does not know."""
+    found, off = [], []
     draws = DRAWS if any(effect.std is not None for effect in one.model.effects) else 1
     starts = sum(len(ahead.starts) for ahead in every)
     for ahead in every:
-        s = ahead.stretch
-        added = _process(one, s)
+        added, left = _wrenches(one, ahead.stretch)
         found.append(ahead.errors(ahead.states(one.model, added, ahead.starts)))
-        flown = about_origin(one.model.body, measured_wrench(one.model.body, s.motion))
-        left = flown - one.model.actuate(s.commands, s.state, s.dt)[0] - added
-        some = rng.choice(ahead.starts, -(-DRAWN * len(ahead.starts) // (draws * starts)))
+        some = rng.choice(ahead.starts, -(-count * len(ahead.starts) // (draws * starts)))
         plain = ahead.states(one.model, added, some)
-        for _ in range(draws):
-            elsewhere = rng.choice(ahead.starts, len(some))
-            drawn.append(lengths(ahead.states(_drawn(one.model, rng), added, some, left, elsewhere), plain))
+        off += [lengths(_drawn_states(one.model, ahead, some, added, left, rng), plain) for _ in range(draws)]
     errors = np.concatenate(found, axis=1)
-    limit = np.quantile(np.concatenate(drawn, axis=1), LIMIT, axis=1)
-    if not (np.isfinite(errors).all() and np.isfinite(limit).all()):
+    limit = np.quantile(np.concatenate(off, axis=1), LIMIT, axis=1) if count else None
+    if not np.isfinite(errors).all() or not (limit is None or np.isfinite(limit).all()):
         raise ModelError(
             f"{one.name}: the motion that it predicts grows beyond all numbers; check mass, inertia and effects of the "
             "model, or ask for shorter predictions with --horizon"
         )
-    return replace(_errors(one.name, errors), limit=limit, within=(errors <= limit[:, None]).mean(axis=1))
+    within = None if limit is None else (errors <= limit[:, None]).mean(axis=1)
+    return replace(_errors(one.name, errors), limit=limit, within=within)
 
 
-def _process(one: Predictor, stretch: Stretch) -> Array:
-    """What a process adds (N, 6) about O along the recorded flight; zero where there is none."""
-    record, body = stretch.record, one.model.vehicle.body
-    if one.gp is None:
-        return np.zeros((len(stretch.y), 6))
-    more = one.predict(record, body) - replace(one, gp=None).predict(record, body)
-    added = np.stack([np.interp(stretch.state.time, record.time, column) for column in more.T], axis=1)
-    return about_origin(body, added)
+def _wrenches(one: Predictor, stretch: RecordedStretch) -> tuple[Array, Array]:
+    """Along the recorded flight, about O: what a process adds (N, 6), zero where there is none, and what the model
+    leaves (N, 6).
+    """  # noqa: D205
+    record, model, added = stretch.record, one.model, np.zeros((len(stretch.y), 6))
+    if one.gp is not None:
+        more = one.predict(record, model.vehicle.body) - replace(one, gp=None).predict(record, model.vehicle.body)
+        at_samples = [np.interp(stretch.state.time, record.time, column) for column in more.T]
+        added = about_origin(model.vehicle.body, np.stack(at_samples, axis=1))
+    flown = about_origin(model.body, measured_wrench(model.body, stretch.motion))
+    return added, flown - model.actuate(stretch.commands, stretch.state, stretch.dt)[0] - added
+
+
+def _drawn_states(
+    model: WrenchModel, ahead: Ahead, starts: Index, added: Array, left: Array, rng: np.random.Generator
+) -> Array:
+    """States (H, S, 13) with values drawn within what is known of them, and what is left of another time."""
+    elsewhere = rng.choice(ahead.starts, len(starts))
+    return ahead.states(_drawn(model, rng), added, starts, left, elsewhere)
 
 
 def _drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:

@@ -33,6 +33,7 @@ from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, check_
 from wrenchgap.plant.history import order_of_addition
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
+from wrenchgap.replay.prediction import OpenLoop, open_loop_beside
 
 Progress = Callable[[float, str], None]
 
@@ -82,7 +83,8 @@ class Report(Result):
 
     `addition` is the model as `wrenchgap add` would write it, all effects fitted to all given logs. `staircases` are on
     held-out time of these and, where there are such flights, on unseen ones; `comparison` is behind the latter.
-    `before` and `after` say where the given and the fitted model fail, on the unseen flights where there are any.
+    `before` and `after` say where the given and the fitted model fail, on the unseen flights where there are any;
+    `ahead` how far they are off there when they predict the motion, `not_ahead` why that is not known.
     """
 
     model: Model
@@ -95,6 +97,8 @@ class Report(Result):
     after: Where
     next_flights: tuple[NextFlight, ...]
     unseen: tuple[OpenFlight, ...]
+    ahead: OpenLoop | None = None
+    not_ahead: tuple[str, ...] = ()
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write it as one HTML page. Raises UsageError where the file exists and `force` is not given."""
@@ -158,6 +162,9 @@ def report(
     shown = list(validation) or list(flights)
     before = examine(shown, model, None, _part(tell, 0.65, 0.8, "given model: "))
     after = examine(shown, added.model, None, _part(tell, 0.8, 0.95, "fitted model: ")) if found.effects else before
+    ahead, not_ahead = open_loop_beside(
+        shown, model, [added.model] if found.effects else [], gp=gp, names=("given", "fitted")
+    )
     return Report(
         model,
         found,
@@ -169,6 +176,8 @@ def report(
         after,
         tuple(_next_flights(found, added.model, _part(tell, 0.95, 1.0, "next flight: "))),
         tuple(validation),
+        ahead,
+        not_ahead,
     )
 
 

@@ -4,6 +4,7 @@
 /world/body                 pose of B, vehicle and arrows: see `viewer.vehicle_nodes`
 /world/reference            pose of D
 /world/path, /world/trail   where the flight leads, where it just was
+/world/ahead                where the model leads in the next second
 /world/along                frames or arrows at many instants, batched
 /world/ghost                a second vehicle
 /world/curve/NAME           curves that panels add
@@ -40,6 +41,7 @@ class Shown:
     uncertainty: bool = True
     reference: bool = True
     path: bool = True
+    ahead: bool = False
     shadows: bool = False
     along: str = NOTHING
     spacing: float = 0.5
@@ -80,6 +82,7 @@ class Drawing:
         self._along_key: object = None
         self._paths: list[Any] = []
         self._trail: Any = None
+        self._ahead: list[Any] = []
         self._curves: dict[str, Any] = {}
         self._shadows: bool | None = None
 
@@ -119,6 +122,7 @@ class Drawing:
         self.scale = self._suited.times(shown.factors)
         self.arrows.show(flight, index, self.scale, shown.arrows(tuple(flight.wrenches)), shown.frames)
         self._show_path(flight, index, shown.path)
+        self._show_ahead(flight, index, shown.ahead)
         self._show_along(flight, shown)
         self._show_ghost(float(flight.time[index]))
         if shown.shadows != self._shadows:
@@ -150,6 +154,19 @@ class Drawing:
             first = flight.index(float(flight.time[index]) - 2.0)
             rows = np.linspace(first, index, self.trail_points).round().astype(int)
             self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
+
+    def _show_ahead(self, flight: Scene, index: int, wanted: bool) -> None:
+        """The model's path into the next second, and thinner those by which it may be off."""
+        paths = found.at(float(flight.time[index])) if wanted and (found := flight.ahead()) else None
+        for k, own in enumerate((slice(0, 1), slice(1, None))):
+            if paths is not None:
+                segments = np.concatenate([_segments(path) for path in paths[own]]).astype(np.float32)
+                if len(self._ahead) == k:
+                    name, width = f"/world/ahead/{k}", (5.0, 1.5)[k]
+                    self._ahead.append(self._line(name, segments, colour_of("predicted"), width))
+                self._ahead[k].points = segments
+            if len(self._ahead) > k:
+                set_visible(self._ahead[k], paths is not None)
 
     def _show_along(self, flight: Scene, shown: Shown) -> None:
         """Draw frames or arrows along the path, again only when the settings change."""

@@ -60,6 +60,21 @@ class Series:
 
 
 @dataclass(frozen=True)
+class PathsAhead:
+    """Predictions of the next second that start at times (S,) [s]: positions (S, 1 + D, P, 3) [m] in E, the model's own
+    path first, then D by which it may be off.
+    """  # noqa: D205
+
+    start: Array
+    position_E: Array
+
+    def at(self, time: float) -> Array | None:
+        """Paths (1 + D, P, 3) of the last start that is not after `time`; None where that is a second ago."""
+        k = int(np.searchsorted(self.start, time + 1e-9, side="right")) - 1
+        return self.position_E[k] if k >= 0 and time - self.start[k] < 1.0 else None
+
+
+@dataclass(frozen=True)
 class Scene:
     """One flight, K instants at `time` (K,) [s], strictly increasing; gaps are jumps of it.
 
@@ -70,6 +85,7 @@ class Scene:
     wrenches                            by name, e.g. "commanded", "measured", "predicted": (K, 6) in B about the
                                         centre of mass, nan where unknown
     sigma                               of some of them, standard deviation (K, 6), nan where unknown
+    ahead                               where the current model leads, worked out when it is asked for; may take seconds
     residual_of                         the wrench that predicts "measured"; what is left is the residual
     floors                              by unit, "N" and "Nm": the least range of plots of wrenches and residuals
     series                              what else is worth a plot
@@ -88,6 +104,7 @@ class Scene:
     thrust: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     sigma: Mapping[str, Array] = field(default_factory=dict)
+    ahead: Callable[[], PathsAhead | None] = lambda: None
     residual_of: str | None = None
     floors: Mapping[str, float] = field(default_factory=dict)
     series: tuple[Series, ...] = ()

@@ -84,7 +84,8 @@ class LeftOut:
 class Comparison(Result):
     """Models on flights. `noise` (6,) is the sensor noise that no model can predict, `weight` [N] the vehicle's.
 
-    `notes` are those of the flights, and what was left out of which model.
+    `notes` are those of the flights, and what was left out of which model. `ahead` are predictions of the same models
+    without correction, where they were made.
     """
 
     flights: tuple[str, ...]
@@ -93,6 +94,7 @@ class Comparison(Result):
     noise: Array
     notes: tuple[object, ...]
     weight: float
+    ahead: Result | None = None
 
     def reduction(self, evaluation: Evaluation) -> Array:
         """Fraction (6,) of the first model's rms that is gone with this one."""

@@ -8,6 +8,8 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import Comparison, Stretch
 from wrenchgap.learn.data.errors import force_and_torque
+from wrenchgap.replay.prediction import OpenLoop
+from wrenchgap.replay.present import prediction
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, size_in_words, unmeasured
@@ -20,8 +22,9 @@ def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
     """  # noqa: D205
     several = [by_flight(result, signed=True)] if signed else []
     several = several or ([by_flight(result, signed=False)] if len(result.flights) > 1 else [])
-    last = result.evaluations[-1]
-    return [*brief(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
+    last, ahead = result.evaluations[-1], result.ahead
+    moved = [prediction.errors(ahead), Line(prediction.LEGEND, "dim")] if isinstance(ahead, OpenLoop) else []
+    return [*brief(result), *several, worst(last.name, last.worst), *moved, *note_lines(sentences(result.notes))]
 
 
 def brief(result: Comparison) -> list[Part]:
@@ -41,6 +44,8 @@ def brief(result: Comparison) -> list[Part]:
     if last.worst:
         one = last.worst[0]
         out.append(Line(f"Worst in {one.flight} at {one.start:.1f} s: {stretch_in_words(one)}."))
+    if isinstance(result.ahead, OpenLoop):
+        out += [Line(text) for text in prediction.summary(result.ahead)]
     return [*out, Line(), errors(result)]
 
 
@@ -131,6 +136,7 @@ def to_json(result: Comparison) -> dict[str, Any]:
         "unmeasured": unmeasured(result.noise),
         "samples": sum(len(r) for r in result.records),
         "cutoff_hz": result.records[0].cutoff_hz,
+        "ahead": prediction.to_json(result.ahead) if isinstance(result.ahead, OpenLoop) else None,
         "notes": sentences(result.notes),
     }
 

@@ -14,15 +14,16 @@ WORDS = {"rate": "body rates"}
 """What a quantity is called in a sentence, where it is not its name."""
 SHOWN = {"attitude": (180.0 / np.pi, "deg")}
 """What is said in another unit than the result has."""
-LEGEND = (
-    f"mean and rms of the length of the error   within: share of predictions that are off by no more than {LIMIT:.0%} "
-    "should be, by what the model leaves on these flights and the standard deviations of its values"
+LEGEND = "mean and rms of the length of the error"
+WITHIN = (
+    f"within: share of predictions that are off by no more than {LIMIT:.0%} should be, by what the model leaves on "
+    "these flights and the standard deviations of its values"
 )
 
 
 def parts(found: OpenLoop) -> list[Part]:
     """The answer, the errors, and notes."""
-    return [*brief(found), Line(LEGEND, "dim"), *note_lines(sentences(found.notes))]
+    return [*brief(found), Line(f"{LEGEND}   {WITHIN}", "dim"), *note_lines(sentences(found.notes))]
 
 
 def brief(found: OpenLoop) -> list[Part]:

@@ -9,18 +9,20 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, ReferenceSeries
 from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.actuation import actuation
@@ -28,6 +30,7 @@ from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
+from wrenchgap.replay.prediction import paths_ahead, stretches_of
 from wrenchgap.replay.present.notes import sentences, warnings
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels.compensation import CompensationPanel, SessionCompensation
@@ -35,7 +38,7 @@ from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.replay.session.panels.failure import FailurePanel, SessionFailures
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.replay.session.working_model import WorkingModel
-from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Stretch
+from wrenchgap.viewer.session import Capabilities, MakePanel, PathsAhead, Scene, Series, Stretch
 
 if TYPE_CHECKING:
     from wrenchgap.replay.session.panels.changed import SessionComparisons
@@ -137,6 +140,7 @@ class LogSession:
         sigma = {n: _at(scene.time, one.records, f.sigma) for n, f in models.items() if f.sigma is not None}
         return replace(
             scene,
+            ahead=cache(partial(_ahead, one, self.model, predictor)),
             wrenches={**scene.wrenches, **wrenches},
             sigma=sigma,
             residual_of="commanded" if trivial else PREDICTED,
@@ -144,6 +148,17 @@ class LogSession:
             worst=tuple(Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst),
             notes=tuple(dict.fromkeys((*sentences((*self._notes, *result.notes)), *scene.notes))),
         )
+
+
+def _ahead(one: OpenFlight, model: Model, predictor: Predictor) -> PathsAhead | None:
+    """Where predictions lead; None where the log has no pose, or is too short."""
+    try:
+        stretches = stretches_of(one, model.vehicle)
+    except LogError:
+        return None
+    usable, _ = predictor.usable(model, one.records)
+    found = paths_ahead(stretches, usable)
+    return found and PathsAhead(*found)
 
 
 XYZ = ("x", "y", "z")

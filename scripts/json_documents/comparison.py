@@ -57,26 +57,6 @@ class FlightMean(TypedDict):
     rms: Six
 
 
-class Comparison(TypedDict):
-    axes: list[str]
-    flights: list[str]
-    models: list[ModelErrors]
-    by_flight: list[FlightMean]
-    """What `--by-flight` prints."""
-    noise: Six
-    """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
-    unmeasured: list[str]
-    """Axes that were not measured (docs/logs.md); in lists of six they are null."""
-    samples: int
-    cutoff_hz: float
-    """Of the filter."""
-    notes: list[str]
-
-
-class Compare(Document, Comparison):
-    pass
-
-
 class Quantity(TypedDict):
     name: str
     unit: str
@@ -94,7 +74,7 @@ class PredictionErrors(TypedDict):
     """Share of predictions that are."""
 
 
-class Predict(Document):
+class OpenLoop(TypedDict):
     summary: list[str]
     flights: list[str]
     starts: int
@@ -102,6 +82,32 @@ class Predict(Document):
     horizons_s: list[float]
     quantities: list[Quantity]
     models: list[PredictionErrors]
+
+
+class Comparison(TypedDict):
+    axes: list[str]
+    flights: list[str]
+    models: list[ModelErrors]
+    by_flight: list[FlightMean]
+    """What `--by-flight` prints."""
+    noise: Six
+    """Rms of the sensor noise behind the filter: about the rms of a perfect model."""
+    unmeasured: list[str]
+    """Axes that were not measured (docs/logs.md); in lists of six they are null."""
+    samples: int
+    cutoff_hz: float
+    """Of the filter."""
+    ahead: OpenLoop | None
+    """As `predict`, of the same models; null where the log has no odometry or is too short."""
+    notes: list[str]
+
+
+class Compare(Document, Comparison):
+    pass
+
+
+class Predict(Document, OpenLoop):
+    pass
 
 
 class Budget(TypedDict):

@@ -38,6 +38,17 @@ def test_errors_are_said_in_parts_of_the_weight(logs):
     assert "a centre of mass 12 mm off" in " ".join(str(known).split())
 
 
+def test_a_motion_that_the_logs_do_not_show_is_not_predicted(logs):
+    """And why is said; that where it is shown: the summary of `predict`, of the same models."""
+    flights = wg.open_flights(logs.test, MODEL)
+    said = str(wg.compare(flights, MODEL))
+    assert "0.5 s ahead, with the logged commands alone, nominal is off by" in " ".join(said.split())
+    without = [replace(flights[0], flight=replace(flights[0].flight, odometry=None))]
+    found = wg.compare(without, MODEL)
+    assert found.ahead is None
+    assert any("Nothing was predicted ahead" in note and "odometry" in note for note in map(str, found.notes))
+
+
 def test_errors_of_a_known_residual():
     residual = np.zeros((4, 6))
     residual[:, 0] = [3.0, -3.0, 5.0, -1.0]

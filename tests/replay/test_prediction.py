@@ -12,10 +12,12 @@ from tests.independent.flown_quadrotor import MODEL, Case, fly
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import GRAVITY
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import unpack
 from wrenchgap.plant.state import Commands
-from wrenchgap.replay.prediction import NAIVE, Ahead, Stretch, lengths
+from wrenchgap.replay.prediction import NAIVE, Ahead, RecordedStretch, lengths, paths_ahead, stretches_of
+from wrenchgap.replay.session.log_session import LogSession
 
 DT = 0.01
 STEPS = np.array([10, 50])
@@ -31,7 +33,7 @@ def pushed():
     force = np.tile(MASS * (PUSH + np.array([0.0, 0.0, GRAVITY])), (200, 1))
     commands = Commands(np.concatenate((force, np.zeros((200, 3))), axis=1))
     state = unpack(time[:, 0], y)
-    return Ahead(Stretch(y, state, None, commands, DT, None), STEPS), wg.load_model(
+    return Ahead(RecordedStretch(y, state, None, commands, DT, None), STEPS), wg.load_model(
         "variable_tilt_hexacopter"
     ).wrench_model
 
@@ -61,6 +63,33 @@ def test_a_wrench_besides_acts_where_it_is_put(pushed):
         ahead.states(model, 0.0 * more, ahead.starts, more, ahead.starts[::-1]),
     ):
         assert ahead.errors(states)[:, 7, 1] == pytest.approx(0.5 * DT * STEPS / MASS)
+
+
+def test_a_path_ahead_begins_where_the_vehicle_is_and_follows_newton(flown):
+    """Half a second in 5 steps of a drone that the model knows: the paths by which it may be off lie around the one
+    that was flown.
+    """
+    flights, known = flown
+    stretches = stretches_of(flights[0], known.vehicle)
+    start, paths = paths_ahead(stretches, Predictor("model", known.wrench_model), horizon=0.5, points=5)
+    time, y = stretches[0].state.time, stretches[0].y
+    there = np.array([np.interp(start[:, None] + np.linspace(0.0, 0.5, 6), time, y[:, k]) for k in range(3)])
+    off = np.linalg.norm(paths - there.transpose(1, 2, 0)[:, None], axis=3)
+    assert off[:, :, 0] == pytest.approx(0.0, abs=1e-9)
+    spread = np.linalg.norm(paths[:, 1:] - paths[:, :1], axis=3)[:, :, -1]
+    assert 0.1 < np.median(off[:, 0, -1]) / np.median(spread) < 2.0
+    assert paths_ahead(stretches, Predictor("model", known.wrench_model), horizon=300.0) is None
+
+
+def test_the_page_gets_paths_of_its_current_model(flown):
+    flights, known = flown
+    ahead = LogSession(flights[:1], known).scene("still").ahead()
+    time = float(ahead.start[3])
+    assert ahead.at(time).shape == (9, 21, 3)
+    assert ahead.at(ahead.start[0] - 0.1) is None
+    assert ahead.at(ahead.start[-1] + 1.1) is None
+    without = [replace(flights[0], flight=replace(flights[0].flight, odometry=None))]
+    assert LogSession(without, known).scene("still").ahead() is None
 
 
 def test_the_error_of_an_attitude_is_an_angle():

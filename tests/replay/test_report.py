@@ -36,7 +36,7 @@ from wrenchgap.replay.report import NextFlight
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")
 VOID = ("img", "meta", "br", "hr")
-SECTIONS = ("timing", "error", "ranking", "parameters", "where", "left", "fly", "not-tried", "repeat")
+SECTIONS = ("timing", "error", "ranking", "parameters", "where", "ahead", "left", "fly", "not-tried", "repeat")
 
 
 class Reader(html.parser.HTMLParser):
@@ -102,6 +102,9 @@ def test_has_all_its_parts(read, made, repetition):
     assert "com_offset" in read.texts[""]
     assert all(staircase.label(stair) in read.texts["error"] for case in made.staircases for stair in case.stairs)
     assert "rotor_thrust" in read.texts["ranking"]
+    position = {one.name: one.rmse[1, 0] for one in made.ahead.models}
+    assert position["fitted"] < 0.1 * position["nominal"]
+    assert "fitted is off by" in read.texts["ahead"]
     assert read.texts["parameters"].count(" to ") >= 2 * 3  # an interval and a plausible range each
     assert all(sha256 in read.texts["repeat"] for _, _, sha256 in repetition.inputs)
     assert {role for role, _, _ in repetition.inputs} == {"log", "unseen log", "model"}

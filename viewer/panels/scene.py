@@ -16,7 +16,7 @@ from wrenchgap.viewer.session import Motion, Scene
 from wrenchgap.viewer.view_state import ViewState
 
 ALONG = (NOTHING, "frames")
-SWITCHES = ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "shadows")
+SWITCHES = ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "ahead", "shadows")
 FOLLOWING, FIXED = "follow", "stay"
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "oblique": (-3.5, -4.0, 2.5),
@@ -85,6 +85,8 @@ class ScenePanel(Panel):
             with gui.add_folder("flight"):
                 self.reference = self._box("reference", "reference")
                 self.path = self._box("path", "path")
+                hint = "where the model leads from here by the logged commands alone, and how far it may be off"
+                self.ahead = self._box("next second, predicted", "ahead", hint)
                 self.shadows = self._box("shadows", "shadows", "slow without a graphics card")
                 self.along = gui.add_dropdown("along the path", ALONG, initial_value=NOTHING)
                 connect(self.along, lambda _: self._switch(along=self.along.value))

@@ -26,6 +26,7 @@ from wrenchgap.replay.present import (
     explanation,
     history,
     learning,
+    prediction,
     staircase,
     timing,
     where,
@@ -205,6 +206,17 @@ def _maps(found: Where) -> dict[str, Any]:
     }
 
 
+def of_ahead(report: Report, _: Repetition) -> Content:
+    """How far the models are off when they predict the motion without correction."""
+    found = report.ahead
+    if found is None:
+        return {"summary": report.not_ahead, "chart": None, "table": None}
+    said, errors = prediction.summary(found), prediction.errors(found)
+    errors.caption = f"{prediction.LEGEND.capitalize()}."
+    caption = f"From the recorded state, by the logged commands alone; on {summary.where_on(report)}."
+    return {"summary": said, "chart": Image.of(prediction.picture(found), said[0], caption, "svg"), "table": errors}
+
+
 def of_residual(report: Report, _: Repetition) -> Content:
     """What the nominal error is made of, and what the residual of the fitted model looks like."""
     found, names = report.after, where_figures.NAMES
@@ -310,6 +322,7 @@ SECTIONS: tuple[tuple[str, str, Callable[[Report, Repetition], Content]], ...] =
     ("ranking", "Which effect is missing", of_ranking),
     ("parameters", "Parameters", of_parameters),
     ("where", "Where the model fails", of_where),
+    ("ahead", "How far it predicts the motion", of_ahead),
     ("left", "Residual", of_residual),
     ("fly", "What to fly next", of_next),
     ("not-tried", "What was not tried", of_not_tried),
