@@ -47,7 +47,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # it has one core: a search starts no f
 def pytest_collection_modifyitems(items):
     """Begin with LONG_FIRST; pass --no-loadscope-reorder to xdist, or it begins with the files of most tests."""
     rank = {name: place for place, name in enumerate(LONG_FIRST)}
-    items.sort(key=lambda item: min((rank[name] for name in rank if name in item.nodeid), default=len(rank)))
+    items.sort(key=lambda item: min((rank[name] for name in rank if name in item.path.stem), default=len(rank)))
 
 
 @pytest.hookimpl(optionalhook=True)

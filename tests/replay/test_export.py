@@ -91,7 +91,7 @@ def test_single_precision_is_near(flown, tmp_path):
     model = with_effects(**EFFECTS)
     gp = process(desired, "physics")
     wg.export_compensator(gp, model, tmp_path / "c", Settings(dt=DT, max_evaluations=12), precision="float")
-    single, double = built(tmp_path / "c", "-O2"), built(tmp_path / "c", "-O2", "-DWG_DOUBLE", name="double")
+    single, double = built(tmp_path / "c"), built(tmp_path / "c", "-DWG_DOUBLE", name="double")
     assert selftest(single).returncode == selftest(double).returncode == 0
     apart = np.abs(stepped(single, desired, states) - stepped(double, desired, states))[:, :6]
     assert 0.0 < apart.max() < 2e-4
@@ -102,7 +102,7 @@ def test_c_knows_the_lever_of_the_force(flown, tmp_path):
     """Physics, not parity: against a centre of mass at c the torque c x F is added, and then the wrench is right."""
     desired, states = flown
     wg.export_compensator(None, with_effects(com_offset=OFFSET), tmp_path / "c")
-    got = stepped(built(tmp_path / "c", "-O2"), desired, states)
+    got = stepped(built(tmp_path / "c"), desired, states)
     assert got[:, 9:12] == pytest.approx(np.cross(OFFSET, desired[:, :3]), abs=1e-8)
     assert (got[:, 6:9] == 0).all()
     assert got[:, 18:24] == pytest.approx(desired, abs=1e-8)
@@ -130,7 +130,7 @@ def test_observer_enters_where_the_header_says(flown, tmp_path):
     """Feedback moves the wrench that is wanted; what is not finite is told, and what follows is a fresh start."""
     desired, states = (flown[0][:50], flown[1].take(slice(0, 50)))
     wg.export_compensator(process(flown[0]), MODEL, tmp_path / "c", Settings(dt=DT))
-    program = built(tmp_path / "c", "-O2")
+    program = built(tmp_path / "c")
     told = np.tile([0, 0, 0, 0.02, -0.03, 0.01], (50, 1))
     with_feedback, moved = stepped(program, desired, states, told), stepped(program, desired + told, states)
     assert np.array_equal(with_feedback, moved)

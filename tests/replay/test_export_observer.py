@@ -141,7 +141,7 @@ def spun(torque, disturbance, hz, steps):
 def observer_alone(tmp_path_factory):
     folder = tmp_path_factory.mktemp("alone") / "c"
     wg.export_compensator(refused(known(mean="zero")), MODEL, folder, SETTINGS, observer=HZ, observer_max=0.2)
-    return built(folder, "-O2")
+    return built(folder)
 
 
 def held(steps):
@@ -195,7 +195,7 @@ def test_single_precision_repeats_the_recorded_steps(tmp_path):
     model = with_effects(**EFFECTS)
     wg.export_compensator(known(), model, tmp_path / "c", SETTINGS, precision="float", observer="log")
     for flags in ((), ("-DWG_DOUBLE",)):
-        done = selftest(built(tmp_path / "c", "-O2", *flags))
+        done = selftest(built(tmp_path / "c", *flags))
         assert done.returncode == 0, done.stdout
 
 
@@ -207,7 +207,7 @@ def test_quadrotors_whose_yaw_is_out_of_reach_repeat_the_recorded_steps(name, tm
     model = model.with_effects([make_effect(model.vehicle, "com_offset", [0.0005, 0.0, 0.0])])
     torque = 0.5 * float(reach_of(model.vehicle).authority[3:].min())
     wg.export_compensator(None, model, tmp_path / "c", observer=2.0, observer_max=torque)
-    done = selftest(built(tmp_path / "c", "-O2"))
+    done = selftest(built(tmp_path / "c"))
     assert done.returncode == 0, done.stdout
 
 
