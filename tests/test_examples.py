@@ -11,6 +11,7 @@ from nbclient import NotebookClient
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
+@pytest.mark.slow
 def test_missing_effect_is_named_and_the_error_falls():
     program = runpy.run_path(str(EXAMPLES / "01_name_the_missing_effect.py"))
     assert program["main"]() < 0.1

@@ -34,7 +34,7 @@ def waves(t, sizes, rates, phases):
     return (sizes * s).sum(-1), (sizes * rates * c).sum(-1), -(sizes * rates**2 * s).sum(-1)
 
 
-def flown(force_E, seed=0, seconds=40.0, dt=0.005):
+def flown(force_E, seed=0, seconds=20.0, dt=0.005):
     """A level vehicle that flies and yaws along a given path while `force_E(v)` acts at its centre of mass."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, dt)

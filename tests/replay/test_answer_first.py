@@ -17,17 +17,17 @@ HIDDEN = ["com_offset=x:-0.004,y:0.007,z:-0.005"]
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
+def results(tmp_path_factory, small_processes):
     """Of flights whose centre of mass is off: one to fit, one to test."""
     folder = tmp_path_factory.mktemp("logs")
-    flown = [wg.simulate(MODEL, "multi_axis", duration=12.0, seed=k, excitation=1.0, hide=HIDDEN) for k in (1, 2)]
+    flown = [wg.simulate(MODEL, "multi_axis", duration=8.0, seed=k, excitation=1.0, hide=HIDDEN) for k in (1, 2)]
     logs = [wg.save_log(flight, folder / f"{k}.mcap") for k, flight in enumerate(flown)]
     train, test = (wg.open_flights([log], MODEL) for log in logs)
     added = wg.add(MODEL, ["com_offset"], train)
     return {
         "check": wg.check(logs),
         "compare": wg.compare(test, MODEL, added),
-        "predict": wg.predict(test, MODEL, added),
+        "predict": wg.predict(test, MODEL, added, horizons=[0.1, 0.2]),
         "where": wg.where(train, MODEL),
         "explain": wg.explain(train, MODEL, names=["mass", "com_offset"], validate=test),
         "add": added,

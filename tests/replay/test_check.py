@@ -280,17 +280,6 @@ def test_what_could_not_be_judged_is_not_called_ordinary(tmp_path):
     assert not any("nothing out of the ordinary" in line for line, _ in answer(wg.check(log)))
 
 
-def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path):
-    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=6.0)
-    log = wg.save_log(flown, tmp_path / "fl\u00fcg.mcap")
-    done = subprocess.run(
-        [sys.executable, "-m", "wrenchgap", "check", log],
-        env=os.environ | {"PYTHONIOENCODING": "ascii"}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert "fl?g.mcap" in done.stdout
-
-
 def test_a_log_in_other_units_has_no_phases(tmp_path, run):
     """An accelerometer in halves of g looks like a free fall: nothing may be said of a crash."""
     log = tmp_path / "in_halves_of_g.csv"

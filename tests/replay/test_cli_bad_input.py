@@ -271,9 +271,13 @@ def test_a_setting_that_a_library_refuses_is_named(setting, logs, tmp_path):
     assert "unset it" in done.stderr
 
 
-def test_a_date_of_builds_that_is_no_number_is_nobodys_business(logs, tmp_path):
-    done = real(f"SOURCE_DATE_EPOCH=x {sys.executable} -m wrenchgap compare {logs.test} -m {MODEL} -q", tmp_path)
+def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path):
+    text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
+    named = text.replace(f'name = "{MODEL}"', 'name = "fl\u00fcg"', 1)
+    (tmp_path / "m.toml").write_text(named, encoding="utf-8")
+    done = real(f"PYTHONIOENCODING=ascii {sys.executable} -m wrenchgap model show m.toml", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+    assert "fl?g" in done.stdout
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="macOS knows no limit of address space")
@@ -306,11 +310,15 @@ def test_an_interrupt_while_a_class_is_made_is_an_interrupt(number, capsys, monk
     assert capsys.readouterr().err == "wrenchgap: interrupted; nothing was left half-written\n"
 
 
-def test_json_to_standard_output_is_all_that_is_there(logs, tmp_path):
-    for words in (f"inspect {logs.test}", f"compare {logs.test} -m {MODEL} --figure f.png", f"model show {MODEL}"):
-        done = real(f"{sys.executable} -m wrenchgap {words} --json -", tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert json.loads(done.stdout)["schema"].startswith(f"wrenchgap.{words.split()[0]}/")
+def test_json_to_standard_output_is_all_that_is_there(logs, run, tmp_path):
+    """In a real process too, of which a date of builds that is no number is no business."""
+    compare = f"compare {logs.test} -m {MODEL} --figure f.png --json -"
+    done = real(f"SOURCE_DATE_EPOCH=x {sys.executable} -m wrenchgap {compare}", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    for words, text in [(compare, done.stdout)] + [
+        (words, run(*words.split()).stdout) for words in (f"inspect {logs.test} --json -", f"model show {MODEL} --json -")
+    ]:
+        assert json.loads(text)["schema"].startswith(f"wrenchgap.{words.split()[0]}/")
     assert [path.name for path in tmp_path.iterdir()] == ["f.png"]
 
 
@@ -357,7 +365,7 @@ def test_kernels_that_cannot_be_read_back_are_removed_and_the_next_command_compi
         broken = run()
         assert (broken.returncode, broken.stdout, broken.stderr.count("\n")) == (2, "", 1)
         assert "kernels that were compiled before could not be read and were removed" in broken.stderr
-        assert run().stdout == "4\n"
+    assert run().stdout == "4\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="closes descriptors by a shell")

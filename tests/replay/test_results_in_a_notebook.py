@@ -15,7 +15,7 @@ SCREEN, WIDTH = 34, 132
 @pytest.fixture(scope="module")
 def flights():
     hidden = ["mass=added:0.1"]
-    flown = [simulate(MODEL, "hover", duration=12, excitation=1, seed=s, hide=hidden, name=f"f{s}") for s in (1, 2)]
+    flown = [simulate(MODEL, "hover", duration=8, excitation=1, seed=s, hide=hidden, name=f"f{s}") for s in (1, 2)]
     return open_flights(flown, MODEL)
 
 

@@ -117,8 +117,8 @@ def test_one_flight_is_judged_on_time_that_was_not_fitted(logs):
     assert len(session.effects.staircases("train")) == 1
 
 
-def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(session):
-    told = []
+def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(logs):
+    session, told = LogSession(open_flights([logs.train], MODEL, between=(1.0, 7.0)), MODEL), []
     ranking = session.effects.explain("train", lambda share, words: told.append(words))
     assert ranking.verdict == "effect"
     assert ranking.effects[0] == "com_offset"

@@ -51,8 +51,8 @@ def test_compare(log, result_of, run, tmp_path):
     assert f"-m {NAME} --unmeasured force_x,force_y" in printed
 
 
-def test_where(log, result_of, small_processes, tmp_path):
-    found = result_of("where", log, "-m", NAME, *OPTION, "--figure", tmp_path / "where.png")
+def test_where(log, result_of, small_processes):
+    found = result_of("where", log, "-m", NAME, *OPTION)
     assert found["unmeasured"] == GONE
     assert nothing_lateral(found["rms"])
     assert nothing_lateral(found["budget"]["mean_square"]["nominal"])

@@ -100,7 +100,7 @@ def written(once, tmp_path):
     return log
 
 
-@pytest.mark.parametrize("kind", ["ulg", "bin", "csv"])
+@pytest.mark.parametrize("kind", ["ulg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("bin", "csv"))])
 def test_from_a_dropped_log_to_the_error_that_falls(pilot, written, kind):
     pilot.drops(written(kind))
     pilot.sees("mass [kg]", 120.0)

@@ -40,6 +40,7 @@ def test_warnings_are_escaped_and_counted():
 def test_a_warning_stands_over_the_page(browser, logs, spiked, eventually):
     model = model_file.load("tilt_hexarotor")
     page = Page(LogSession(open_flights([spiked, logs.test], model), model), port=0)
+    page.server.scene.configure_environment_map(hdri=None)  # what surfaces mirror takes long without a GPU
     try:
         client = Visitor(browser, page.url, smooth=False)
         x, y, width, height = eventually(lambda: client.tab.evaluate(BOX), "no banner")
