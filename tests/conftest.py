@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import os
 import pickle
+from importlib import import_module
 from types import SimpleNamespace
 
 import pytest
@@ -116,6 +117,15 @@ def logs(shared_folder, once):
     """The paths `train`, `test` and `ideal` of those logs, and their `folder`; nobody writes to it."""
     folder = once("logs", lambda: fly_logs(shared_folder / "logs"))
     return SimpleNamespace(folder=folder, **{path.stem: path for path in folder.iterdir()})
+
+
+@pytest.fixture(scope="module")
+def without_limits():
+    """`explain` and `changed` without detection limits, which take most of the time: for tests that read none."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("posterior.explain", "changed.changed"):
+            patch.setattr(import_module(f"wrenchgap.learn.{module}"), "detection_limits", lambda *args, **how: ())
+        yield
 
 
 @pytest.hookimpl(trylast=True)

@@ -167,7 +167,7 @@ class Baseline:
         def firm_with(one: Injection) -> Sequence[str]:
             tell(0.9, f"with {one.effect} injected")
             flights = [replace(f, records=one.into(f.records, self.model)) for f in suspects]
-            return self._against(flights, lambda fraction, words: None).firm
+            return self._against(flights, lambda fraction, words: None, limits_of=()).firm
 
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are
             found = self._against(suspects, tell)
@@ -176,7 +176,9 @@ class Baseline:
             return replace(found, recoveries=again)
 
     @one_thread
-    def _against(self, suspects: Sequence[OpenFlight], tell: Progress) -> Changed:
+    def _against(
+        self, suspects: Sequence[OpenFlight], tell: Progress, limits_of: Sequence[str] | None = None
+    ) -> Changed:
         flights = checked(suspects, self.healthy, self.model)
         tell(0.0, "timing of the topics")
         timing = tuple(self._timed(f) for f in flights)
@@ -197,7 +199,7 @@ class Baseline:
         kept = replace(kept, **self._usual[kind])
         tell(0.7, "weighing sets of changes")
         mine = range(len(good), len(flights) - len(gone))
-        found = compared(kept, range(len(good)), mine, self.jobs)
+        found = compared(kept, range(len(good)), mine, self.jobs, limits_of)
         rows = (*(rows_by_flight(pool.only([number]), ["odd"], [{}])[0] for number, _ in odd), *found.rows)
         found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
         return replace(found, flights=flights, timing=timing)
@@ -262,15 +264,24 @@ def _thrust(flight: OpenFlight) -> float:
     return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
 
 
-def compared(pool: PooledFlights, good: Sequence[int], mine: Sequence[int], jobs: int = 1) -> Changed:
-    """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number."""
+def compared(
+    pool: PooledFlights,
+    good: Sequence[int],
+    mine: Sequence[int],
+    jobs: int = 1,
+    limits_of: Sequence[str] | None = None,
+) -> Changed:
+    """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number;
+    with the detection limits of all effects, or of those in `limits_of`.
+    """  # noqa: D205
     found = weigh(pool, mine, jobs)
     pool = found.pool
     best = next((c.sets[0] for c in found.posterior.classes if c.sets[0].names), None)
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
-    limits = () if loud else detection_limits(found.scorer, tuple(sorted(names)), pool.model.vehicle, ODDS)
+    named, vehicle = tuple(sorted(names)), pool.model.vehicle
+    limits = () if loud else detection_limits(found.scorer, named, vehicle, ODDS, of=limits_of)
     limits = tuple(one for one in limits if one.effect not in NAMELESS)
     certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE and found.settled
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()

@@ -71,10 +71,15 @@ class DetectionLimit:
 
 
 def detection_limits(
-    scorer: Scorer, named: Keys, vehicle: Vehicle, rule: Rule = GROWTH, silent: NDArray[np.bool_] | None = None
+    scorer: Scorer,
+    named: Keys,
+    vehicle: Vehicle,
+    rule: Rule = GROWTH,
+    silent: NDArray[np.bool_] | None = None,
+    of: Sequence[str] | None = None,
 ) -> tuple[DetectionLimit, ...]:
-    """Of every effect that stands alone as a candidate and is not `named` already, in any of its forms; members of sets
-    are judged by this rule.
+    """Of every effect, or of those in `of`, that stands alone as a candidate and is not `named` already, in any of its
+    forms; members of sets are judged by this rule.
 
     With `silent` axes (6,), on which evidence makes no name firm, members are to be needed on blocks of time as well
     (`learn.posterior.members`); without, the search has no such test (`learn.changed.search`).
@@ -84,6 +89,8 @@ def detection_limits(
     taken = {family(n) for k in named for n in columns[k].names}
     found = []
     for key in (k for k, c in columns.items() if len(c.names) == 1 and family(k) not in taken):
+        if of is not None and key not in of:
+            continue
         beside = tuple(k for k in named if k in search.others[key])
         for index, parameter in enumerate(find(key).parameters(vehicle)):
             if parameter.alone:
@@ -146,7 +153,7 @@ class Injections:
         sizes = np.copysign(np.geomspace(min(self.least, most), most, count), self.plausible)
         low = -1
         for high in dict.fromkeys([*range(0, count, STRIDE), count - 1]):
-            instead, spread = self.tried(sizes[high])
+            instead, spread = self.tried(sizes[high], told=high == count - 1)
             if math.isfinite(spread):
                 break
             low = high
@@ -162,15 +169,17 @@ class Injections:
         size = float(sizes[high] + math.copysign(ADVERSE * spread, self.plausible))
         return (size, ()) if abs(size) <= most else (math.nan, ())
 
-    def tried(self, size: float) -> tuple[tuple[str, ...], float]:
-        """Effects that could make what this size makes; the standard deviation of a fit of it, NaN where it would not
-        have been firm.
+    def tried(self, size: float, *, told: bool = False) -> tuple[tuple[str, ...], float]:
+        """Effects that could make what this size makes, where they are to be `told`; the standard deviation of a fit of
+        it, NaN where it would not have been firm.
         """  # noqa: D205
         secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
         space = self.search.space
         row = int(space.parameters[self.key][self.index])
         scorer = self.search.scorer.on(InjectedSpectrum(space, row, space.offset[self.key], size, secant))
         search = self.search.on(scorer)
+        if not told and search.score(self.own) < search.score(self.found):
+            return (), math.nan  # too small, whatever else could make it
         rivals = self.likeliest_without(search)
         if search.score(self.own) < search.score(rivals[0]):
             return self.instead([r for r in rivals if search.score(r) > search.score(self.own)]), math.nan

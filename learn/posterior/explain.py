@@ -99,13 +99,15 @@ def explain(
     jobs = cores() if jobs is None else jobs
     clock, part, done = late_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
 
-    def search(data: Dataset) -> Explanation:
+    def search(data: Dataset, limits_of: Sequence[str] | None = None) -> Explanation:
         first = part * next(done)
         told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
-        return search_dataset(data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told)
+        return search_dataset(
+            data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told, limits_of=limits_of
+        )
 
     def firm_with(one: Injection) -> Sequence[str]:
-        return search(dataset(one.into(data.records, model), model, data.answering)).firm
+        return search(dataset(one.into(data.records, model), model, data.answering), limits_of=()).firm
 
     found = search(data)
     again = recoveries(found.limits, found.firm, model, injections, len(data.measured), firm_with)
@@ -123,8 +125,12 @@ def search_dataset(
     settings: SearchSettings = DEFAULT,
     jobs: int = 1,
     progress: Progress | None = None,
+    limits_of: Sequence[str] | None = None,
 ) -> Explanation:
-    """The steps of `explain` that need no flights; `clock` is a late IMU's."""
+    """The steps of `explain` that need no flights; `clock` is a late IMU's.
+
+    `limits_of` are the effects whose detection limits are wanted, by default all: they take most of the time.
+    """
     tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
     part = data if some is data.records else dataset(some, model, data.answering)
@@ -154,7 +160,7 @@ def search_dataset(
         noise=data.noise,
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
-        limits=detection_limits(found.scorer, keys, model.vehicle, silent=silent),
+        limits=detection_limits(found.scorer, keys, model.vehicle, silent=silent, of=limits_of),
         **vars(rest),
     )
 

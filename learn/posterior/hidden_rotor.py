@@ -53,17 +53,17 @@ def hidden_rotor(flights: Sequence[OpenFlight], before: Model, after: Model) -> 
     records = [r for f in flights for r in f.records]
     answering = answering_axes([timing_of(f, before) for f in flights])
 
-    def search(model: Model, injected: Injection | None = None) -> Explanation:
+    def search(model: Model, injected: Injection | None = None, limits_of: Sequence[str] = ()) -> Explanation:
         """Among a rotor's thrust and what it is confused with."""
         given = records if injected is None else injected.into(records, model)
         names = candidates(given, model, (ROTOR, *find(ROTOR).confused_with))
-        return search_dataset(dataset(given, model, answering), model, names)
+        return search_dataset(dataset(given, model, answering), model, names, limits_of=limits_of)
 
-    limits = [one for one in search(before).limits if one.effect == ROTOR and one.shown]
+    limits = [one for one in search(before, limits_of=(ROTOR,)).limits if one.shown]
     if not limits:
         return None
     least = min(limits, key=lambda one: abs(one.size))
-    still = {one.parameter: abs(one.size) for one in search(after).limits if one.effect == ROTOR and one.shown}
+    still = {one.parameter: abs(one.size) for one in search(after, limits_of=(ROTOR,)).limits if one.shown}
     if still.get(least.parameter, np.inf) <= SHARE * abs(least.size):
         return None
     firm = [ROTOR in search(model, injection(least, SHARE, model)).firm for model in (before, after)]

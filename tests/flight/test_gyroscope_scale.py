@@ -34,14 +34,8 @@ def flown(
     omega *= np.where(bursts & (time % 16.0 < 8.0), 0.3, 1.0)[:, None] * (time < lands)[:, None]
     crash = tumbling & (time > 15.0) & (time < 15.8)
     omega[crash] *= 6.0
-    steps = Rotation.from_rotvec(omega / RATE)
-    turn = Rotation.identity()
-    quat = np.empty((len(time), 4))
     every = round(RATE / odometry_hz)
-    for k, step in enumerate(steps):
-        quat[k] = turn.as_quat(scalar_first=True) if k % every == 0 else 0.0
-        turn = turn * step
-    quat = quat[::every]
+    quat = product_of_all_before(Rotation.from_rotvec(omega / RATE)).as_quat(scalar_first=True)[::every]
     if smoothed:  # an estimator's filter of the attitude's small angles
         vectors = np.unwrap(Rotation.from_quat(quat, scalar_first=True).as_rotvec(), axis=0)
         filtered = sosfilt(butter(1, smoothed, fs=odometry_hz, output="sos"), vectors, axis=0)
@@ -59,6 +53,15 @@ def flown(
     place = np.zeros((len(quat), 3))
     odometry = OdometrySeries("/odom", time[::every] + late, place, noisy.as_quat(scalar_first=True))
     return Flight("f", "f.mcap", "0" * 64, 0, imu=imu, odometry=odometry, mapping={"imu": "/imu", "pose": "/odom"})
+
+
+def product_of_all_before(steps):
+    """Of each of the rotations (N,), in their order: pairs, fours, eights and so on are multiplied at once."""
+    turned, far = Rotation.concatenate((Rotation.identity(1), steps[:-1])), 1
+    while far < len(steps):
+        turned = Rotation.concatenate((turned[:far], turned[:-far] * turned[far:]))
+        far *= 2
+    return turned
 
 
 def noisy_gravity(quat, imu_time, time):

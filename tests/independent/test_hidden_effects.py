@@ -13,6 +13,7 @@ from benchmarks.hidden_effects.score import GOOD, score
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 CASES = {case.name: case for case in cases.fast()}
 
 

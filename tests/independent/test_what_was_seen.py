@@ -13,6 +13,7 @@ from wrenchgap.learn.identify.calibrate import Fate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant.effects import family
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 LOW, OFF = (0.0, 0.0, -0.02), (-0.0005, 0.006, 0.0)
 SLOW = {"gusts": 0.5, "motor_hz": 10.0, "imu_hz": 25.0}
 """Of a hover as an autopilot with a loop of 250 Hz logs it."""

@@ -77,7 +77,7 @@ def plate(air):
 
 
 def named(data, model=KITE, tried=TRIED):
-    return search_dataset(data, model, Candidates(tried, ()))
+    return search_dataset(data, model, Candidates(tried, ()), limits_of=())
 
 
 def test_wind_is_named_with_a_linear_drag_and_measured():

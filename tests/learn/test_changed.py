@@ -34,6 +34,7 @@ from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 TRIED = (
     "rotor_thrust",
     "com_offset",

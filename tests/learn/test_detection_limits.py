@@ -102,7 +102,7 @@ def test_effects_at_their_limits_are_firm_and_nothing_else_is_at_half_of_them(se
     tried = [limit_of(searched, "rotor_thrust", "rotor_3"), limit_of(searched, "com_offset", "x")]
 
     def firm(one):
-        return search_dataset(injected(plain, hexarotor, one), hexarotor, Candidates(NAMES, ())).firm
+        return search_dataset(injected(plain, hexarotor, one), hexarotor, Candidates(NAMES, ()), limits_of=()).firm
 
     found = recoveries(tried, searched.firm, hexarotor, 4, 0, firm)
     assert {(one.effect, one.share) for one in found} == {

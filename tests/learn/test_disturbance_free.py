@@ -40,8 +40,8 @@ def blown_about(data, model):
 
 
 def test_a_lag_is_evidence_where_nothing_but_noise_is_left(late, hexarotor):
-    found = search_dataset(replace(late, answering=ANSWERING), hexarotor, Candidates(NAMES, ()))
-    plain = search_dataset(late, hexarotor, Candidates(NAMES, ()))
+    found = search_dataset(replace(late, answering=ANSWERING), hexarotor, Candidates(NAMES, ()), limits_of=())
+    plain = search_dataset(late, hexarotor, Candidates(NAMES, ()), limits_of=())
     assert "command_delay" in plain.effects
     assert found.effects == plain.effects
     assert found.firm == plain.firm
@@ -53,7 +53,7 @@ def test_bands_in_which_commands_say_nothing_are_no_disturbance(late, hexarotor)
     error = np.zeros((len(EDGES) + 1, 6))
     error[7:, 3:] = 1.0
     silent = replace(late, records=tuple(replace(r, input_error=error) for r in late.records), answering=ANSWERING)
-    assert search_dataset(silent, hexarotor, Candidates(NAMES, ())).answering == ()
+    assert search_dataset(silent, hexarotor, Candidates(NAMES, ()), limits_of=()).answering == ()
 
 
 def test_fits_that_begin_where_others_did_are_the_same(late, hexarotor):

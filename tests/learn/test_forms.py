@@ -86,7 +86,9 @@ def test_rotors_slower_down_than_up_are_told_from_one_time_constant(fly, hide, h
     assert left < 0.9 * alone
 
 
-@pytest.mark.parametrize("own", [True, False], ids=["each hub's height", "one height"])
+@pytest.mark.parametrize(
+    "own", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["each hub's height", "one height"]
+)
 def test_the_form_of_the_ground_effect_that_was_flown_is_named(fly, hide, hexarotor, own):
     from benchmarks.hidden_effects.hidden import RADIUS
 
@@ -96,7 +98,7 @@ def test_the_form_of_the_ground_effect_that_was_flown_is_named(fly, hide, hexaro
 
     data, _ = fly(hide(f"ground {own}", thrust=lifted), 1.0, "low", seconds=20, seed=43)
     names = (*families()["ground_effect"], "thrust_scale", "mass", *USUAL)
-    found = search_dataset(data, hexarotor, Candidates(names, ()))
+    found = search_dataset(data, hexarotor, Candidates(names, ()), limits_of=())
     forms = [m.name for m in found.members if m.name in families()["ground_effect"]]
     assert forms == ["ground_effect" if own else "ground_effect_one_height"]
     (member,) = (m for m in found.members if m.name in forms)

@@ -184,7 +184,7 @@ def test_own_effects_are_those_of_the_workers_too(tmp_path):
 
 
 def test_explain_finds_the_same_on_two_cores(offset, hexarotor):
-    names = ("com_offset", "mass", "servo_lag", "command_delay", "tether")
+    names = ("com_offset", "mass", "servo_lag")
     chosen = candidates(offset.data.records, hexarotor, names)
     one, two = (search_dataset(offset.data, hexarotor, chosen, jobs=jobs) for jobs in (1, 2))
     assert one.effects == two.effects

@@ -408,7 +408,7 @@ def test_forms_that_do_equally_well_are_no_group():
 
 
 def explained(flown, model, names):
-    return search_dataset(flown[0], model, Candidates(names, ()))
+    return search_dataset(flown[0], model, Candidates(names, ()), limits_of=())
 
 
 def value(found, name):

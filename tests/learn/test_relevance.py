@@ -57,7 +57,8 @@ def test_noise_depends_on_nothing(tumbling):
 
 
 @pytest.mark.parametrize(
-    ("effect", "trajectory", "inputs"), [("compass", "turn", "heading"), ("ground", "low", "height")]
+    ("effect", "trajectory", "inputs"),
+    [("compass", "turn", "heading"), pytest.param("ground", "low", "height", marks=pytest.mark.slow)],
 )
 def test_on_the_independent_engine(fly, hexarotor, effect, trajectory, inputs):
     """The controller counteracts both, so the command follows them; it must not take their place."""

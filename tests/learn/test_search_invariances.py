@@ -13,6 +13,7 @@ import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, ImuSeries, OdometrySeries
 from wrenchgap.plant import model_file
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 NAMES = ("com_offset", "mass", "rotor_thrust", "drag_torque", "motor_lag", "inertia")
 OFFSET = {"x": 0.012, "y": -0.004, "z": 0.0}
 ARMS = ((0.0, 1), (90.0, -1), (180.0, 1), (270.0, -1))

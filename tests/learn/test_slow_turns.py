@@ -5,6 +5,7 @@ import pytest
 from benchmarks.hidden_effects import engine
 from wrenchgap import explain, open_flights
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 TRIED = [
     "rotor_interference",
     "thrust_curve",
@@ -34,6 +35,7 @@ def test_arms_that_droop_are_no_unit_of_torque(pitched, hexarotor):
     assert not [c for c in opened[0].checks if c.name in ("torque-unit", "wrench-frame") and c.level != "ok"]
 
 
+@pytest.mark.slow
 def test_a_law_is_not_refused_for_a_trace_on_another_axis(pitched, hexarotor):
     """Wakes take a torque about y; that the law sees a little of it about x and z is no reason for another name."""
     found = explain(open_flights([pitched("wake", 61015)], hexarotor), hexarotor, names=TRIED, jobs=1)

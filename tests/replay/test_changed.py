@@ -30,6 +30,12 @@ def compared(suspect, healthy):
     return wg.changed(bad, good, MODEL, names=TRIED, jobs=1)
 
 
+@pytest.fixture
+def unlimited(monkeypatch):
+    """Without detection limits, which take most of the time."""
+    monkeypatch.setattr(searching, "detection_limits", lambda *args, **how: ())
+
+
 @pytest.fixture(scope="module")
 def moved(logs):
     """The centre of mass moved by (-4, 7, -5) mm."""
@@ -67,7 +73,7 @@ def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(sam
     assert what_to_inspect.likeliest(same) is None
 
 
-def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monkeypatch):
+def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monkeypatch, unlimited):
     """The same change, were one already more than can be believed at once."""
     monkeypatch.setattr(searching, "AT_ONCE", 0)
     monkeypatch.setattr(presented, "AT_ONCE", 0)
@@ -81,7 +87,7 @@ def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monke
     assert "confidence" not in words
 
 
-def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved, monkeypatch):
+def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved, monkeypatch, unlimited):
     """Straight lines from another point are no proof, however well they fit."""
     monkeypatch.setattr(searching, "weigh", partial(search.weigh, rounds=1))
     monkeypatch.setattr(search, "FAR", 1e-6)

@@ -316,7 +316,8 @@ def test_json_to_standard_output_is_all_that_is_there(logs, run, tmp_path):
     done = real(f"SOURCE_DATE_EPOCH=x {sys.executable} -m wrenchgap {compare}", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     for words, text in [(compare, done.stdout)] + [
-        (words, run(*words.split()).stdout) for words in (f"inspect {logs.test} --json -", f"model show {MODEL} --json -")
+        (words, run(*words.split()).stdout)
+        for words in (f"inspect {logs.test} --json -", f"model show {MODEL} --json -")
     ]:
         assert json.loads(text)["schema"].startswith(f"wrenchgap.{words.split()[0]}/")
     assert [path.name for path in tmp_path.iterdir()] == ["f.png"]
