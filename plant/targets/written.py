@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap._escaping import printable
+from wrenchgap._escaping import comment, printable
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
@@ -99,7 +99,7 @@ def written(model: Model, target: str, before: Mapping[str, float] | None = None
     lost = _lost(model, quantities(model), form.name, form.uses, fitted=False)
     first, last = form.comment
     head = [origin, *(f"not in it: {words}" for words in lost)]
-    comments = [f"{first} {printable(line).replace('--', '- -')} {last}".rstrip() for line in head if line]
+    comments = [f"{first} {comment(line)} {last}".rstrip() for line in head if line]
     return Written(model.name, target, "\n".join([*comments, form.text(model.vehicle, values)]), (), tuple(lost))
 
 

@@ -13,6 +13,7 @@ need not think of it:
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.draft
+    XML, Python        `comment`        plant.targets.written
     shell completion   `completable`    replay.cli.values
 """
 
@@ -77,6 +78,11 @@ def c_comment(text: str) -> str:
     """A name inside a comment of C99: it neither ends it, nor begins one, nor joins lines (a backslash, trigraphs)."""
     out = re.sub(r"\*(?=/)|/(?=\*)|\?(?=\?)", r"\g<0> ", printable(text))
     return re.sub(r"\\(?=\s*$)", UNKNOWN, out)
+
+
+def comment(text: str) -> str:
+    """A name in a comment of XML or Python: it does not end it, and names no encoding of the file (PEP 263)."""
+    return re.sub(r"-(?=-)|coding(?=[:=])", r"\g<0> ", printable(text))
 
 
 def build_text(text: str) -> str:

@@ -7,8 +7,10 @@ import io
 import json
 import shutil
 import subprocess
+import tokenize
 import warnings
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import jinja2
 import pandas as pd
@@ -19,7 +21,7 @@ from markdown_it import MarkdownIt
 from rich.console import Console
 
 from benchmarks.attacks.outputs import NASTY
-from wrenchgap._escaping import c_comment, csv_cell, html_templates, json_text, markdown, printable
+from wrenchgap._escaping import c_comment, comment, csv_cell, html_templates, json_text, markdown, printable
 from wrenchgap.flight.errors import ModelError, WrenchgapError
 from wrenchgap.plant import model_file
 from wrenchgap.replay.present import tables
@@ -67,6 +69,16 @@ def test_comments_of_names_compile_to_nothing(tmp_path):
         done = subprocess.run(asked, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert subprocess.run(["nm", "names.o"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout == ""
+
+
+@any_name
+@example("a---><b>")
+@example(r"x coding:unicode_escape \nopen()#")
+def test_a_name_in_a_comment_of_xml_or_python_is_no_element_and_no_encoding(name):
+    assert [*ElementTree.fromstring(f"<!-- {comment(name)} -->\n<sdf/>").iter()][1:] == []
+    source = f"# {comment(name)}\nimport os\n".encode()
+    assert tokenize.detect_encoding(io.BytesIO(source).readline)[0] == "utf-8"
+    assert len(source.splitlines()) == 2
 
 
 READ = MarkdownIt("gfm-like", {"linkify": False, "html": True})
