@@ -136,7 +136,9 @@ def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:
 
 
 def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
-    """Constant-rate (slerp) interpolation of attitudes at `knots` (K,), quat (K, 4), to `time` (N,)."""
+    """Constant-rate (slerp) interpolation of attitudes at `knots` (K,), quat (K, 4), to `time` (N,); of one, it."""
+    if len(knots) == 1:
+        return np.tile(quat_wxyz, (len(time), 1))
     if len(time) >= MANY and len(knots) > 1 and (rows := _many(quat_wxyz)):
         return np.asarray(_interpolate_rows(np.ascontiguousarray(time), np.ascontiguousarray(knots), *rows))
     index = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 
@@ -35,6 +36,8 @@ class CourseThresholds:
 
     fewest: int = 4
     """Flights below which nothing can be said about steps and drifts."""
+    most: int = 500
+    """Flights at most: the search takes the square of their number, 20 s for a parameter of so many."""
     significant: float = 0.01
     """Probability, corrected for all that was looked at, below which a step or a drift is believed."""
 
@@ -100,8 +103,13 @@ class Course:
 
 
 def course(values: Array, errors: Array, looks: int = 1) -> Course:
-    """What (n,) values with standard errors (n,) did over the flights; `looks` parameters are looked at together."""
+    """What (n,) values with standard errors (n,) did over the flights; `looks` parameters are looked at together.
+
+    Raises UsageError for more than `COURSE.most` flights.
+    """
     count = len(values)
+    if count > COURSE.most:
+        raise UsageError(f"trend: got {count} flights, expected {COURSE.most} at most; give those of one season")
     constant = np.full(count, values.mean())
     if count < COURSE.fewest:
         return Course(Verdict.FEW, constant, float(values.std(ddof=1)) if count > 1 else float("nan"))

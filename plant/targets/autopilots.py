@@ -108,7 +108,7 @@ class Autopilot:
     def refused(self, name: str, value: float) -> str | None:
         """Why a value is none for this firmware, None where it is one."""
         low, high = next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))
-        return None if low <= value <= high else f"{name} {value:.4g} is none: {self.name} takes {low:g} to {high:g}"
+        return None if low <= value <= high else f"{name} {value:.7g} is none: {self.name} takes {low:g} to {high:g}"
 
 
 def frd(vector_B: Array) -> Array:

@@ -53,3 +53,9 @@ def test_attitudes_between_knots_are_those_of_the_plain_form(rows):
     expected = np.concatenate([so3.interpolate(time[k : k + 999], knots, p) for k in range(0, len(time), 999)])
     for order in (slice(None), np.argsort(time)):
         np.testing.assert_allclose(so3.interpolate(time[order], knots, p), expected[order], atol=1e-14)
+
+
+def test_one_attitude_is_everywhere_without_a_warning():
+    one = so3.exp(np.array([[0.3, -0.2, 0.9]]))
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(so3.interpolate(np.array([-1.0, 0.5, 2.0]), np.array([0.5]), one), one[[0, 0, 0]])

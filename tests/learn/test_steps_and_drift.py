@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Verdict, course
 
 
@@ -102,3 +103,9 @@ def test_intervals_hold_the_true_size_as_often_as_they_say():
     found = [course(*stepped(rng, 12, 6, 12.0)).steps for _ in range(200)]
     held = sum(any(s.low < 12.0 < s.high for s in steps if s.flight == 6) for steps in found)
     assert 181 <= held <= 199
+
+
+def test_a_search_that_would_take_minutes_is_refused():
+    count = COURSE.most + 1
+    with pytest.raises(UsageError, match=f"got {count} flights, expected {COURSE.most} at most"):
+        course(np.zeros(count), np.ones(count))
