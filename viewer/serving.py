@@ -14,6 +14,7 @@ import logging
 import re
 import socket
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -51,6 +52,7 @@ def serve(host: str, port: int) -> tuple[Any, Gate, dict[str, Any]]:
     port = free_port(host, port)
     for name in ("websockets.server", "asyncio"):
         logging.getLogger(name).addFilter(_has_page)
+    warnings.filterwarnings("ignore", "Queued a ", UserWarning)  # for a client that has left meanwhile
     gate, found = Gate(host, own_scripts()), _Controls()
     with _starting, _guarded(gate, found) as guarded, redirect_stdout(io.StringIO()):  # viser announces itself
         server = viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)

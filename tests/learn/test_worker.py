@@ -155,6 +155,13 @@ def test_an_ignored_interrupt_stays_ignored(tmp_path):
     assert command.ended()[0] == 0
 
 
+@pytest.mark.parametrize(("program", "plain"), [("/usr/bin/wrenchgap", True), ("/home/me/season.py", False)])
+def test_ctrl_c_while_a_command_is_imported_is_no_traceback_and_a_program_of_others_keeps_its_own(program, plain):
+    code = f"import signal, sys; sys.argv[0] = {program!r}; import wrenchgap; print(signal.getsignal(signal.SIGINT))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ("SIG_DFL" in done.stdout) is plain
+
+
 def test_what_libraries_complain_of_after_a_signal_is_not_printed():
     """A cluster of `batch` that was half up when SIGTERM came ended with sixty lines of its own."""
     code = "import atexit, signal, sys; import wrenchgap.__main__ as m; import wrenchgap.replay.cli.main as cli\n"

@@ -5,6 +5,7 @@ import re
 import socket
 import urllib.error
 import urllib.request
+import warnings
 
 import pytest
 import viser
@@ -38,6 +39,14 @@ def test_the_link_opens_the_page_and_nothing_else_does():
             assert refused.value.headers["X-Frame-Options"] == "DENY"
     finally:
         server.stop()
+
+
+def test_what_is_said_to_a_client_that_has_left_is_no_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        server, _, _ = serve("127.0.0.1", 0)
+        server.stop()
+        server.gui.add_html("")
 
 
 def test_a_viser_that_serves_in_another_way_is_refused(monkeypatch):
