@@ -15,12 +15,13 @@ Every name is listed in `__init__.pyi` and described in docs/api.md. The package
 import signal
 import sys
 
-_module = sys.argv[:1] == ["-m"] and "wrenchgap" in sys.orig_argv
-if _module and not sys.flags.safe_path:
+if sys.argv[:1] == ["-m"] and "wrenchgap" in sys.orig_argv and not sys.flags.safe_path:
     del sys.path[0]  # the working folder, in which `python -m wrenchgap` looks for every module: its files are data
-_script = "".join(sys.argv[:1]).endswith(("/wrenchgap", "\\wrenchgap", "\\wrenchgap.exe"))
-if (_module or _script) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until `_signals.catch`, 40 ms later: Ctrl-C is no traceback
+if (
+    "".join(sys.argv[:1]).endswith(("/wrenchgap", "\\wrenchgap.exe"))
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # of the command, until `_signals.catch`: Ctrl-C is no traceback
 
 import lazy_loader
 
