@@ -98,18 +98,21 @@ def test_affine_curves_are_a_curve_and_no_bias_of_the_accelerometer(explained):
     assert "accelerometer_bias" not in explained("curves").effects
 
 
+@pytest.mark.slow
 def test_motors_that_follow_by_squared_speed_lag_and_have_no_curve(explained):
     effects = families(explained("squared spin").effects)
     assert "motor_lag" in effects
     assert "thrust_curve" not in effects
 
 
+@pytest.mark.slow
 def test_a_low_centre_of_mass_and_an_imu_that_is_high_are_one_class(explained):
     """With thrust along z alone, torques of -c x F are none; what c shows is where the IMU is."""
     named = {name for s in explained("low centre").classes[0].sets for name in s.names}
     assert {"com_offset", "imu_lever_arm"} <= named
 
 
+@pytest.mark.slow
 def test_an_imu_stamped_early_does_not_hide_a_drag_torque(explained):
     assert "drag_torque" in families(explained("early IMU").firm)
 
@@ -132,6 +135,7 @@ def test_a_torque_that_goes_with_the_heading_is_unknown(explained):
     assert "drag_torque" not in families(found.effects)
 
 
+@pytest.mark.slow
 def test_an_uncalibrated_hover_is_many_things_of_which_the_truth_is_one(explained):
     """A centre of mass 6 mm off and 4 % more mass, or four rotors that are off by as much."""
     sets = [set(s.names) for s in explained("off centre").classes[0].sets]

@@ -76,6 +76,7 @@ def test_progress_never_goes_back_and_says_what_it_does(designed, steps):
     assert all(words)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_pushes_along_z_gets_a_flight_that_it_can_fly(few):
     made = design(["body_drag", "constant_wrench"], model_file.load("crazyflie"), duration=8.0)
     assert made.trajectory.follows_thrust

@@ -119,6 +119,7 @@ def test_an_effect_that_another_can_make_is_hidden_behind_it(plain, hexarotor):
     assert limit.instead == ("thrust_scale",)
 
 
+@pytest.mark.slow
 def test_louder_sensors_show_less(searched, plain, hexarotor):
     """Of white noise ten times as large, limits that the noise makes are larger, and none is smaller."""
     rng = np.random.default_rng(0)

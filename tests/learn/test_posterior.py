@@ -507,7 +507,7 @@ def test_parts_that_no_payload_has_stay_apart(fly, hexarotor):
     assert "mass" not in found.firm  # thrust, mass and inertia scaled together change nothing that an IMU sees
 
 
-@pytest.mark.parametrize("trajectory", ["steps", "fast"])
+@pytest.mark.parametrize("trajectory", ["steps", pytest.param("fast", marks=pytest.mark.slow)])
 def test_a_lag_too_small_for_a_name_is_not_called_backlash(fly, hexarotor, trajectory):
     """Servos of 2.5 ms show. Play in the joints would explain a part of it, and be worth a name for that."""
     found = explained(fly("none", None, trajectory, seconds=20, seed=23, crisp=True), hexarotor, TIMING)

@@ -56,9 +56,9 @@ def test_noise_depends_on_nothing(tumbling):
     assert not any(relevance(tumbling, white(tumbling, seed)).chosen for seed in range(5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("effect", "trajectory", "inputs"),
-    [("compass", "turn", "heading"), pytest.param("ground", "low", "height", marks=pytest.mark.slow)],
+    ("effect", "trajectory", "inputs"), [("compass", "turn", "heading"), ("ground", "low", "height")]
 )
 def test_on_the_independent_engine(fly, hexarotor, effect, trajectory, inputs):
     """The controller counteracts both, so the command follows them; it must not take their place."""

@@ -185,7 +185,7 @@ def test_a_pendulum_is_found_at_its_frequency_and_in_the_world(tumbling, length)
     assert found.share > 0.6
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_a_pendulum_that_leaves_less_than_the_noise_is_found(tumbling, seed):
     load = tumbling.pendulum(0.7)
     load *= 0.8 * tumbling.data.noise[:3].mean() / load[:, :3].std(axis=0).max()
@@ -194,7 +194,7 @@ def test_a_pendulum_that_leaves_less_than_the_noise_is_found(tumbling, seed):
     assert found.frequency_hz == pytest.approx(np.sqrt(G / 0.7) / (2 * np.pi), rel=0.1)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))])
 def test_noise_that_is_louder_than_was_thought_does_not_swing(tumbling, shaken, seed):
     """By more than half of its power on every axis."""
     assert tumbling.search(tumbling.noise(30 + seed, 1.3)) is None

@@ -61,6 +61,13 @@ def made(tmp_path_factory):
     return wrapped
 
 
+@pytest.fixture(scope="module")
+def hover(tmp_path_factory):
+    """The log of a vehicle that lacks nothing."""
+    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
+    return wg.save_log(flown, tmp_path_factory.mktemp("hover") / "hover.mcap")
+
+
 def said(health):
     return {one.about: one for one in statements(health.logs[0])}
 
@@ -253,11 +260,12 @@ def test_only_flights_of_a_sound_vehicle_are_offered_as_healthy(tmp_path):
     assert "--healthy HEALTHY_LOG " in command
 
 
-def test_the_next_command_is_one_that_runs(tmp_path, made):
-    """Of a log without an autopilot questions are answered; of a PX4 with ratios, or of ArduPilot, the arm is said."""
-    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=8.0)
-    log = wg.save_log(flown, tmp_path / "own.mcap")
-    assert answer(wg.check(log))[-1][0] == "next: wrenchgap model new --interactive -o vehicle.toml"
+def test_the_next_command_is_one_that_runs(hover, made):
+    """Of a log without an autopilot questions are answered; of a PX4 with ratios, or of ArduPilot, the arm is said. A
+    shipped model has the name that its user gave.
+    """
+    assert answer(wg.check(hover))[-1][0] == "next: wrenchgap model new --interactive -o vehicle.toml"
+    assert answer(wg.check(hover, wg.load_model("crazyflie")))[-1][0].endswith(" -m crazyflie")
     assert "--arm METRES" in answer(made("bin"))[-1][0]
     ratios = {f"CA_ROTOR{n}_P{axis}": 1.0 for n in range(4) for axis in "XY"}
     health = made("ulg", "", Wrong(parameters=ratios))
@@ -446,21 +454,13 @@ def test_one_row_is_no_flight(run, tmp_path):
     assert "one message of each topic; a flight has many" in run("check", tmp_path / "one.csv").output
 
 
-def test_a_model_of_another_vehicle_is_contradicted_and_not_used(tmp_path):
+def test_a_model_of_another_vehicle_is_contradicted_and_not_used(hover):
     """Its rotors would name other places, and its limits would call every command saturated."""
-    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
-    log = wg.save_log(flown, tmp_path / "hover.mcap")
-    found = wg.check(log, wg.load_model("asymmetric_quadrotor"))
+    found = wg.check(hover, wg.load_model("asymmetric_quadrotor"))
     assert [one.about for one in statements(found.logs[0]) if one.level == "bad"] == ["log"]
     assert "does not fit this log" in answer(found)[0][0] + answer(found)[1][0]
     assert {m.rotor.name for m in found.logs[0].motors.motors} == {"M1", "M2", "M3", "M4"}
     assert "-m" not in answer(found)[-1][0]
-
-
-def test_the_next_command_names_a_shipped_model_as_its_user_does(tmp_path):
-    flown = wg.simulate(wg.load_model("crazyflie"), "hover", duration=12.0, seed=2)
-    log = wg.save_log(flown, tmp_path / "hover.mcap")
-    assert answer(wg.check(log, wg.load_model("crazyflie")))[-1][0].endswith(" -m crazyflie")
 
 
 def test_of_many_logs_each_that_is_shown_can_be_read(run, tmp_path):

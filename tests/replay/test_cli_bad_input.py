@@ -262,7 +262,11 @@ def real(said, folder):
 
 
 @pytest.mark.parametrize(
-    "setting", ["NUMBA_DISABLE_JIT=1", "NUMBA_NUM_THREADS=0", "NUMBA_NUM_THREADS=many", "MPLBACKEND=nonsense"]
+    "setting",
+    [
+        *("NUMBA_DISABLE_JIT=1", "NUMBA_NUM_THREADS=0", "NUMBA_NUM_THREADS=many"),
+        pytest.param("MPLBACKEND=nonsense", marks=pytest.mark.slow),
+    ],
 )
 def test_a_setting_that_a_library_refuses_is_named(setting, logs, tmp_path):
     done = real(f"{setting} {sys.executable} -m wrenchgap compare {logs.test} -m {MODEL} -q --figure f.png", tmp_path)
@@ -346,6 +350,7 @@ def test_one_run_removes_damaged_kernels_of_every_folder_of_ours(tmp_path):
     assert real(said, tmp_path).stdout == "4 6\n"
 
 
+@pytest.mark.slow
 def test_kernels_that_cannot_be_read_back_are_removed_and_the_next_command_compiles_them(tmp_path):
     code = (
         "import sys\nfrom numba import njit\nfrom wrenchgap.replay.cli.main import report\n"
@@ -370,7 +375,9 @@ def test_kernels_that_cannot_be_read_back_are_removed_and_the_next_command_compi
 
 
 @pytest.mark.skipif(os.name != "posix", reason="closes descriptors by a shell")
-@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-", "2>&-"])
+@pytest.mark.parametrize(
+    "closed", ["<&- >&- 2>&-", *(pytest.param(c, marks=pytest.mark.slow) for c in (">&-", "2>&-"))]
+)
 def test_closed_streams_are_no_fault(closed, logs, tmp_path):
     said = f"{sys.executable} -m wrenchgap inspect {logs.test} --json found.json {closed}"
     done = subprocess.run(["sh", "-c", said], cwd=tmp_path, capture_output=True, text=True, check=False)

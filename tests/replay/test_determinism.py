@@ -11,6 +11,7 @@ import zipfile
 
 import pytest
 
+pytestmark = pytest.mark.slow
 CHILD = """
 import json, sys
 import wrenchgap as wg

@@ -34,7 +34,7 @@ from wrenchgap.replay.present.report.sections import Image
 from wrenchgap.replay.report import NextFlight
 
 MODEL = "tilt_hexarotor"
-TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")
+TRIED = ("com_offset", "rotor_thrust", "ground_effect")
 VOID = ("img", "meta", "br", "hr")
 SECTIONS = ("timing", "error", "ranking", "parameters", "where", "ahead", "left", "fly", "not-tried", "repeat")
 

@@ -13,6 +13,7 @@ from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels import changed as comparisons
 from wrenchgap.replay.session.saving import SaveFolder
 
+pytestmark = pytest.mark.usefixtures("without_limits")
 MODEL = model_file.load("tilt_hexarotor")
 TRUTH = (-0.004, 0.007, -0.005)
 """Where the centre of mass is on the flight `train` [m]; on `ideal` it is where the model has it."""

@@ -190,6 +190,7 @@ def test_what_cannot_be_is_refused_in_one_line(session):
     assert session.working.undoable == "add com_offset"  # none of this changed anything
 
 
+@pytest.mark.slow
 def test_next_flight_is_drawn_within_the_room_and_says_what_it_separates(session):
     names = ("com_offset", "constant_wrench")
     found = session.effects.next_flight(names, "train", lambda *_: None, seconds=8.0)  # a short one is found sooner
