@@ -56,7 +56,7 @@ def from_the_closed_form(dt, bandwidth_hz=1.0):
 
 @pytest.mark.parametrize("bandwidth_hz", [0.5, 2.0])
 def test_constant_disturbance_is_found_as_a_first_order_lag_says(bandwidth_hz):
-    assert from_the_closed_form(5e-4, bandwidth_hz) < 0.01
+    assert from_the_closed_form(1e-3, bandwidth_hz) < 0.01
 
 
 def test_error_of_the_discretisation_is_of_first_order():

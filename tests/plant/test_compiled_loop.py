@@ -65,7 +65,7 @@ def assert_equal(found, tolerance=1e-10):
 
 @pytest.mark.parametrize("name", ["tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "crazyflie"])
 def test_every_vehicle_flies_as_in_plain_numpy(name):
-    assert_equal(both(model_file.load(name), seconds=2.0))
+    assert_equal(both(model_file.load(name)))
 
 
 def test_a_vehicle_of_which_only_the_wrench_is_known():
@@ -79,7 +79,7 @@ def test_a_vehicle_of_which_only_the_wrench_is_known():
 def test_every_effect_of_the_catalogue_acts_as_in_plain_numpy(name):
     model = model_file.load("voliro_x") if catalogue()[name].needs_coaxial else HEXAROTOR
     truth = with_effects(model, name)
-    found = both(truth, model, seconds=0.5, voltage=lambda t: 16.0 - 0.5 * t)
+    found = both(truth, model, seconds=0.25, voltage=lambda t: 16.0 - 0.5 * t)
     assert not any("plain numpy" in note for note in found[0][0].notes)
     assert_equal(found)
 
