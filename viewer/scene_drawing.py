@@ -160,11 +160,11 @@ class Drawing:
         paths = found.at(float(flight.time[index])) if wanted and (found := flight.ahead()) else None
         for k, own in enumerate((slice(0, 1), slice(1, None))):
             if paths is not None:
-                segments = np.concatenate([_segments(path) for path in paths[own]]).astype(np.float32)
+                segments = np.concatenate([_segments(path) for path in paths[own]])
                 if len(self._ahead) == k:
                     name, width = f"/world/ahead/{k}", (5.0, 1.5)[k]
                     self._ahead.append(self._line(name, segments, colour_of("predicted"), width))
-                self._ahead[k].points = segments
+                self._ahead[k].points = segments.astype(np.float32)
             if len(self._ahead) > k:
                 set_visible(self._ahead[k], paths is not None)
 

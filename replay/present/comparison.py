@@ -23,7 +23,9 @@ def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
     several = [by_flight(result, signed=True)] if signed else []
     several = several or ([by_flight(result, signed=False)] if len(result.flights) > 1 else [])
     last, ahead = result.evaluations[-1], result.ahead
-    moved = [prediction.errors(ahead), Line(prediction.LEGEND, "dim")] if isinstance(ahead, OpenLoop) else []
+    moved: list[Part] = (
+        [prediction.errors(ahead), Line(prediction.LEGEND, "dim")] if isinstance(ahead, OpenLoop) else []
+    )
     return [*brief(result), *several, worst(last.name, last.worst), *moved, *note_lines(sentences(result.notes))]
 
 

@@ -82,6 +82,7 @@ class OpenLoop(TypedDict):
     horizons_s: list[float]
     quantities: list[Quantity]
     models: list[PredictionErrors]
+    notes: list[str]
 
 
 class Comparison(TypedDict):
