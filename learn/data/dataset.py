@@ -107,6 +107,11 @@ class Dataset:
         """
         return {}
 
+    @cached_property
+    def answers_of(self) -> dict[bytes, Any]:
+        """What the last spectrum of these data took out (`learn.posterior.spectrum`), by a digest of what was left."""
+        return {}
+
     def unanswered(self, values: Array) -> Array:
         """What derivatives, or residuals, (K, 6, ...) say of the vehicle: `informative`, without answering commands.
 

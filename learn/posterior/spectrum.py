@@ -7,8 +7,12 @@ the Whittle likelihood with a piecewise constant spectrum. Source: Whittle, J. R
 transform in place of Fourier's for finite blocks, Ahmed, Natarajan and Rao, IEEE Trans. Comput. C-23, 1974.
 """
 
+from __future__ import annotations
+
+import hashlib
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +25,7 @@ from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.feedback_regressors import (
     REGRESSORS,
+    Answerable,
     answers,
     by_parts,
     in_parts,
@@ -41,6 +46,17 @@ LARGE = 1 << 24
 """Bytes of coefficients from which on they wait on disk: products are what a search asks for."""
 AT_ONCE = 24
 """Quantities that are transformed at once, at least."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What is taken out of the coefficients of an axis, of size one by `weight` (K, 1): what commands answered, and a
+    basis (K, B) of the motion that no command explains.
+    """  # noqa: D205
+
+    weight: Array
+    answerable: Answerable
+    disturbed: Array
 
 
 class Spectrum(LinearProblem):
@@ -116,9 +132,24 @@ class Spectrum(LinearProblem):
         model leaves take out, too, the disturbance (`_disturbed`) and how means over blocks go with the commands'
         (`slowly_answerable`): so what an effect explains there is the mean of a flight, and what nothing answers.
         """  # noqa: D205
-        answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
-        if not answering:
+        if not set(self.axes) & set(data.answering):
             return
+        left = np.ascontiguousarray(self.coefficients[:, :, 0])  # on which alone depends what is taken out
+        key = hashlib.blake2b(left.tobytes()).digest()
+        if key not in data.answers_of:
+            data.answers_of.clear()
+            data.answers_of[key] = self._answers(data, left)
+        slow, answers = data.answers_of[key]
+        for k, one in answers.items():
+            part = one.answerable.out_of(self.coefficients[:, k] * one.weight)
+            part[:, 1:] -= one.disturbed @ (one.disturbed.T @ part[:, 1:])
+            self.coefficients[:, k] = part / one.weight
+            means = self.coefficients[self.starts, k, 1:]
+            self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
+            let_go(self.coefficients)
+
+    def _answers(self, data: Dataset, left: Array) -> tuple[Array, dict[int, Answers]]:
+        """A basis (blocks, B) of the commands' means over blocks, and by axis what is taken out of the rest."""
         signals, of = answers(data.records, REGRESSORS.shifts)
         seconds = self.settings.block
         free = transformed(data.records, signals[:, None], seconds, without_mean=True)[0][:, 0]
@@ -126,22 +157,20 @@ class Spectrum(LinearProblem):
         moved = transformed(data.records, measured[:, :, None], seconds, without_mean=True)[0][:, :, 0]
         slow = slowly_answerable(data.records, self.block, data.flight).basis[self.starts]
         slow *= np.sqrt(np.bincount(self.block))[:, None]  # of means: a coefficient is a mean times that
-        for k in answering:
+        out = {}
+        for k in (k for k, axis in enumerate(self.axes) if axis in data.answering):
             known = ~self.silent[:, k, None]
-            weight = self._weight(k, self.coefficients[:, k, 0])
+            weight = self._weight(k, left[:, k])
             every = wholly(free * weight * known)
-            part = every.out_of(self.coefficients[:, k] * weight)
-            own = self._disturbed(k, every.out_of(moved[:, self.axes[k], None] * weight * known), weight)
+            disturbed = self._disturbed(k, every.out_of(moved[:, self.axes[k], None] * weight * known), weight)
             gain = by_parts(data.answer_gains[:, self.axes[k], of])[np.digitize(self.hertz, EDGES)]
             if np.isfinite(gain).all():
-                sure = self._weight(k, (part / weight)[:, 0])
-                could = partly(in_parts(free * sure * known) * gain)
-                part, own, weight = could.out_of(self.coefficients[:, k] * sure), spanned(own * sure / weight), sure
-            part[:, 1:] -= own @ (own.T @ part[:, 1:])
-            self.coefficients[:, k] = part / weight
-            means = self.coefficients[self.starts, k, 1:]
-            self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
-            let_go(self.coefficients)
+                rest = every.out_of(left[:, k, None] * weight) / weight
+                sure = self._weight(k, rest[:, 0])
+                every = partly(in_parts(free * sure * known) * gain)
+                disturbed, weight = spanned(disturbed * sure / weight), sure
+            out[k] = Answers(weight, every, disturbed)
+        return slow, out
 
     def _weight(self, k: int, left: Array) -> Array:
         """One over the size (K, 1) that coefficients (K,) have on an axis, by band, no less than the sensors' noise."""
