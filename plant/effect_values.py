@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import numpy as np
+
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance, WrenchModel
 
 
 def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
@@ -75,3 +77,15 @@ def with_hidden(model: Model, texts: Sequence[str]) -> Model:
             new = replace(new, theta=old.theta + new.theta)
         truth = truth.with_effects((*(e for e in truth.effects if e.name != new.name), new))
     return truth
+
+
+def drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
+    """The model with its effects' values drawn within their standard deviations, and what is plausible."""
+    effects = []
+    for one in model.effects:
+        if one.std is not None:
+            low, high = np.array([(p.low, p.high) for p in one.effect.parameters(model.vehicle)]).T
+            value = one.theta + np.nan_to_num(one.std) * rng.standard_normal(len(one.theta))
+            one = replace(one, theta=np.clip(value, np.minimum(low, one.theta), np.maximum(high, one.theta)))
+        effects.append(one)
+    return WrenchModel(model.vehicle, tuple(effects))

@@ -72,10 +72,10 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
     if fixed.size or (angles.any() and not arms.tilts.any()):
         raise UsageError(f"--tilt: {model.vehicle.arm_name(int(fixed[0]) if fixed.size else 0)} does not tilt")
     angles = np.where(arms.tilts, angles, 0.0)
-    inverse = np.linalg.pinv(_linear(model, []), rcond=RANK)
+    inverse = np.linalg.pinv(linear_matrix(model, []), rcond=RANK)
 
     def values(effects: Sequence[ModelEffect]) -> Values:
-        linear = _linear(model, effects)
+        linear = linear_matrix(model, effects)
         found = {"matrix": _matrix(model, effects, angles), "achieved": linear @ inverse}
         found["allocation"] = np.linalg.pinv(linear, rcond=RANK)
         return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
@@ -85,7 +85,7 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
     return Effectiveness(model.vehicle, angles, found["matrix"], found["achieved"], found["allocation"], ended)
 
 
-def _linear(model: Model, effects: Sequence[ModelEffect]) -> Array:
+def linear_matrix(model: Model, effects: Sequence[ModelEffect]) -> Array:
     """B (6, R + R') of thrusts along the directions at rest and, of rotors that tilt, across them."""
     arms, rotors = model.vehicle.geometry()
     along, turning = _matrix(model, effects, np.zeros(len(arms))), arms.tilts[rotors.arm]

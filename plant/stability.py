@@ -124,6 +124,30 @@ def sensitivity_peak(loop: Loop, observer: Observer = NO_OBSERVER) -> float:
     return _peak(loop, observer, lambda L: 1.0 / (1.0 + L))
 
 
+def phase_and_gain_margins(L: Array) -> tuple[Array, Array]:
+    """Phase margins [deg] and gain margins [dB] (R,) of loops L(j w) (R, F) that begin as 1 / s^2.
+
+    At the last frequency at which |L| falls through one, and at the first beyond it at which the phase falls through
+    -180 deg; infinite where it does not, NaN where |L| never falls through one.
+    """
+    size, phase, gain = np.abs(L), np.degrees(np.unwrap(np.angle(L), axis=1)), np.full(len(L), np.inf)
+    phase -= 360.0 * np.round((phase[:, :1] + 180.0) / 360.0)
+    margins = np.full(len(L), np.nan)
+    for k in range(len(L)):
+        crossings = np.flatnonzero((size[k, :-1] >= 1.0) & (size[k, 1:] < 1.0))
+        if not len(crossings):
+            continue
+        at = int(crossings[-1])
+        margins[k] = 180.0 + np.interp(0.0, -np.log(size[k, at : at + 2]), phase[k, at : at + 2])
+        turned = np.flatnonzero((phase[k, at:-1] >= -180.0) & (phase[k, at + 1 :] < -180.0))
+        if margins[k] > 0.0 and len(turned):
+            ends = slice(at + int(turned[0]), at + int(turned[0]) + 2)
+            gain[k] = -20.0 * np.interp(180.0, -phase[k, ends], np.log10(size[k, ends]))
+        elif margins[k] <= 0.0:
+            gain[k] = 0.0
+    return margins, gain
+
+
 def margin(slope: Array, outputs: tuple[str, ...], loop: Loop, past: Array | None = None) -> Margin:
     """Margin of slopes dmu/dW (N, L, 6), and those with respect to `past` (N, L, 6) where the model looks at it.
 

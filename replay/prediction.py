@@ -32,6 +32,7 @@ from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.data.recording import CUTOFF_HZ, recorded_motion, samples_over_periods
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.plant.effect_values import drawn
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import RigidBody, unpack
 from wrenchgap.plant.state import Commands, Motion, State, rows
@@ -314,16 +315,4 @@ def _drawn_states(
 ) -> Array:
     """States (H, S, 13) with values drawn within what is known of them, and what is left of another time."""
     elsewhere = rng.choice(ahead.starts, len(starts))
-    return ahead.states(_drawn(model, rng), added, starts, left, elsewhere)
-
-
-def _drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
-    """The model with values drawn within their standard deviations, and what is plausible."""
-    effects = []
-    for one in model.effects:
-        if one.std is not None:
-            low, high = np.array([(p.low, p.high) for p in one.effect.parameters(model.vehicle)]).T
-            drawn = one.theta + np.nan_to_num(one.std) * rng.standard_normal(len(one.theta))
-            one = replace(one, theta=np.clip(drawn, np.minimum(low, one.theta), np.maximum(high, one.theta)))
-        effects.append(one)
-    return WrenchModel(model.vehicle, tuple(effects))
+    return ahead.states(drawn(model, rng), added, starts, left, elsewhere)

@@ -50,6 +50,7 @@ COMMANDS = {
     "add": "add com_offset -m tilt_hexarotor --from train.mcap -o fitted.toml",
     "compare-against": "compare test.mcap -m tilt_hexarotor --against fitted.toml",
     "predict": "predict test.mcap -m tilt_hexarotor --against fitted.toml",
+    "ready": "ready test.mcap -m fitted.toml --for hover --payload 0.2",
     "history": "history fitted.toml",
     "model-show": "model show fitted.toml",
     "effectiveness": "effectiveness fitted.toml",

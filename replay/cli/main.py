@@ -30,7 +30,7 @@ from wrenchgap.replay.cli.values import usage_error
 NAME = "wrenchgap"
 COMMANDS = (
     *(analysis.check, analysis.inspect, model.calibrate, analysis.compare),
-    *(logs.predict, analysis.where, analysis.explain),
+    *(logs.predict, logs.ready, analysis.where, analysis.explain),
     *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
     *(model.effectiveness, model.write),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),

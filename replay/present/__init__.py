@@ -34,6 +34,7 @@ MODULES = {
     "Learnt": "learning",
     "LogReport": "inspection",
     "OpenLoop": "prediction",
+    "Readiness": "readiness",
     "Replay": "replay",
     "Report": "report",
     "Sheet": "model",

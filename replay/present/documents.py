@@ -35,6 +35,7 @@ FIRST_VERSION = (
         "export",
         "batch",
         "predict",
+        "ready",
         "write",
         "effectiveness",
     ),

@@ -1,6 +1,8 @@
-"""Documents of `write` and `effectiveness`."""
+"""Documents of `write`, `effectiveness` and `ready`."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 from typing_extensions import TypedDict
 
@@ -54,3 +56,75 @@ class Effectiveness(Document):
     allocation: list[list[float]]
     """Nominal thrusts to ask for, for one unit of each axis."""
     nominal_allocation: list[list[float]]
+
+
+class Authority(TypedDict):
+    part: str
+    used: str
+    """`thrust`, `tilt` or `tilt rate`."""
+    needs: list[float]
+    """Share of what the part has: 5th, 50th and 95th percentile."""
+    nominal: float
+    probability: float
+    """That it is enough."""
+
+
+class LoopMargins(TypedDict):
+    axis: str
+    nominal: list[Number]
+    """Phase [deg] and gain [dB]; null where there is none."""
+    phase: list[Number]
+    """5th, 50th and 95th percentile [deg]."""
+    gain: list[Number]
+    """The same [dB]."""
+    probability: float
+    """That both are large enough."""
+    factor: Number
+    """By which to multiply the gains; null where less gain does not help."""
+
+
+class Beyond(TypedDict):
+    quantity: str
+    unit: str
+    maximum: float
+    """On the flights."""
+    percentile: float
+    """Largest along the trajectory."""
+
+
+class Uncertain(TypedDict):
+    effect: str
+    parameter: str
+    value: float
+    std: float
+    share: float
+    """Of the scatter of what the weakest part needs."""
+
+
+class Ready(Document):
+    summary: list[str]
+    vehicle: str
+    decision: Literal["go", "go with care", "no go"]
+    trajectory: str
+    duration: float
+    """[s]"""
+    payload: float
+    """[kg]"""
+    wind: float
+    """[m/s]"""
+    feels_wind: bool
+    """Whether the model has a drag."""
+    voltage: Number
+    """[V]; null where the model does not depend on it."""
+    flights: list[str]
+    authority: list[Authority]
+    """The weakest part first."""
+    reached: float
+    """Share of the draws in which rotors can make the wrench all the time, as fast as they would have to turn."""
+    loops: list[LoopMargins]
+    """Empty where an autopilot flew: its gains are not in the model file."""
+    beyond: list[Beyond]
+    """In what the trajectory goes further than the flights."""
+    first: list[Uncertain]
+    """What to check on the bench, that on which most depends first."""
+    notes: list[str]

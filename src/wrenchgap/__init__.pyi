@@ -26,6 +26,7 @@ from .replay.api import where as where
 from .replay.api_flights import changed as changed
 from .replay.api_flights import check as check
 from .replay.api_flights import predict as predict
+from .replay.api_flights import ready as ready
 from .replay.api_flights import trend as trend
 from .replay.api_models import calibrate as calibrate
 from .replay.api_models import draft_model as draft_model

@@ -3,7 +3,7 @@
 import shlex
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -240,6 +240,42 @@ def design(
     if written:
         fly = shlex.join(["wrenchgap", "simulate", "-m", model, "-t", str(output), "-o", "flight.mcap"])
         run.line(f"next: {fly}{run.common_options(*READ)}, or fly it")
+
+
+def ready(
+    logs: o.Logs,
+    model: o.ModelOption,
+    trajectory: Annotated[
+        str, typer.Option("--for", metavar="TRAJECTORY", help="What to fly: a name, or a file of `wrenchgap design`.")
+    ],
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Its length; by default its own.")] = None,
+    payload: Annotated[float, typer.Option(metavar="KG", help="Mass more, at the centre of mass.")] = 0.0,
+    wind: Annotated[float, typer.Option(metavar="M/S", help="A steady wind, from any side.")] = 0.0,
+    voltage: Annotated[
+        float | None, typer.Option(metavar="V", help="Of the battery; by default the lowest that was logged.")
+    ] = None,
+    figure: o.Figure = None,
+    *,
+    reading: o.Reading,
+    run: DetailedRun,
+) -> None:
+    """Say whether to fly: go, go with care, or no go, with the part that limits and how sure that is.
+
+    What the trajectory takes of every rotor and arm, by the effects of MODEL with their standard deviations and what it
+    leaves of these flights; margins of the attitude loops where the gains are in MODEL; what to check first.
+
+    Example: `wrenchgap ready test.mcap -m fitted.toml --for figure8 --payload 0.4 --wind 5`
+    """
+    from wrenchgap.replay import api_flights
+
+    run.claim({"--figure": figure}, *logs, model)
+    base = run.model(model)
+    with run.progress("reading") as report:
+        flights, _ = run.open(reading.options, logs, base)
+        asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage}
+        found = api_flights.ready(flights, base, trajectory, progress=report, **asked)
+    run.result(found)
+    run.save("ready", found, figure=figure)
 
 
 def predict(

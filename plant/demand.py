@@ -1,0 +1,94 @@
+"""What a motion asks of rotors and arms: commands with which a vehicle makes it, and how much of their range they take.
+
+Along a motion the wrench that is needed about O is that of Newton and Euler, W. The model's own effects on the wrench
+(drag in the air as it moves, a tether) and a disturbance d are there besides, and rotors make what is left,
+
+    W_rotors(u) = W - W_others(u) - d
+
+The commands u are those of the vehicle's own allocation, asked for as much as makes this hold: what is missing is added
+to what is asked for until nothing is. That is what the integral of a controller does; an error e of a gain leaves e^n
+after n rounds. A vehicle whose rotors push along z only turns its z axis into the force that is needed: of it the
+length is asked for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.controller import pushes_along_z_only
+from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
+
+ROUNDS = 20
+"""Of asking for more: an error of gain of half is answered to 1e-6."""
+BEYOND = 5.0
+"""Speeds that are asked for are cut at so many times their largest: 25 times the thrust."""
+REACHED = 1e-3
+"""Of the weight, and of the weight at the arms' length: what is missing below it is rounding."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Of D models along N samples: `thrust` (D, N, R), the share of each rotor's largest thrust, T = c_f Omega^2, that
+    its command takes; `tilt` and `tilt_rate` (D, N, A), shares of the range and of the rate of each arm; whether
+    the wrench is `reached` (D, N).
+    """  # noqa: D205
+
+    thrust: Array
+    tilt: Array
+    tilt_rate: Array
+    reached: NDArray[np.bool_]
+
+
+def demand(models: Sequence[WrenchModel], state: State, motion: Motion, dt: float, disturbances: Array) -> Demand:
+    """Of a motion of O in N samples, `dt` [s] apart, for models of one vehicle with other effects.
+
+    `disturbances` (D, N, 6) [N, Nm] act on each about O, in B. Raises ModelError for a vehicle without rotors.
+    """
+    vehicle = models[0].vehicle
+    arms, rotors = vehicle.geometry()
+    allocation, along_z = Allocation(_unlimited(vehicle)), pushes_along_z_only(vehicle)
+    weight = vehicle.body.mass * GRAVITY
+    lever = float(np.median(np.linalg.norm(arms.position_B, axis=1)))
+    least = REACHED * weight * np.array([1.0, 1.0, 1.0, lever, lever, lever])
+    needed = np.array([about_origin(m.body, measured_wrench(m.body, motion)) for m in models]) - disturbances
+    asked = needed
+    for _ in range(ROUNDS):
+        commands, _ = allocation.allocate(asked.reshape(-1, 6))
+        split = [_rows(commands, k, len(state.time)) for k in range(len(models))]
+        pairs = list(zip(models, split, strict=True))
+        made = np.array([m.rotors(c, state, None)[1] for m, c in pairs])
+        rest = needed - (np.array([m.wrench(c, state) for m, c in pairs]) - made)
+        if along_z:
+            rest[..., :3] = np.linalg.norm(rest[..., :3], axis=2, keepdims=True) * [0.0, 0.0, 1.0]
+        missing = allocation.achievable(rest - made)
+        if np.all(np.abs(missing) < least):
+            break
+        asked = asked + missing
+    assert commands.rotor_speed is not None
+    assert commands.tilt is not None
+    shape = (len(models), len(state.time), -1)
+    tilt, speed = commands.tilt.reshape(shape), commands.rotor_speed.reshape(shape)
+    rate = np.abs(np.diff(tilt, axis=1, prepend=tilt[:, :1])) / dt
+    return Demand(
+        (speed / rotors.speed_max) ** 2,
+        np.where(arms.tilts, np.abs(tilt) / np.maximum(arms.tilt_max, -arms.tilt_min), 0.0),
+        np.where(arms.tilts, rate / arms.tilt_rate_max, 0.0),
+        np.all(np.abs(missing) < least, axis=2),
+    )
+
+
+def _rows(commands: Commands, number: int, count: int) -> Commands:
+    return commands.take(slice(number * count, (number + 1) * count))
+
+
+def _unlimited(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with rotors that turn as fast and as slowly as they are asked to."""
+    arms, rotors = vehicle.geometry()
+    faster = replace(rotors, speed_max=BEYOND * rotors.speed_max, speed_min=np.zeros_like(rotors.speed_min))
+    return replace(vehicle, arms=arms, rotors=faster)

@@ -1,0 +1,159 @@
+"""Whether to fly: the decision and its reason, what each part needs, the margins of the loops, what to check first."""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import label, number, quantity, share
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
+from wrenchgap.replay.readiness import GAIN, GO, PHASE, Decision, LoopMargins, Readiness
+
+BEGINS = {Decision.GO: "Go", Decision.CARE: "Go with care", Decision.NO_GO: "No go"}
+LEGEND = (
+    "needs: the most that the flight takes, as a share of what the part has; 5 to 95 %: by the standard deviations of "
+    "the model's values, and by what the model left on these flights at other times"
+)
+NOT_SAID = (
+    "Margins of the attitude loops are not said: these flights do not show that the gains of the model file flew them."
+)
+
+
+def parts(found: Readiness) -> list[Part]:
+    """The answer, what each part needs, margins, notes."""
+    loops: list[Part] = [_loops(found)] if found.loops else []
+    return [*brief(found), Line(LEGEND, "dim"), *loops, *note_lines(sentences(found.notes))]
+
+
+def brief(found: Readiness) -> list[Part]:
+    """The decision and its reasons, and what each part needs."""
+    first, *others = summary(found)
+    return [Line(first, "bold"), *map(Line, others), Line(), _parts(found)]
+
+
+def summary(found: Readiness) -> list[str]:
+    """The decision in one sentence, then margins, what was not flown yet, what to check on the bench."""
+    weakest = found.authority[0]
+    low, middle, high = (share(float(x)) for x in weakest.needs)
+    whole = "its full thrust" if weakest.used == "thrust" else f"its {weakest.used}"
+    said = (
+        f"{BEGINS[found.decision]}: on {found.trajectory}{_conditions(found)} {weakest.part} needs {middle} of {whole}"
+    )
+    said += f" ({low} to {high}), nominal {share(weakest.nominal)}: enough with {share(weakest.probability)}."
+    out = [said]
+    out += [_margins(one) for one in found.loops if one.probability < GO]
+    if found.loops and all(one.probability >= GO for one in found.loops):
+        least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
+        out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
+    if found.beyond:
+        words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
+        out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
+    if found.first:
+        one = found.first[0]
+        size = f"{number(one.value)} +- {number(one.std, 2)}"
+        out.append(
+            f"Check first on the bench: {one.effect}, {label(one.parameter, found.vehicle)}, {size}: with it goes "
+            f"{share(one.share)} of the scatter."
+        )
+    if found.wind and not found.feels_wind:
+        out.append(
+            "The model has no drag: it does not feel the wind. Fit body_drag or rotor_drag to a flight that moves."
+        )
+    return out if found.loops else [*out, NOT_SAID]
+
+
+def _of(value: float, of: Any) -> str:
+    return quantity(value, of.unit, 2)
+
+
+def _conditions(found: Readiness) -> str:
+    parts = [
+        (found.payload, f"{number(found.payload, 2)} kg more"),
+        (found.wind, f"wind of {number(found.wind, 2)} m/s"),
+    ]
+    parts.append((found.voltage or 0.0, f"{number(found.voltage)} V"))
+    said = [text for value, text in parts if value]
+    return f" with {', '.join(said)}," if said else ""
+
+
+def _margins(one: LoopMargins) -> str:
+    said = (
+        f"About {one.axis[-1]} the margins are {one.phase[1]:.0f} deg and {one.gain[1]:.0f} dB (nominal "
+        f"{one.nominal[0]:.0f} deg and {one.nominal[1]:.0f} dB); {PHASE:.0f} deg and {GAIN:.0f} dB are kept with "
+        f"{share(one.probability)}"
+    )
+    if one.factor is None:
+        return f"{said}; less gain does not bring them back."
+    return f"{said}; gains times {one.factor:.2f} bring them back with {share(GO)}."
+
+
+def _parts(found: Readiness) -> Table:
+    rows = [
+        (a.part, a.used, share(a.nominal), *(share(float(x)) for x in a.needs[[1, 0, 2]]), share(a.probability))
+        for a in found.authority
+    ]
+    heads = ("part", "of its", "nominal", "needs", "5 %", "95 %", "enough with")
+    return table(f"what {found.trajectory} takes, {found.duration:.0f} s", heads, rows, left=2)
+
+
+def _loops(found: Readiness) -> Table:
+    rows = [
+        (
+            one.axis,
+            *(f"{x:.0f}" for x in (one.nominal[0], *one.phase[[1, 0, 2]], one.nominal[1], *one.gain[[1, 0, 2]])),
+            share(one.probability),
+            "-" if one.factor is None else f"{one.factor:.2f}",
+        )
+        for one in found.loops
+    ]
+    heads = ("loop", "nominal [deg]", "phase", "5 %", "95 %", "nominal [dB]", "gain", "5 %", "95 %")
+    return table("margins with the gains of the model file", (*heads, "both with", "gains times"), rows)
+
+
+def to_json(found: Readiness) -> dict[str, Any]:
+    """The body of the `ready` schema."""
+    body = {name: value for name, value in vars(found).items() if name not in ("vehicle", "notes")}
+    body["authority"] = [vars(one) for one in found.authority]
+    body["loops"] = [vars(one) for one in found.loops]
+    body["beyond"] = [vars(one) for one in found.beyond]
+    body["first"] = [vars(one) for one in found.first]
+    return {"summary": summary(found), "vehicle": found.vehicle.name, **body, "notes": sentences(found.notes)}
+
+
+def frame(found: Readiness) -> list[dict[str, Any]]:
+    """A row for each part."""
+    ends = ("p05", "p50", "p95")
+    return [
+        {
+            "part": one.part,
+            "used": one.used,
+            "nominal": one.nominal,
+            **dict(zip(ends, map(float, one.needs), strict=True)),
+            "probability": one.probability,
+        }
+        for one in found.authority
+    ]
+
+
+def picture(found: Readiness) -> style.Picture:
+    """One panel: of each part what it needs, its interval, and the whole that it has."""
+    size = (9.0, 1.2 + 0.32 * len(found.authority))
+    title = f"{BEGINS[found.decision]}: what {found.trajectory} takes of each part"
+    return style.Picture((1, 1), size, lambda axes: _draw(found, axes), title=title)
+
+
+def _draw(found: Readiness, axes: Any) -> None:
+    panel = np.ravel(axes)[0]
+    for k, one in enumerate(reversed(found.authority)):
+        low, middle, high = one.needs
+        panel.plot([low, high], [k, k], color="C0", lw=4.0, alpha=0.5, label="5 to 95 %" if k == 0 else None)
+        panel.plot([middle], [k], "o", color="C0", label="needs" if k == 0 else None)
+        panel.plot([one.nominal], [k], "|", color=style.NOISE, ms=12.0, label="nominal" if k == 0 else None)
+    panel.axvline(1.0, color="0.2", lw=1.2)
+    names = [one.part if one.used == "thrust" else f"{one.part}, {one.used}" for one in reversed(found.authority)]
+    panel.set_yticks(range(len(names)), names, fontsize=style.USUAL)
+    panel.set_xlim(0.0, max(1.05, 1.05 * max(float(one.needs[2]) for one in found.authority)))
+    panel.set_xlabel("share of what the part has")
+    style.grid(axes)
+    style.legend(panel)

@@ -1,0 +1,342 @@
+"""Whether a vehicle keeps its authority, and its margins, on a flight that it has not flown yet.
+
+From the model with its fitted effects, the standard deviations of their values, and the flights at hand:
+
+draws       values of the effects, drawn within their standard deviations; wind from a direction of chance
+disturbance what the model leaves of the wrench of these flights, of another time in each draw
+demand      commands that make the trajectory's motion against it (`plant.demand`)
+authority   in which share of the draws a rotor, or an arm, never needs more than it has
+margins     of the attitude loops with the gains of the model file: nominal, and as drawn, with the lags, the delays,
+            the inertia and the effectiveness of the rotors
+
+What the flights could not show is not in the draws: where the trajectory goes beyond them, that is said. Probabilities
+are never nearer to one than `CERTAIN`: no catalogue of effects is complete.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.comparison import Range
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.prediction import predict
+from wrenchgap.learn.diagnose.flown_controller import flown_by_controller
+from wrenchgap.learn.identify.guard import loop_of
+from wrenchgap.plant.controller import pushes_along_z_only
+from wrenchgap.plant.demand import Demand, demand
+from wrenchgap.plant.effect_values import drawn
+from wrenchgap.plant.effectiveness import RANK, linear_matrix
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.simulation.flight_plan import Plan, prepare
+from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
+from wrenchgap.plant.state import Motion, State
+from wrenchgap.plant.trajectory import Reference
+from wrenchgap.plant.trajectory.reference import E_Z
+from wrenchgap.plant.trajectory.shapes import Flat
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin
+
+DRAWS = 200
+"""Of the model and the disturbance: a probability of 0.9 is known to 0.02."""
+PERIOD = 0.02
+"""Of the samples along the trajectory [s]: four to a period of the filter's corner."""
+CERTAIN = 0.98
+"""Largest probability that is stated, as of `explain`."""
+GO, NO_GO = 0.9, 0.5
+"""Probability of the weakest part from which on a flight is a go, and below which it is none."""
+PHASE, GAIN = 45.0, 6.0
+"""Margins [deg], [dB] that a loop should have (Astrom and Murray, "Feedback Systems", 2008, 11.3)."""
+FACTORS = np.geomspace(1.0, 0.25, 29)
+"""By which gains are multiplied to look for lost margins; in steps of 5 %."""
+WITHIN = (5.0, 50.0, 95.0)
+"""Percentiles of what a part needs."""
+
+
+class Decision(StrEnum):
+    """What is said of the flight."""
+
+    GO = "go"
+    CARE = "go with care"
+    NO_GO = "no go"
+
+
+@dataclass(frozen=True)
+class Authority:
+    """Of one `part` and what of it is `used`: the most that it needs, as a share of what it has: 5th, 50th and 95th
+    percentile (3,), nominal, and the `probability` that it is enough.
+    """  # noqa: D205
+
+    part: str
+    used: str
+    needs: Array
+    nominal: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Of the attitude loop about an `axis`: margins of phase [deg] and gain [dB], `nominal` (2,), and as drawn, 5th,
+    50th and 95th percentile (3,) each; the `probability` that both are large enough; by what to multiply the gains so
+    that it is `GO`, one where it is, None where less gain does not help.
+    """  # noqa: D205
+
+    axis: str
+    nominal: Array
+    phase: Array
+    gain: Array
+    probability: float
+    factor: float | None
+
+
+@dataclass(frozen=True)
+class Uncertain:
+    """A value of an effect, by name, and the share of the scatter of the weakest part's need that goes with it."""
+
+    effect: str
+    parameter: str
+    value: float
+    std: float
+    share: float
+
+
+@dataclass(frozen=True, repr=False)
+class Readiness(Result):
+    """Whether to fly `trajectory` of `duration` [s] with a `payload` [kg], in a `wind` [m/s], at a `voltage` [V].
+
+    `authority` is the weakest first; `loops` are empty where the gains that were flown are not in the model file.
+    `beyond` are quantities in which the trajectory goes further than the flights; `first` is what to check on the
+    bench, that on which most depends first. A model that does not feel wind (`feels_wind`) has no drag.
+    """
+
+    decision: Decision
+    vehicle: Vehicle
+    trajectory: str
+    duration: float
+    payload: float
+    wind: float
+    feels_wind: bool
+    voltage: float | None
+    flights: tuple[str, ...]
+    authority: tuple[Authority, ...]
+    reached: float
+    loops: tuple[LoopMargins, ...]
+    beyond: tuple[Range, ...]
+    first: tuple[Uncertain, ...]
+    notes: tuple[object, ...] = ()
+
+
+def readiness(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    trajectory: str,
+    *,
+    duration: float | None = None,
+    payload: float = 0.0,
+    wind: float = 0.0,
+    voltage: float | None = None,
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> Readiness:
+    """Of a `trajectory` (a name, or a file of `design`) after flights that were opened for `model`.
+
+    A `payload` [kg] hangs at the vehicle's centre of mass; a steady `wind` [m/s] comes from any side; `voltage` [V] is
+    by default the lowest that was logged, where the model depends on it. Raises UsageError for values that no vehicle
+    has, ModelError for a vehicle without rotors.
+    """
+    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage or 1.0, 1e3)):
+        if not 0.0 <= value <= most:
+            raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
+    _, _, path = prepare(Plan(model, trajectory, duration))
+    along = Flat(path) if pushes_along_z_only(model.vehicle) else path
+    reference = along.at(np.arange(0.0, path.duration, PERIOD))
+    needs = [e.name for e in model.effects if e.effect.needs_voltage]
+    volts = _voltage(flights) if voltage is None and needs else voltage
+    if needs and volts is None:
+        raise UsageError(f"{needs[0]} depends on the battery's voltage, and no log has it; give one with --voltage")
+    state, motion = _motion(reference, volts)
+    rng = np.random.default_rng(seed)
+    loaded = _loaded(model, payload)
+    report = progress or (lambda fraction, words: None)
+    report(0.1, "what these flights leave")
+    left = [(r, _left(r, model)) for f in flights for r in f.records]
+    models = [_in_wind(drawn(loaded, rng), wind, rng) for _ in range(DRAWS)]
+    disturbances = np.array([_elsewhere(left, len(state.time), rng) for _ in models])
+    report(0.3, "flying it")
+    needed = demand(models, state, motion, PERIOD, disturbances)
+    still = np.zeros((1, len(state.time), 6))
+    plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, still)
+    authority, worst = _authorities(model, needed, plain)
+    loops = _loops(model, models) if flown_by_controller(model, flights) else ()
+    beyond = _beyond([r for f in flights for r in f.records], reference, motion, loaded)
+    return Readiness(
+        _decision(authority, loops, beyond),
+        model.vehicle,
+        trajectory,
+        float(path.duration),
+        payload,
+        wind,
+        any(e.effect.aerodynamic for e in model.effects),
+        volts,
+        tuple(f.records[0].flight for f in flights),
+        authority,
+        float(needed.reached.all(axis=1).mean()),
+        loops,
+        beyond,
+        _first(models, worst),
+        tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
+    )
+
+
+def _voltage(flights: Sequence[OpenFlight]) -> float | None:
+    """The lowest voltage of these flights [V], but for a twentieth of the time."""
+    logged = [s.voltage for f in flights for s in f.flown if s.voltage is not None]
+    return float(np.percentile(np.concatenate(logged), 5.0)) if logged else None
+
+
+def _motion(reference: Reference, voltage: float | None) -> tuple[State, Motion]:
+    """A reference as the motion of a vehicle that follows it."""
+    volts = None if voltage is None else np.full(len(reference.time), voltage)
+    state = State(
+        reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D, volts
+    )
+    specific = so3.rotate(so3.conjugate(reference.quat_ED), reference.acceleration_E + GRAVITY * E_Z)
+    return state, Motion(reference.omega_D, reference.omega_dot_D, specific)
+
+
+def _loaded(model: Model, payload: float) -> WrenchModel:
+    """The model with a mass [kg] more at its centre of mass."""
+    if payload == 0.0:
+        return model.wrench_model
+    body, known = model.wrench_model.body, {e.name: e for e in model.effects}
+    more = make_effect(model.vehicle, "payload", [payload, *body.com_B])
+    if own := known.pop("payload", None):  # both at the place of their common centre
+        total = own.theta[0] + payload
+        more = replace(more, theta=np.array([total, *((own.theta[0] * own.theta[1:] + payload * body.com_B) / total)]))
+    return WrenchModel(model.vehicle, (*known.values(), more))
+
+
+def _in_wind(model: WrenchModel, speed: float, rng: np.random.Generator) -> WrenchModel:
+    """The model in air that moves with this speed [m/s], level, in a direction of chance; in its own where it is 0."""
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    if speed == 0.0:
+        return model
+    air = make_effect(model.vehicle, "wind", [speed * np.cos(angle), speed * np.sin(angle)])
+    return WrenchModel(model.vehicle, (*(e for e in model.effects if e.name != "wind"), air))
+
+
+def _left(record: Record, model: Model) -> Array:
+    """What a model leaves (K, 6) of the measured wrench, about O, without the share of its scatter that is noise of the
+    sensors: that pushes nothing.
+    """  # noqa: D205
+    left = np.nan_to_num(record.measured - predict(record, model.wrench_model))
+    mean, size = left.mean(axis=0), left.var(axis=0)
+    pushed = np.sqrt(np.maximum(1.0 - np.nan_to_num(record.noise) ** 2 / np.maximum(size, 1e-30), 0.0))
+    return about_origin(model.vehicle.body, mean + pushed * (left - mean))
+
+
+def _elsewhere(left: Sequence[tuple[Record, Array]], count: int, rng: np.random.Generator) -> Array:
+    """What was left (N, 6) from some instant of some stretch on, `PERIOD` apart; it goes back from its end, and on."""
+    lengths = np.array([len(values) for _, values in left], dtype=float)
+    record, values = left[rng.choice(len(left), p=lengths / lengths.sum())]
+    place = rng.uniform(0.0, len(values)) + np.arange(count) * PERIOD / record.dt_kept
+    turned = np.abs((place + len(values) - 1) % max(2 * len(values) - 2, 1) - len(values) + 1)
+    return np.asarray(values[np.minimum(turned.astype(int), len(values) - 1)])
+
+
+def _authorities(model: Model, needed: Demand, plain: Demand) -> tuple[tuple[Authority, ...], Array]:
+    """Of every rotor and arm, the weakest first; and what of the weakest each draw needs (D,)."""
+    arms, rotors = model.vehicle.geometry()
+    least = (rotors.speed_min / rotors.speed_max) ** 2
+    bounded = np.maximum(arms.tilt_max, -arms.tilt_min) < 1e4  # rad: a model without stops has 1e9 degrees
+    found: list[tuple[Authority, Array]] = []
+
+    def add(part: str, used: str, most: Array, nominal: float, enough: NDArray[np.bool_]) -> None:
+        probability = min(float(np.mean(enough & needed.reached.all(axis=1))), CERTAIN)
+        found.append((Authority(part, used, np.percentile(most, WITHIN), nominal, probability), most))
+
+    for r in range(len(rotors)):
+        name, own = model.vehicle.rotor_name(r), needed.thrust[:, :, r]
+        most, low = own.max(axis=1), own.min(axis=1)
+        add(name, "thrust", most, float(plain.thrust[0, :, r].max()), (most <= 1.0) & (low >= least[r]))
+    for a in np.flatnonzero(arms.tilts):
+        for used, share, nominal, on in (
+            ("tilt", needed.tilt, plain.tilt, bounded[a]),
+            ("tilt rate", needed.tilt_rate, plain.tilt_rate, arms.tilt_rate_max[a] < 1e4),
+        ):
+            most = share[:, :, a].max(axis=1)
+            if on:
+                add(model.vehicle.arm_name(int(a)), used, most, float(nominal[0, :, a].max()), most <= 1.0)
+    found.sort(key=lambda pair: (pair[0].probability, -pair[0].needs[1]))
+    return tuple(one for one, _ in found), found[0][1]
+
+
+def _loops(model: Model, models: Sequence[WrenchModel]) -> tuple[LoopMargins, ...]:
+    """Margins of the loops about body x, y and z that the vehicle can turn about."""
+    nominal = open_loop(loop_of(replace(model, effects=())))
+    B = linear_matrix(model, [])
+    inverse, own = np.linalg.pinv(B, rcond=RANK), np.diag(model.vehicle.body.inertia)
+    drawn_loops = []
+    for one in models:
+        steady = [e for e in one.effects if e.effect.place != "air"]
+        gain = np.diag(linear_matrix(model, steady) @ inverse)[3:] * own / np.diag(one.body.inertia)
+        drawn_loops.append(gain[:, None] * open_loop(loop_of(replace(model, effects=tuple(one.effects)))))
+    loops, out = np.array(drawn_loops), []
+    before = np.transpose(phase_and_gain_margins(nominal))
+    for k in np.flatnonzero(np.diag(B @ inverse)[3:] > 0.5):
+        by_factor = [phase_and_gain_margins(factor * loops[:, k]) for factor in FACTORS]
+        share = [float(np.mean((phase >= PHASE) & (gain >= GAIN))) for phase, gain in by_factor]
+        helped = [float(f) for f, p in zip(FACTORS, share, strict=True) if p >= GO]
+        phase, gain = (np.percentile(np.minimum(x, 1e3), WITHIN) for x in by_factor[0])
+        found = LoopMargins(AXES[3 + k], before[k], phase, gain, min(share[0], CERTAIN), helped[0] if helped else None)
+        out.append(found)
+    return tuple(out)
+
+
+def _beyond(records: Sequence[Record], reference: Reference, motion: Motion, model: WrenchModel) -> tuple[Range, ...]:
+    """Quantities in which a trajectory leaves what these flights did."""
+    posed = all(r.has_pose for r in records)
+    force = model.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
+    pairs: tuple[tuple[str, str, bool, Callable[[Record], Array], Array], ...] = (
+        ("speed", "m/s", posed, lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1), reference.velocity_E),
+        ("body rate", "rad/s", True, lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1), reference.omega_D),
+        ("commanded force", "N", True, lambda r: np.linalg.norm(r.commanded[:, :3], axis=1), force[:, None]),
+    )
+    found = [
+        Range(name, unit, max(float(values(r).max()) for r in records), float(np.linalg.norm(asked, axis=1).max()))
+        for name, unit, known, values, asked in pairs
+        if known
+    ]
+    return tuple(one for one in found if one.outside)
+
+
+def _decision(authority: Sequence[Authority], loops: Sequence[LoopMargins], beyond: Sequence[Range]) -> Decision:
+    least = min((*(one.probability for one in authority), *(one.probability for one in loops)))
+    if least < NO_GO:
+        return Decision.NO_GO
+    return Decision.GO if least >= GO and not beyond else Decision.CARE
+
+
+def _first(models: Sequence[WrenchModel], worst: Array, least: float = 0.1) -> tuple[Uncertain, ...]:
+    """Values with which more than a tenth of the scatter of what the weakest part needs goes, the largest first."""
+    found = []
+    for k, one in enumerate(models[0].effects):
+        if one.std is None or one.name == "wind":
+            continue
+        theta = np.array([m.effects[k].theta for m in models])
+        for p, parameter in enumerate(one.effect.parameters(models[0].vehicle)):
+            spread = float(theta[:, p].std() * worst.std())
+            share = float(np.cov(theta[:, p], worst)[0, 1] / spread) ** 2 if spread > 0.0 else 0.0
+            if share > least:
+                value, std = float(np.mean(theta[:, p])), float(np.std(theta[:, p]))
+                found.append(Uncertain(one.name, parameter.name, value, std, share))
+    return tuple(sorted(found, key=lambda u: -u.share))
