@@ -49,7 +49,7 @@ def summary(found: Readiness) -> list[str]:
     if found.beyond:
         words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
-    if found.first:
+    if found.first and found.decision is not Decision.GO:
         one = found.first[0]
         size = f"{number(one.value)} +- {number(one.std, 2)}"
         out.append(
