@@ -65,7 +65,9 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
     """
     arms, _ = model.vehicle.geometry()
     angles = np.atleast_1d(np.asarray(tilt, dtype=float))
-    if len(angles) not in (1, len(arms)) or not np.isfinite(angles).all():
+    if not np.isfinite(angles).all():
+        raise UsageError("--tilt: expected degrees, numbers with an end")
+    if len(angles) not in (1, len(arms)):
         raise UsageError(f"--tilt: got {len(angles)} angles, expected one for all, or one for each of {len(arms)} arms")
     angles = np.broadcast_to(angles, len(arms)).copy()
     fixed = np.flatnonzero(~arms.tilts & (angles != 0.0)) if len(np.atleast_1d(tilt)) > 1 else np.empty(0, dtype=int)

@@ -66,11 +66,13 @@ def read_parameters(path: Path) -> dict[str, float]:
         if len(words) == 5 and words[0].isdecimal():
             words = words[2:4]
         try:
-            found[words[0].upper()] = value = float(words[1])
+            name, value = words[0].upper(), float(words[1])
         except (IndexError, ValueError):
             value = np.nan
         if not np.isfinite(value):
             raise ModelError(f"{path}, line {number}: got {line.strip()[:80]!r}, expected NAME,VALUE, a finite number")
+        if found.setdefault(name, value) != value:
+            raise ModelError(f"{path}, line {number}: {name} {value:g} was {found[name]:g} before; leave one of them")
     return found
 
 

@@ -98,8 +98,10 @@ class Autopilot:
             if f"{name}X" not in before:
                 continue
             mine, theirs = frd(place_B)[:2], np.array([before[f"{name}X"], before.get(f"{name}Y", 0.0)])
-            alike = 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs)  # cos 45 deg: beyond, it is another rotor's
-            if not mine @ theirs >= alike:
+            with np.errstate(over="ignore", invalid="ignore"):  # a damaged log has any number
+                alike = 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs)  # cos 45 deg: beyond, it is another rotor's
+                same = bool(mine @ theirs >= alike)
+            if not same:
                 raise ModelError(
                     f"{model.name}: rotor {r} is at x {mine[0]:.3g}, y {mine[1]:.3g} m (forward, right), {name}X and Y "
                     f"are {theirs[0]:.3g}, {theirs[1]:.3g}; put the rotors of the model in the autopilot's order"
@@ -167,7 +169,7 @@ AUTOPILOTS = {
         "PX4",
         _px4,
         frozenset({"mass", "com", "direction", "balance", "yaw", "imu", "misalignment", "level", "curve"}),
-        {"_KM": (-1.0, 1.0), "_CT": (0.0, 100.0), "_OFF": (-45.0, 45.0), "THR_MDL_FAC": (0.0, 1.0)}
+        {"_KM": (-1.0, 1.0), "_CT": (0.01, 100.0), "_OFF": (-45.0, 45.0), "THR_MDL_FAC": (0.0, 1.0)}
         | {"MPC_THR_HOVER": (0.1, 0.8)},
         ("THR_MDL_FAC", "MPC_THR_HOVER"),
         linearises=True,
@@ -192,4 +194,4 @@ AUTOPILOTS = {
         together=(r"quadSysId\.pwmToThrust[AB]",),
     ),
 }
-"""Limits of PX4 and ArduPilot: their parameter references."""
+"""Limits of PX4 and ArduPilot: their parameter references; PX4 switches a rotor off whose _CT is 0."""

@@ -14,7 +14,7 @@ from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import px4
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
 from wrenchgap.plant.drafts.draft import Draft, Sourced, completed, inertia_of_mass, text_of
-from wrenchgap.plant.drafts.sources import Given, draft_of_source
+from wrenchgap.plant.drafts.sources import Given, draft_of_source, parameters_of
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY
@@ -289,6 +289,13 @@ INS_POS1_X,0.02
 INS_POS1_Y,0.0
 INS_POS1_Z,-0.05
 """
+
+
+def test_a_parameter_that_comes_twice_with_two_values_is_refused(tmp_path):
+    file = tmp_path / "two.params"
+    file.write_text("1\t1\tCA_ROTOR_COUNT\t4\t6\n1\t1\tCA_ROTOR_COUNT\t4\t6\n2\t1\tCA_ROTOR_COUNT\t6\t6\n")
+    with pytest.raises(ModelError, match="line 3: CA_ROTOR_COUNT 6 was 4 before"):
+        parameters_of(file)
 
 
 def test_ardupilot_parameters_hover_at_the_learned_throttle(tmp_path):

@@ -212,9 +212,11 @@ def test_parameters_of_another_vehicle_are_refused(quadrotor):
     other = {f"CA_ROTOR{r}_P{axis}": places[r - 1, k] for r in range(4) for k, axis in enumerate("XYZ")}
     with pytest.raises(ModelError, match="put the rotors of the model in the autopilot's order"):
         written(model, "px4", other)
-    for wrong in ({"THR_MDL_FAC": 1e300}, {"THR_MDL_FAC": np.nan}, {"SENS_BOARD_X_OFF": 1e9}, {"CA_ROTOR1_CT": -6.5}):
+    for wrong in ({"THR_MDL_FAC": 1e300}, {"THR_MDL_FAC": np.nan}, {"SENS_BOARD_X_OFF": 1e9}, {"CA_ROTOR1_CT": 0.0}):
         with pytest.raises(ModelError, match="the parameters that were set: "):
             written(model, "px4", wrong)
+    with np.errstate(over="raise"), pytest.raises(ModelError, match="put the rotors of the model"):
+        written(model, "px4", {"CA_ROTOR0_PX": 1e308, "CA_ROTOR0_PY": 1e308})
     with pytest.raises(ModelError, match="has 4 rotors, CA_ROTOR_COUNT is 6"):
         written(model, "px4", {"CA_ROTOR_COUNT": 6, "THR_MDL_FAC": 0.0})
     with pytest.raises(ModelError, match="none of PX4's"):
