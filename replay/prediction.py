@@ -55,6 +55,8 @@ MOST_STARTS = 5000
 """Of more samples so many, evenly spread: neighbours share all but one of their commands and say the same twice."""
 FEWER_STARTS = 300
 """Where predictions are one result among others: as many as there are seconds of independent motion, and more."""
+FARTHEST = 1e6
+"""[m] from where a path begins: no vehicle goes as far in a second, and a page draws numbers of single precision."""
 DRAWS, DRAWN = 8, 4000
 """Draws of the model's values, and predictions of what may be off: of 4,000 errors 200 are beyond their quantile."""
 LIMIT = 0.95
@@ -170,13 +172,14 @@ def open_loop_beside(
         return None, (f"Nothing was predicted ahead: {error}",)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a motion without end is not shown
 def paths_ahead(
     stretches: Sequence[RecordedStretch], predictor: Predictor, horizon: float = 1.0, most: int = 100, points: int = 20
 ) -> tuple[Array, Array] | None:
     """Where predictions lead in `points` steps up to a `horizon` [s]: times (S,) at which they start, and positions
     (S, 1 + D, points + 1, 3) [m] in E, the model's own and D that what it leaves and does not know may make of it.
 
-    None where no stretch is as long.
+    None where no stretch is as long, or a motion goes beyond `FARTHEST`.
     """  # noqa: D205
     stride, times, paths = 1 + sum(len(s.y) for s in stretches) // most, [], []
     rng = np.random.default_rng(0)
@@ -191,7 +194,9 @@ def paths_ahead(
         begin = np.broadcast_to(s.y[ahead.starts, None, None, :3], (*states.shape[:2], 1, 3))
         times.append(s.state.time[ahead.starts])
         paths.append(np.concatenate((begin, states), axis=2))
-    return (np.concatenate(times), np.concatenate(paths)) if times else None
+    if not times or not all((np.abs(path - path[:, :, :1]) < FARTHEST).all() for path in paths):
+        return None
+    return np.concatenate(times), np.concatenate(paths)
 
 
 def stretches_of(one: OpenFlight, vehicle: Vehicle) -> list[RecordedStretch]:

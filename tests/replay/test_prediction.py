@@ -188,6 +188,8 @@ def test_a_motion_that_grows_beyond_all_numbers_is_refused_without_warnings(flow
         warnings.simplefilter("error")
         with pytest.raises(ModelError, match="grows beyond all numbers; check mass, inertia"):
             wg.predict(flights[0], replace(MODEL, vehicle=light))
+        lost = Predictor("model", replace(MODEL, vehicle=light).wrench_model)
+        assert paths_ahead(stretches_of(flights[0], light), lost, most=3) is None  # the page drew it, and warned
 
 
 @pytest.mark.slow
