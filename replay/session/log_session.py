@@ -36,6 +36,7 @@ from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels.compensation import CompensationPanel, SessionCompensation
 from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.replay.session.panels.failure import FailurePanel, SessionFailures
+from wrenchgap.replay.session.panels.ready import ReadyPanel
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.session import Capabilities, MakePanel, PathsAhead, Scene, Series, Stretch
@@ -83,6 +84,7 @@ class LogSession:
         panels: list[MakePanel] = [
             partial(FailurePanel, failures=self.failures),
             partial(EffectsPanel, effects=self.effects),
+            partial(ReadyPanel, working=self.working),
             partial(CompensationPanel, compensations=self.compensations),
         ]
         if len(self.flights) > 1:

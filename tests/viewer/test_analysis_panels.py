@@ -19,6 +19,7 @@ from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels.compensation import CompensationPanel
 from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
 from wrenchgap.replay.session.panels.failure import VIEWS, FailurePanel
+from wrenchgap.replay.session.panels.ready import ReadyPanel
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.page import Page
@@ -98,6 +99,16 @@ def test_a_click_on_a_cell_moves_cursor_scene_and_plots_to_its_worst_instant(pag
         follow(failure, uuid)
         assert page.cursor.time == pytest.approx(float(at), abs=0.006)
         assert np.asarray(page.drawing.craft.frame.position) == pytest.approx(page.scene.position_E[page.cursor.index])
+
+
+def test_the_page_says_whether_to_fly_and_not_of_another_flight(page, work):
+    panel = panel_of(page, ReadyPanel)
+    move(panel.payload, 0.4)
+    work(panel.work)
+    assert "Go: on hover with 0.40 kg more" in panel.answer.content
+    assert panel.answer.content.count("<tr>") == 1 + len(page.session.vehicle.rotors)
+    page.open("test")
+    assert panel.answer.content == ""
 
 
 def test_a_click_on_a_worst_stretch_goes_there(page, failure):
