@@ -226,10 +226,10 @@ def _loaded(model: Model, payload: float) -> WrenchModel:
 
 
 def _in_wind(model: WrenchModel, speed: float, rng: np.random.Generator) -> WrenchModel:
-    """The model in air that moves with this speed [m/s], level, in a direction of chance; in its own where it is 0."""
+    """The model in air that moves with this speed [m/s], level, in a direction of chance: that of the day when it was
+    fitted has gone.
+    """  # noqa: D205
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    if speed == 0.0:
-        return model
     air = make_effect(model.vehicle, "wind", [speed * np.cos(angle), speed * np.sin(angle)])
     return WrenchModel(model.vehicle, (*(e for e in model.effects if e.name != "wind"), air))
 

@@ -153,7 +153,7 @@ class Injections:
         sizes = np.copysign(np.geomspace(min(self.least, most), most, count), self.plausible)
         low = -1
         for high in dict.fromkeys([*range(0, count, STRIDE), count - 1]):
-            instead, spread = self.tried(sizes[high], told=high == count - 1)
+            instead, spread = self.tried(sizes[high], rivals_wanted=high == count - 1)
             if math.isfinite(spread):
                 break
             low = high
@@ -169,16 +169,16 @@ class Injections:
         size = float(sizes[high] + math.copysign(ADVERSE * spread, self.plausible))
         return (size, ()) if abs(size) <= most else (math.nan, ())
 
-    def tried(self, size: float, *, told: bool = False) -> tuple[tuple[str, ...], float]:
-        """Effects that could make what this size makes, where they are to be `told`; the standard deviation of a fit of
-        it, NaN where it would not have been firm.
+    def tried(self, size: float, *, rivals_wanted: bool = False) -> tuple[tuple[str, ...], float]:
+        """Effects that could make what this size makes, if `rivals_wanted`; the standard deviation of a fit of it, NaN
+        where it would not have been firm.
         """  # noqa: D205
         secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
         space = self.search.space
         row = int(space.parameters[self.key][self.index])
         scorer = self.search.scorer.on(InjectedSpectrum(space, row, space.offset[self.key], size, secant))
         search = self.search.on(scorer)
-        if not told and search.score(self.own) < search.score(self.found):
+        if not rivals_wanted and search.score(self.own) < search.score(self.found):
             return (), math.nan  # too small, whatever else could make it
         rivals = self.likeliest_without(search)
         if search.score(self.own) < search.score(rivals[0]):

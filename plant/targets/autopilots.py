@@ -107,9 +107,18 @@ class Autopilot:
                     f"are {theirs[0]:.3g}, {theirs[1]:.3g}; put the rotors of the model in the autopilot's order"
                 )
 
+    def _limits_of(self, name: str) -> tuple[float, float]:
+        return next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))
+
+    def nearest(self, name: str, value: float, std: float) -> float:
+        """The value, or the firmware's limit where that is within one standard deviation of it."""
+        low, high = self._limits_of(name)
+        limit = min(max(value, low), high)
+        return limit if abs(limit - value) <= std else value
+
     def refused(self, name: str, value: float) -> str | None:
         """Why a value is none for this firmware, None where it is one."""
-        low, high = next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))
+        low, high = self._limits_of(name)
         return None if low <= value <= high else f"{name} {value:.7g} is none: {self.name} takes {low:g} to {high:g}"
 
 

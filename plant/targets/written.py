@@ -116,11 +116,12 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     for name, one in found.items():
         if name not in asked or not np.isfinite(one.value):
             continue
-        if (refusal := pilot.refused(name, float(one.value))) is not None:
+        value = pilot.nearest(name, float(one.value), float(one.std))
+        if (refusal := pilot.refused(name, value)) is not None:
             lost.append(refusal)
             continue
         nominal = float(one.nominal) if abs(one.nominal) > 1e-9 * abs(one.value) else 0.0  # no rounding
-        numbers = (float(one.value), float(one.std), before.get(name), nominal)
+        numbers = (value, float(one.std), before.get(name), nominal)
         rows.append(WrittenParameter(name, *numbers, one.by))
     without_curve = {"level", "curve"} | ({"mass"} if pilot.curve else set())
     hovers = "signal" in own and bool(np.isfinite(own["signal"].value))

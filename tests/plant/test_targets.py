@@ -16,6 +16,7 @@ from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import RigidBody, unpack
 from wrenchgap.plant.state import Commands
+from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.targets.quantities import quantities
 from wrenchgap.plant.targets.written import written
 from wrenchgap.plant.vehicle import GRAVITY, Body
@@ -408,3 +409,12 @@ def test_drone_models_flies_as_the_plant(identified, tmp_path):
 def about_origin_of(y, com):
     """The states of a body whose place is that of its centre of mass, with that of its origin."""
     return np.concatenate((y[:, :3] - so3.rotate(y[:, 3:7], np.tile(com, (len(y), 1))), y[:, 3:]), axis=1)
+
+
+def test_a_value_beyond_a_limit_by_less_than_it_is_known_is_the_limit():
+    """A quadratic curve is estimated just above 1 as often as below."""
+    px4 = AUTOPILOTS["px4"]
+    assert px4.nearest("THR_MDL_FAC", 1.0005, 0.001) == 1.0
+    assert px4.nearest("THR_MDL_FAC", 0.9995, 0.001) == 0.9995
+    assert px4.nearest("THR_MDL_FAC", 1.01, 0.001) == 1.01
+    assert px4.refused("THR_MDL_FAC", 1.01)
