@@ -177,7 +177,8 @@ def readiness(
     plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, still)
     authority, worst = _authorities(model, needed, plain)
     loops = _loops(model, models) if flown_by_controller(model, flights) else ()
-    beyond = _beyond([r for f in flights for r in f.records], reference, motion, loaded)
+    force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
+    beyond = _beyond([r for f in flights for r in f.records], reference, wind, force)
     return Readiness(
         _decision(authority, loops, beyond),
         model.vehicle,
@@ -287,7 +288,7 @@ def _loops(model: Model, models: Sequence[WrenchModel]) -> tuple[LoopMargins, ..
     inverse, own = np.linalg.pinv(B, rcond=RANK), np.diag(model.vehicle.body.inertia)
     drawn_loops = []
     for one in models:
-        steady = [e for e in one.effects if e.effect.place != "air"]
+        steady = [e for e in one.effects if e.effect.place != "air" and not e.effect.needs_voltage]
         gain = np.diag(linear_matrix(model, steady) @ inverse)[3:] * own / np.diag(one.body.inertia)
         drawn_loops.append(gain[:, None] * open_loop(loop_of(replace(model, effects=tuple(one.effects)))))
     loops, out = np.array(drawn_loops), []
@@ -302,18 +303,17 @@ def _loops(model: Model, models: Sequence[WrenchModel]) -> tuple[LoopMargins, ..
     return tuple(out)
 
 
-def _beyond(records: Sequence[Record], reference: Reference, motion: Motion, model: WrenchModel) -> tuple[Range, ...]:
-    """Quantities in which a trajectory leaves what these flights did."""
+def _beyond(records: Sequence[Record], reference: Reference, wind: float, force: Array) -> tuple[Range, ...]:
+    """Quantities in which a trajectory, with the `force` (N,) [N] that it takes, leaves what these flights did."""
     posed = all(r.has_pose for r in records)
-    force = model.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
     pairs: tuple[tuple[str, str, bool, Callable[[Record], Array], Array], ...] = (
-        ("speed", "m/s", posed, lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1), reference.velocity_E),
-        ("body rate", "rad/s", True, lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1), reference.omega_D),
-        ("commanded force", "N", True, lambda r: np.linalg.norm(r.commanded[:, :3], axis=1), force[:, None]),
+        ("speed", "m/s", posed, lambda r: r.state_kept.velocity_E, wind + np.linalg.norm(reference.velocity_E, axis=1)),
+        ("body rate", "rad/s", True, lambda r: r.state_kept.omega_B, np.linalg.norm(reference.omega_D, axis=1)),
+        ("commanded force", "N", True, lambda r: r.commanded[:, :3], force),
     )
     found = [
-        Range(name, unit, max(float(values(r).max()) for r in records), float(np.linalg.norm(asked, axis=1).max()))
-        for name, unit, known, values, asked in pairs
+        Range(name, unit, max(float(np.linalg.norm(flown(r), axis=1).max()) for r in records), float(asked.max()))
+        for name, unit, known, flown, asked in pairs
         if known
     ]
     return tuple(one for one in found if one.outside)
