@@ -3,6 +3,7 @@
 import pytest
 
 from tests.replay.autopilot_logs import flight, write_ulog
+from tests.viewer.test_analysis_panels import move
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels import logs
@@ -141,3 +142,22 @@ def test_what_the_form_lacks_is_said_in_the_words_of_the_form(page):
     with pytest.raises(ModelError, match="--frame") as caught:
         form._modelled(form.intake, quiet)
     assert 'say "frame" quad_x "arm", or' in of_page(str(caught.value))
+
+
+def test_the_vehicle_of_the_form_is_drawn_before_there_is_a_model(page, said):
+    """A frame with an arm's length; neither alone says where rotors are, nor what no vehicle has."""
+    form = panel(page)
+    move(form.frame, "hexa_x")
+    assert form.preview.content == ""
+    move(form.arm, 0.3)
+    hexarotor = form.preview.content
+    assert "the vehicle from above" in hexarotor
+    move(form.frame, "quad_x")
+    assert "the vehicle from above" in form.preview.content
+    assert form.preview.content != hexarotor
+    move(form.arm, 1e-9)
+    assert form.preview.content == ""
+    move(form.arm, 0.2)
+    move(form.source, "crazyflie")
+    assert form.preview.content == ""
+    assert said == []

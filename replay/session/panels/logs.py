@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
+from wrenchgap.plant.drafts.draft import Sheet
 from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.model_file import load, shipped_models
 from wrenchgap.replay.session.intake import LEAST_CUTOFF, Intake
@@ -91,12 +93,33 @@ class LogsPanel(Panel):
         )
         hint = "checks of the logs that may be bad, with commas between"
         self.accept = gui.add_text("accept checks", ", ".join(intake.options.accept), hint=hint)
+        self.preview = gui.add_html("")
+        for field in (self.frame, self.arm, self.radius):
+            host.connect(field, lambda _: self._draw())
         label = "Make the model, open the flights"
         self.make = JobControls(host, label, lambda: self._run(self.make, self._modelled))
 
     def _ask_sizes(self) -> None:
         for field in (self.mass, self.frame, self.arm, self.radius, self.thrust):
             field.visible = self.source.value == OF_LOG
+        self._draw()
+
+    def _given(self) -> Given:
+        """What the form says of the vehicle."""
+        frame = None if self.frame.value == AS_LOGGED else self.frame.value
+        lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
+        return Given(None, self.mass.value or None, None, frame, *lengths)
+
+    def _draw(self) -> None:
+        """The vehicle from above, where frame and arm of the form say where its rotors are; the mass is not drawn."""
+        given = self._given()
+        self.preview.content = ""
+        if self.source.value == OF_LOG and given.frame and given.arm:
+            from wrenchgap.replay.api_models import draft_model  # here: the page stands before it is there
+
+            with suppress(WrenchgapError):  # what makes the model says what is wrong
+                sheet = draft_model(None, given=replace(given, mass=given.mass or 1.0))
+                self.preview.content = html.render("sheet", lines=(), assumed=(), drawn=_from_above(sheet))
 
     def _received(self, path: Path) -> None:
         self._run(self.work, lambda now, report: now.with_file(path, report), path)
@@ -109,9 +132,7 @@ class LogsPanel(Panel):
             return now.with_model(load(self.source.value), report)
         if not self.mass.value:
             raise UsageError("mass: weigh the vehicle with its battery and say how many kilograms it has")
-        frame = None if self.frame.value == AS_LOGGED else self.frame.value
-        lengths = (self.arm.value or None, self.radius.value or None, self.thrust.value or None)
-        return now.drafted(Given(None, self.mass.value, None, frame, *lengths), report)
+        return now.drafted(self._given(), report)
 
     def _run(self, controls: JobControls, change: Callable[[Intake, Report], Intake], came: Path | None = None) -> None:
         """Change logs or model beside the page, which then shows what there is; where that fails nothing changes.
@@ -164,12 +185,16 @@ class LogsPanel(Panel):
 
         if (sheet := self.intake.sheet) is None:
             return ""
-        from wrenchgap.replay.present.report.sections import Image
+        assumed = [*sheet.assumed, *sheet.notes]
+        return html.render("sheet", lines=words.overview(sheet.model), assumed=assumed, drawn=_from_above(sheet))
 
-        drawn = Image.of(words.picture(sheet), "the vehicle from above", "", form="svg").src
-        return html.render(
-            "sheet", lines=words.overview(sheet.model), assumed=[*sheet.assumed, *sheet.notes], drawn=drawn
-        )
+
+def _from_above(sheet: Sheet) -> str:
+    """A picture of the vehicle, as an address that fetches nothing."""
+    from wrenchgap.replay.present import model as words
+    from wrenchgap.replay.present.report.sections import Image
+
+    return Image.of(words.picture(sheet), "the vehicle from above", "", form="svg").src
 
 
 def _again(now: Intake, report: Report) -> Intake:
