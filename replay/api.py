@@ -103,18 +103,22 @@ def inspect(
 
 @check_arguments
 def compare(
-    flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
+    flights: Flights,
+    model: Model | Addition,
+    *others: Model | Addition,
+    gp: GaussianProcess | None = None,
+    ahead: bool = True,
 ) -> Comparison:
     """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`.
 
-    And where the log has the odometry, how far they are off when they predict the motion (`predict`).
+    And, if wanted, how far `ahead` they predict the motion (`predict`), where the log has the odometry.
     """
     opened, base, names = listed(flights, "compare"), model_of(model), labels(model, *others)
     further = [model_of(o) for o in others]
     found, notes = predictors(base, further, gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
-    ahead, why_not = open_loop_beside(opened, base, further, gp=gp, names=names)
-    return replace(result, ahead=ahead, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes, *why_not))))
+    moved, why_not = open_loop_beside(opened, base, further, gp=gp, names=names) if ahead else (None, ())
+    return replace(result, ahead=moved, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes, *why_not))))
 
 
 @check_arguments

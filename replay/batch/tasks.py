@@ -212,7 +212,7 @@ def _inspect(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
 
 def _compare(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> dict[str, Any]:
     one, model, row = _open(path, plan, text)
-    found = api.compare([one], model)
+    found = api.compare([one], model, ahead=False)
     rms = {"rms": plain(found.evaluations[-1].pooled.rms), "rms_nominal": plain(found.evaluations[0].pooled.rms)}
     fitted = fit_json(flight_values(one, model.without_tolerances, plan.names), followed_flight(one))
     return {**row, **rms, "fit": _text(fitted), "result": _text(found.to_json())}

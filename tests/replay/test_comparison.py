@@ -112,7 +112,7 @@ def test_an_addition_is_labelled_by_what_it_adds(logs):
     alone = [replace(one, flight=replace(one.flight, odometry=None)) for one in opened]  # nothing is predicted
 
     def labels(*models):
-        return [e.name for e in wg.compare(alone, *models).evaluations]
+        return [e.name for e in wg.compare(alone, *models, ahead=False).evaluations]
 
     assert labels(MODEL, found) == ["nominal", "+ com_offset"]
     assert labels(MODEL, found, more) == ["nominal", "+ com_offset", "+ com_offset + mass"]
@@ -178,7 +178,7 @@ def test_by_flight_gives_means_with_their_sign(logs):
     first, second = wg.open_flights([logs.ideal, logs.test], MODEL)
     push = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.0])
     pushed = replace(second, records=tuple(replace(r, measured=r.measured + push) for r in second.records))
-    before, after = (wg.compare([first, one], MODEL).to_json()["by_flight"] for one in (second, pushed))
+    before, after = (wg.compare([first, one], MODEL, ahead=False).to_json()["by_flight"] for one in (second, pushed))
     assert [(row["flight"], row["model"]) for row in after] == [("ideal", "nominal"), ("test", "nominal")]
     np.testing.assert_allclose(after[0]["mean"], before[0]["mean"])
     np.testing.assert_allclose(np.array(after[1]["mean"]) - before[1]["mean"], push, atol=1e-12)
@@ -196,4 +196,4 @@ def test_by_flight_on_the_command_line_prints_one_table_with_signs(logs, run):
     by_flight = [row for row in rows if row[0] in ("ideal", "test")]
     assert len(by_flight) == 2
     assert all(value[0] in "+-0" for row in by_flight for value in row[3:])
-    assert wg.compare(wg.open_flights(logs.ideal, MODEL), MODEL).to_json()["by_flight"]
+    assert wg.compare(wg.open_flights(logs.ideal, MODEL), MODEL, ahead=False).to_json()["by_flight"]
