@@ -28,18 +28,21 @@ ROUNDS = 20
 """Of asking for more: an error of gain of half is answered to 1e-6."""
 BEYOND = 5.0
 """Speeds that are asked for are cut at so many times their largest: 25 times the thrust."""
+AT_ONCE = 200_000
+"""Samples, all models together, whose arrays are in memory at once: 0.2 GB for twelve rotors."""
 REACHED = 1e-3
 """Of the weight, and of the weight at the arms' length: what is missing below it is rounding."""
 
 
 @dataclass(frozen=True)
 class Demand:
-    """Of D models along N samples: `thrust` (D, N, R), the share of each rotor's largest thrust, T = c_f Omega^2, that
-    its command takes; `tilt` and `tilt_rate` (D, N, A), shares of the range and of the rate of each arm; whether
-    the wrench is `reached` (D, N).
+    """The most that a motion takes of D models, all shares of what a part has: `thrust` (D, R) of each rotor's largest
+    thrust, T = c_f Omega^2, by its command, and the `least` of it (D, R); `tilt` and `tilt_rate` (D, A) of the range
+    and the rate of each arm; whether the wrench is `reached` (D,) all the time.
     """  # noqa: D205
 
     thrust: Array
+    least: Array
     tilt: Array
     tilt_rate: Array
     reached: NDArray[np.bool_]
@@ -50,10 +53,24 @@ def demand(models: Sequence[WrenchModel], state: State, motion: Motion, dt: floa
 
     `disturbances` (D, N, 6) [N, Nm] act on each about O, in B. Raises ModelError for a vehicle without rotors.
     """
+    allocation = Allocation(_unlimited(models[0].vehicle))
+    some = max(1, AT_ONCE // len(state.time))
+    parts = [slice(k, k + some) for k in range(0, len(models), some)]
+    found = [_demand(allocation, models[part], state, motion, dt, disturbances[part]) for part in parts]
+    return Demand(*(np.concatenate(each) for each in zip(*(vars(one).values() for one in found), strict=True)))
+
+
+def _demand(
+    allocation: Allocation,
+    models: Sequence[WrenchModel],
+    state: State,
+    motion: Motion,
+    dt: float,
+    disturbances: Array,
+) -> Demand:
     vehicle = models[0].vehicle
     arms, rotors = vehicle.geometry()
-    allocation, along_z = Allocation(_unlimited(vehicle)), pushes_along_z_only(vehicle)
-    weight = vehicle.body.mass * GRAVITY
+    along_z, weight = pushes_along_z_only(vehicle), vehicle.body.mass * GRAVITY
     lever = float(np.median(np.linalg.norm(arms.position_B, axis=1)))
     least = REACHED * weight * np.array([1.0, 1.0, 1.0, lever, lever, lever])
     needed = np.array([about_origin(m.body, measured_wrench(m.body, motion)) for m in models]) - disturbances
@@ -73,13 +90,14 @@ def demand(models: Sequence[WrenchModel], state: State, motion: Motion, dt: floa
     assert commands.rotor_speed is not None
     assert commands.tilt is not None
     shape = (len(models), len(state.time), -1)
-    tilt, speed = commands.tilt.reshape(shape), commands.rotor_speed.reshape(shape)
-    rate = np.abs(np.diff(tilt, axis=1, prepend=tilt[:, :1])) / dt
+    tilt, thrust = commands.tilt.reshape(shape), (commands.rotor_speed / rotors.speed_max).reshape(shape) ** 2
+    range_, rate = np.maximum(arms.tilt_max, -arms.tilt_min), np.abs(np.diff(tilt, axis=1, prepend=tilt[:, :1])) / dt
     return Demand(
-        (speed / rotors.speed_max) ** 2,
-        np.where(arms.tilts, np.abs(tilt) / np.maximum(arms.tilt_max, -arms.tilt_min), 0.0),
-        np.where(arms.tilts, rate / arms.tilt_rate_max, 0.0),
-        np.all(np.abs(missing) < least, axis=2),
+        thrust.max(axis=1),
+        thrust.min(axis=1),
+        np.where(arms.tilts, np.abs(tilt).max(axis=1) / range_, 0.0),
+        np.where(arms.tilts, rate.max(axis=1) / arms.tilt_rate_max, 0.0),
+        np.all(np.abs(missing) < least, axis=(1, 2)),
     )
 
 

@@ -50,6 +50,8 @@ DRAWS = 200
 """Of the model and the disturbance: a probability of 0.9 is known to 0.02."""
 PERIOD = 0.02
 """Of the samples along the trajectory [s]: four to a period of the filter's corner."""
+LONGEST = 600.0
+"""Of a trajectory [s]: 30,000 samples in 200 draws take half a minute and 0.5 GB."""
 CERTAIN = 0.98
 """Largest probability that is stated, as of `explain`."""
 GO, NO_GO = 0.9, 0.5
@@ -156,7 +158,7 @@ def readiness(
     for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage or 1.0, 1e3)):
         if not 0.0 <= value <= most:
             raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
-    _, _, path = prepare(Plan(model, trajectory, duration))
+    _, _, path = prepare(Plan(model, trajectory, duration), max_duration=LONGEST)
     along = Flat(path) if pushes_along_z_only(model.vehicle) else path
     reference = along.at(np.arange(0.0, path.duration, PERIOD))
     needs = [e.name for e in model.effects if e.effect.needs_voltage]
@@ -190,7 +192,7 @@ def readiness(
         volts,
         tuple(f.records[0].flight for f in flights),
         authority,
-        float(needed.reached.all(axis=1).mean()),
+        float(needed.reached.mean()),
         loops,
         beyond,
         _first(models, worst),
@@ -262,21 +264,20 @@ def _authorities(model: Model, needed: Demand, plain: Demand) -> tuple[tuple[Aut
     found: list[tuple[Authority, Array]] = []
 
     def add(part: str, used: str, most: Array, nominal: float, enough: NDArray[np.bool_]) -> None:
-        probability = min(float(np.mean(enough & needed.reached.all(axis=1))), CERTAIN)
+        probability = min(float(np.mean(enough & needed.reached)), CERTAIN)
         found.append((Authority(part, used, np.percentile(most, WITHIN), nominal, probability), most))
 
     for r in range(len(rotors)):
-        name, own = model.vehicle.rotor_name(r), needed.thrust[:, :, r]
-        most, low = own.max(axis=1), own.min(axis=1)
-        add(name, "thrust", most, float(plain.thrust[0, :, r].max()), (most <= 1.0) & (low >= least[r]))
+        most, low = needed.thrust[:, r], needed.least[:, r]
+        enough = (most <= 1.0) & (low >= least[r])
+        add(model.vehicle.rotor_name(r), "thrust", most, float(plain.thrust[0, r]), enough)
     for a in np.flatnonzero(arms.tilts):
         for used, share, nominal, on in (
             ("tilt", needed.tilt, plain.tilt, bounded[a]),
             ("tilt rate", needed.tilt_rate, plain.tilt_rate, arms.tilt_rate_max[a] < 1e4),
         ):
-            most = share[:, :, a].max(axis=1)
             if on:
-                add(model.vehicle.arm_name(int(a)), used, most, float(nominal[0, :, a].max()), most <= 1.0)
+                add(model.vehicle.arm_name(int(a)), used, share[:, a], float(nominal[0, a]), share[:, a] <= 1.0)
     found.sort(key=lambda pair: (pair[0].probability, -pair[0].needs[1]))
     return tuple(one for one, _ in found), found[0][1]
 
