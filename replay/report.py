@@ -162,9 +162,8 @@ def report(
     shown = list(validation) or list(flights)
     before = examine(shown, model, None, _part(tell, 0.65, 0.8, "given model: "))
     after = examine(shown, added.model, None, _part(tell, 0.8, 0.95, "fitted model: ")) if found.effects else before
-    ahead, not_ahead = open_loop_beside(
-        shown, model, [added.model] if found.effects else [], gp=gp, names=("given", "fitted")
-    )
+    others, names = ([added.model], ("given", "fitted")) if found.effects else ([], ("given",))
+    ahead, not_ahead = open_loop_beside(shown, model, others, gp=gp, names=names)
     return Report(
         model,
         found,

@@ -12,11 +12,13 @@ Every name is listed in `__init__.pyi` and described in docs/api.md. The package
 `compensate` and `viewer` offer the parts; what they do not list is not public.
 """
 
-import signal
 import sys
 
 if sys.argv[:1] == ["-m"] and "wrenchgap" in sys.orig_argv and not sys.flags.safe_path:
     del sys.path[0]  # the working folder, in which `python -m wrenchgap` looks for every module: its files are data
+
+import signal  # not before: the working folder may have a file of that name
+
 if (
     "".join(sys.argv[:1]).endswith(("/wrenchgap", "\\wrenchgap.exe"))
     and signal.getsignal(signal.SIGINT) is signal.default_int_handler
