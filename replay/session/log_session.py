@@ -30,7 +30,6 @@ from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
-from wrenchgap.replay.prediction import paths_ahead, stretches_of
 from wrenchgap.replay.present.notes import sentences, warnings
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels.compensation import CompensationPanel, SessionCompensation
@@ -154,6 +153,8 @@ class LogSession:
 
 def _ahead(one: OpenFlight, model: Model, predictor: Predictor) -> PathsAhead | None:
     """Where predictions lead; None where the log has no pose, or is too short."""
+    from wrenchgap.replay.prediction import paths_ahead, stretches_of  # here: the page stands before it is there
+
     try:
         stretches = stretches_of(one, model.vehicle)
     except LogError:

@@ -1,17 +1,20 @@
 """Ready: whether to fly a trajectory with the model as it stands, after the flight that is shown."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.trajectory import TRAJECTORIES
-from wrenchgap.replay.present import readiness as words
-from wrenchgap.replay.readiness import Readiness
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.worker import worker_result
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import JobControls, Panel
 from wrenchgap.viewer.session import Report, Scene
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.readiness import Readiness
 
 
 class ReadyPanel(Panel):
@@ -47,6 +50,8 @@ class ReadyPanel(Panel):
             return worker_result(lambda tell: ready(flight, model, name, **asked, progress=tell), report)
 
         def done(found: Readiness) -> None:
+            from wrenchgap.replay.present import readiness as words  # here: the page stands before it is there
+
             self.answer.content = html.render("ready", sentences=words.summary(found), found=found)
 
         self.work.start(ready, done)
