@@ -108,6 +108,12 @@ class CommandCurve:
             (float(self.law.command.min()), float(self.law.command.max())) if isinstance(self.law, Bench) else self.ends
         )
 
+    def full_speed(self, voltage: float | None, vehicle: Vehicle) -> Array:
+        """The rotor speeds (R,) [rad/s] of the largest command, at a voltage [V] where it is known."""
+        _, rotors = vehicle.geometry()
+        full = np.full((1, len(rotors)), self.span[1])
+        return np.asarray(self.speeds(full, None if voltage is None else np.array([voltage]), vehicle)[0])
+
     @property
     def uses_voltage(self) -> bool:
         """Whether the voltage of the battery has an effect."""

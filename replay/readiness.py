@@ -5,12 +5,12 @@ From the model with its fitted effects, the standard deviations of their values,
 draws       values of the effects, drawn within their standard deviations; wind from a direction of chance
 disturbance what the model leaves of the wrench of these flights, of another time in each draw
 demand      commands that make the trajectory's motion against it (`plant.demand`)
-authority   in which share of the draws a rotor, or an arm, never needs more than it has
+authority   in which share of the draws a rotor, or an arm, never needs more than `ROOM` of what it has
 margins     of the attitude loops with the gains of the model file: nominal, and as drawn, with the lags, the delays,
             the inertia and the effectiveness of the rotors
 
 What the flights could not show is not in the draws: where the trajectory goes beyond them, that is said. Probabilities
-are never nearer to one than `CERTAIN`: no catalogue of effects is complete.
+are never nearer to one than those of `explain`: no catalogue of effects is complete.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
@@ -32,6 +31,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import predict
 from wrenchgap.learn.diagnose.flown_controller import flown_by_controller
 from wrenchgap.learn.identify.guard import loop_of
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
 from wrenchgap.plant.effect_values import drawn
@@ -39,11 +39,9 @@ from wrenchgap.plant.effectiveness import RANK, linear_matrix
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.simulation.flight_plan import Plan, prepare
 from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
-from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import Reference
-from wrenchgap.plant.trajectory.reference import E_Z
 from wrenchgap.plant.trajectory.shapes import Flat
-from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin
 
 DRAWS = 200
@@ -52,8 +50,8 @@ PERIOD = 0.02
 """Of the samples along the trajectory [s]: four to a period of the filter's corner."""
 LONGEST = 600.0
 """Of a trajectory [s]: 30,000 samples in 200 draws take half a minute and 0.5 GB."""
-CERTAIN = 0.98
-"""Largest probability that is stated, as of `explain`."""
+ROOM = 0.9
+"""Share of what a part has that may be needed: the rest is for the controller, whose overshoot is not in the demand."""
 GO, NO_GO = 0.9, 0.5
 """Probability of the weakest part from which on a flight is a go, and below which it is none."""
 PHASE, GAIN = 45.0, 6.0
@@ -75,7 +73,7 @@ class Decision(StrEnum):
 @dataclass(frozen=True)
 class Authority:
     """Of one `part` and what of it is `used`: the most that it needs, as a share of what it has: 5th, 50th and 95th
-    percentile (3,), nominal, and the `probability` that it is enough.
+    percentile (3,), nominal, and the `probability` that it is `ROOM` at most.
     """  # noqa: D205
 
     part: str
@@ -117,7 +115,9 @@ class Readiness(Result):
 
     `authority` is the weakest first; `loops` are empty where the gains that were flown are not in the model file.
     `beyond` are quantities in which the trajectory goes further than the flights; `first` is what to check on the
-    bench, that on which most depends first. A model that does not feel wind (`feels_wind`) has no drag.
+    bench, that on which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does
+    not feel the voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard
+    deviation: else nothing says how wrong the model may be.
     """
 
     decision: Decision
@@ -128,12 +128,13 @@ class Readiness(Result):
     wind: float
     feels_wind: bool
     voltage: float | None
+    feels_voltage: bool
     flights: tuple[str, ...]
     authority: tuple[Authority, ...]
-    reached: float
     loops: tuple[LoopMargins, ...]
     beyond: tuple[Range, ...]
     first: tuple[Uncertain, ...]
+    known: bool
     notes: tuple[object, ...] = ()
 
 
@@ -155,17 +156,14 @@ def readiness(
     by default the lowest that was logged, where the model depends on it. Raises UsageError for values that no vehicle
     has, ModelError for a vehicle without rotors.
     """
-    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage or 1.0, 1e3)):
-        if not 0.0 <= value <= most:
+    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
+        if value is not None and not 0.0 <= value <= most:
             raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
     _, _, path = prepare(Plan(model, trajectory, duration), max_duration=LONGEST)
     along = Flat(path) if pushes_along_z_only(model.vehicle) else path
     reference = along.at(np.arange(0.0, path.duration, PERIOD))
-    needs = [e.name for e in model.effects if e.effect.needs_voltage]
-    volts = _voltage(flights) if voltage is None and needs else voltage
-    if needs and volts is None:
-        raise UsageError(f"{needs[0]} depends on the battery's voltage, and no log has it; give one with --voltage")
-    state, motion = _motion(reference, volts)
+    volts, depends = _voltage(flights, model, voltage)
+    state, motion = reference.followed(volts)
     rng = np.random.default_rng(seed)
     loaded = _loaded(model, payload)
     report = progress or (lambda fraction, words: None)
@@ -176,12 +174,13 @@ def readiness(
     report(0.3, "flying it")
     needed = demand(models, state, motion, PERIOD, disturbances)
     plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, 0.0 * disturbances[:1])
-    authority, worst = _authorities(model, needed, plain)
+    authority, worst = _authorities(model, needed, plain, volts)
     loops = _loops(model, models) if flown_by_controller(model, flights) else ()
     force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
     beyond = _beyond([r for f in flights for r in f.records], reference, wind, force)
+    known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
     return Readiness(
-        _decision(authority, loops, beyond),
+        _decision(authority, loops, plain_go=not beyond and known),
         model.vehicle,
         trajectory,
         float(path.duration),
@@ -189,30 +188,29 @@ def readiness(
         wind,
         any(e.effect.aerodynamic for e in model.effects),
         volts,
+        depends,
         tuple(f.records[0].flight for f in flights),
         authority,
-        float(needed.reached.mean()),
         loops,
         beyond,
         _first(models, worst),
+        known,
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
 
 
-def _voltage(flights: Sequence[OpenFlight]) -> float | None:
-    """The lowest voltage of these flights [V], but for a twentieth of the time."""
+def _voltage(flights: Sequence[OpenFlight], model: Model, given: float | None) -> tuple[float | None, bool]:
+    """The voltage [V] of the flight to come, by default the lowest of these but for a twentieth of their time; and
+    whether the model depends on it. Raises UsageError where it does and none is known.
+    """  # noqa: D205
+    depends = [e.name for e in model.effects if e.effect.needs_voltage]
+    depends += ["thrust"] if model.command is not None and model.command.uses_voltage else []
+    if given is not None or not depends:
+        return given, bool(depends)
     logged = [s.voltage for f in flights for s in f.flown if s.voltage is not None]
-    return float(np.percentile(np.concatenate(logged), 5.0)) if logged else None
-
-
-def _motion(reference: Reference, voltage: float | None) -> tuple[State, Motion]:
-    """A reference as the motion of a vehicle that follows it."""
-    volts = None if voltage is None else np.full(len(reference.time), voltage)
-    state = State(
-        reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D, volts
-    )
-    specific = so3.rotate(so3.conjugate(reference.quat_ED), reference.acceleration_E + GRAVITY * E_Z)
-    return state, Motion(reference.omega_D, reference.omega_dot_D, specific)
+    if not logged:
+        raise UsageError(f"{depends[0]} depends on the battery's voltage, and no log has it; give one with --voltage")
+    return float(np.percentile(np.concatenate(logged), 5.0)), True
 
 
 def _loaded(model: Model, payload: float) -> WrenchModel:
@@ -255,28 +253,32 @@ def _elsewhere(left: Sequence[tuple[Record, Array]], count: int, rng: np.random.
     return np.asarray(values[np.minimum(turned.astype(int), len(values) - 1)])
 
 
-def _authorities(model: Model, needed: Demand, plain: Demand) -> tuple[tuple[Authority, ...], Array]:
-    """Of every rotor and arm, the weakest first; and what of the weakest each draw needs (D,)."""
+def _authorities(
+    model: Model, needed: Demand, plain: Demand, voltage: float | None
+) -> tuple[tuple[Authority, ...], Array]:
+    """Of every rotor, up to full command at this voltage, and arm, the weakest first; and what of the weakest each draw
+    needs (D,).
+    """  # noqa: D205
     arms, rotors = model.vehicle.geometry()
-    least = (rotors.speed_min / rotors.speed_max) ** 2
+    full = rotors.speed_max if model.command is None else model.command.full_speed(voltage, model.vehicle)
+    least, of_full = (rotors.speed_min / rotors.speed_max) ** 2, (rotors.speed_max / full) ** 2
     bounded = np.maximum(arms.tilt_max, -arms.tilt_min) < 1e4  # rad: a model without stops has 1e9 degrees
     found: list[tuple[Authority, Array]] = []
 
     def add(part: str, used: str, most: Array, nominal: float, enough: NDArray[np.bool_]) -> None:
-        probability = min(float(np.mean(enough & needed.reached)), CERTAIN)
+        probability = min(float(np.mean(enough & needed.reached)), DEFAULT.certain)
         found.append((Authority(part, used, np.percentile(most, WITHIN), nominal, probability), most))
 
     for r in range(len(rotors)):
-        most, low = needed.thrust[:, r], needed.least[:, r]
-        enough = (most <= 1.0) & (low >= least[r])
-        add(model.vehicle.rotor_name(r), "thrust", most, float(plain.thrust[0, r]), enough)
+        most, nominal = of_full[r] * needed.thrust[:, r], float(of_full[r] * plain.thrust[0, r])
+        add(model.vehicle.rotor_name(r), "thrust", most, nominal, (most <= ROOM) & (needed.least[:, r] >= least[r]))
     for a in np.flatnonzero(arms.tilts):
-        for used, share, nominal, on in (
+        for used, share, nominally, on in (
             ("tilt", needed.tilt, plain.tilt, bounded[a]),
             ("tilt rate", needed.tilt_rate, plain.tilt_rate, arms.tilt_rate_max[a] < 1e4),
         ):
             if on:
-                add(model.vehicle.arm_name(int(a)), used, share[:, a], float(nominal[0, a]), share[:, a] <= 1.0)
+                add(model.vehicle.arm_name(int(a)), used, share[:, a], float(nominally[0, a]), share[:, a] <= ROOM)
     found.sort(key=lambda pair: (pair[0].probability, -pair[0].needs[1]))
     return tuple(one for one, _ in found), found[0][1]
 
@@ -298,7 +300,9 @@ def _loops(model: Model, models: Sequence[WrenchModel]) -> tuple[LoopMargins, ..
         share = [float(np.mean((phase >= PHASE) & (gain >= GAIN))) for phase, gain in by_factor]
         helped = [float(f) for f, p in zip(FACTORS, share, strict=True) if p >= GO]
         phase, gain = (np.percentile(np.minimum(x, 1e3), WITHIN) for x in by_factor[0])
-        found = LoopMargins(AXES[3 + k], before[k], phase, gain, min(share[0], CERTAIN), helped[0] if helped else None)
+        found = LoopMargins(
+            AXES[3 + k], before[k], phase, gain, min(share[0], DEFAULT.certain), helped[0] if helped else None
+        )
         out.append(found)
     return tuple(out)
 
@@ -319,11 +323,11 @@ def _beyond(records: Sequence[Record], reference: Reference, wind: float, force:
     return tuple(one for one in found if one.outside)
 
 
-def _decision(authority: Sequence[Authority], loops: Sequence[LoopMargins], beyond: Sequence[Range]) -> Decision:
+def _decision(authority: Sequence[Authority], loops: Sequence[LoopMargins], *, plain_go: bool) -> Decision:
     least = min((*(one.probability for one in authority), *(one.probability for one in loops)))
     if least < NO_GO:
         return Decision.NO_GO
-    return Decision.GO if least >= GO and not beyond else Decision.CARE
+    return Decision.GO if least >= GO and plain_go else Decision.CARE
 
 
 def _first(models: Sequence[WrenchModel], worst: Array, least: float = 0.1) -> tuple[Uncertain, ...]:

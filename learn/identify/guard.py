@@ -23,6 +23,7 @@ from wrenchgap.learn.identify.samples import Samples, lags, samples, shared_lag,
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.held_out_time import SUPPORT, Decision, HeldOut, Reason, Support, Verdict, support
 from wrenchgap.learn.process.train import Progress, believed, fit_held_out
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
@@ -112,7 +113,7 @@ def _observing(said: Provenance, found: Guarded, records: Sequence[Record], base
 def loop_of(model: Model, lag: float = 0.0) -> Loop:
     """The attitude loop of a vehicle; lags and delays of its effects, and one that was found, are in it."""
     known = {e.name: e.theta for e in model.effects if isinstance(e.effect, CommandEffect)}
-    slow = sum(float(np.max(theta)) for name, theta in known.items() if name in ("servo_lag", "motor_lag"))
+    slow = sum(float(np.max(theta)) for name, theta in known.items() if family(name) in ("servo_lag", "motor_lag"))
     delay = sum(float(theta[0]) for name, theta in known.items() if name == "command_delay")
     period = 1.0 / model.controller.rate_hz
     return Loop(model.controller, model.vehicle.body.inertia, slow + lag, delay + GUARD.periods * period, delay)

@@ -8,7 +8,8 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.state import Index, rows
+from wrenchgap.plant.state import Index, Motion, State, rows
+from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import cross
 
 Profile = tuple[Array, Array, Array]
@@ -37,6 +38,13 @@ class Reference:
     def take(self, index: Index) -> Self:
         """Some of the samples, in the order of `index`."""
         return rows(self, index)
+
+    def followed(self, voltage: float | None = None) -> tuple[State, Motion]:
+        """State and motion of a vehicle that follows it exactly, with a battery at this voltage [V]."""
+        volts = None if voltage is None else np.full(len(self.time), voltage)
+        state = State(self.time, self.position_E, self.quat_ED, self.velocity_E, self.omega_D, volts)
+        felt = so3.rotate_inverse(self.quat_ED, self.acceleration_E + GRAVITY * E_Z)
+        return state, Motion(self.omega_D, self.omega_dot_D, felt)
 
     def sample(self, index: int) -> Self:
         """One sample, still with the sample axis (N = 1)."""

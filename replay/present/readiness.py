@@ -8,12 +8,13 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import label, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
-from wrenchgap.replay.readiness import GAIN, GO, PHASE, Decision, LoopMargins, Readiness
+from wrenchgap.replay.readiness import GAIN, GO, PHASE, ROOM, Decision, LoopMargins, Readiness
 
 BEGINS = {Decision.GO: "Go", Decision.CARE: "Go with care", Decision.NO_GO: "No go"}
 LEGEND = (
-    "needs: the most that the flight takes, as a share of what the part has; 5 to 95 %: by the standard deviations of "
-    "the model's values, and by what the model left on these flights at other times"
+    "needs: the most that the flight takes, as a share of what the part has; enough: it leaves a tenth to the "
+    "controller; 5 to 95 %: by the standard deviations of the model's values, and by what the model left on these "
+    "flights at other times"
 )
 NOT_SAID = (
     "Margins of the attitude loops are not said: these flights do not show that the gains of the model file flew them."
@@ -37,18 +38,24 @@ def summary(found: Readiness) -> list[str]:
     weakest = found.authority[0]
     low, middle, high = (share(float(x)) for x in weakest.needs)
     whole = "its full thrust" if weakest.used == "thrust" else f"its {weakest.used}"
-    said = (
-        f"{BEGINS[found.decision]}: on {found.trajectory}{_conditions(found)} {weakest.part} needs {middle} of {whole}"
-    )
-    said += f" ({low} to {high}), nominal {share(weakest.nominal)}: enough with {share(weakest.probability)}."
-    out = [said]
-    out += [_margins(one) for one in found.loops if one.probability < GO]
+    needs = f"{weakest.part} needs {middle} of {whole} ({low} to {high}), nominal {share(weakest.nominal)}: enough with"
+    lost = sorted((one for one in found.loops if one.probability < GO), key=lambda one: one.probability)
+    out = [f"{needs} {share(weakest.probability)}.", *map(_margins, lost)]
+    if lost and lost[0].probability < weakest.probability:  # then the loop decides
+        out.insert(0, out.pop(1))
+    out = [f"{text[:1].upper()}{text[1:]}" if k else text for k, text in enumerate(out)]
+    out[0] = f"{BEGINS[found.decision]}: on {found.trajectory}{_conditions(found)} {out[0]}"
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
     if found.beyond:
         words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
+    if not found.known:
+        out.append(
+            "No value of the model has a standard deviation: how wrong it may be is not known. Fit it first (wrenchgap "
+            "calibrate, wrenchgap add)."
+        )
     if found.first and found.decision is not Decision.GO:
         one = found.first[0]
         size = f"{number(one.value)} +- {number(one.std, 2)}"
@@ -60,6 +67,8 @@ def summary(found: Readiness) -> list[str]:
         out.append(
             "The model has no drag: it does not feel the wind. Fit body_drag or rotor_drag to a flight that moves."
         )
+    if found.voltage is not None and not found.feels_voltage:
+        out.append("The thrust of the model does not depend on the battery's voltage: --voltage changes nothing.")
     return out if found.loops else [*out, NOT_SAID]
 
 
@@ -79,7 +88,7 @@ def _conditions(found: Readiness) -> str:
 
 def _margins(one: LoopMargins) -> str:
     said = (
-        f"About {one.axis[-1]} the margins are {one.phase[1]:.0f} deg and {one.gain[1]:.0f} dB (nominal "
+        f"the margins about {one.axis[-1]} are {one.phase[1]:.0f} deg and {one.gain[1]:.0f} dB (nominal "
         f"{one.nominal[0]:.0f} deg and {one.nominal[1]:.0f} dB); {PHASE:.0f} deg and {GAIN:.0f} dB are kept with "
         f"{share(one.probability)}"
     )
@@ -151,6 +160,7 @@ def _draw(found: Readiness, axes: Any) -> None:
         panel.plot([middle], [k], "o", color="C0", label="needs" if k == 0 else None)
         panel.plot([one.nominal], [k], "|", color=style.NOISE, ms=12.0, label="nominal" if k == 0 else None)
     panel.axvline(1.0, color="0.2", lw=1.2)
+    panel.axvline(ROOM, color="0.2", lw=1.2, ls="--", label="left to the controller beyond")
     names = [one.part if one.used == "thrust" else f"{one.part}, {one.used}" for one in reversed(found.authority)]
     panel.set_yticks(range(len(names)), names, fontsize=style.USUAL)
     panel.set_xlim(0.0, max(1.05, 1.05 * max(float(one.needs[2]) for one in found.authority)))

@@ -66,7 +66,7 @@ class Authority(TypedDict):
     """Share of what the part has: 5th, 50th and 95th percentile."""
     nominal: float
     probability: float
-    """That it is enough."""
+    """That it needs no more than 0.9 of it."""
 
 
 class LoopMargins(TypedDict):
@@ -115,16 +115,18 @@ class Ready(Document):
     feels_wind: bool
     """Whether the model has a drag."""
     voltage: Number
-    """[V]; null where the model does not depend on it."""
+    """[V]; null where it was not given and the model does not depend on it."""
+    feels_voltage: bool
+    """Whether the model depends on it."""
     flights: list[str]
     authority: list[Authority]
     """The weakest part first."""
-    reached: float
-    """Share of the draws in which rotors can make the wrench all the time, as fast as they would have to turn."""
     loops: list[LoopMargins]
     """Empty where an autopilot flew: its gains are not in the model file."""
     beyond: list[Beyond]
     """In what the trajectory goes further than the flights."""
     first: list[Uncertain]
     """What to check on the bench, that on which most depends first."""
+    known: bool
+    """Whether any value of the model has a standard deviation."""
     notes: list[str]
