@@ -13,13 +13,15 @@ from textwrap import wrap
 from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
-from wrenchgap.compensate import tables
+from wrenchgap.compensate import allocation_tables, tables
 from wrenchgap.compensate.c_expressions import ATOM, INT, OPERATORS, REAL, Expressions, Type, Unprintable, Written
 from wrenchgap.compensate.compiling import PRINTED
 
 CONSTANT = {"Compensation": "", "Gate": "", "ReachTable": "reach_", "Process": "process_", "Observer": "observer_"}
+CONSTANT |= {"AllocationTable": ""}
 """Tuples whose parts are tables and macros, with what stands before their names; a `Tape` has none."""
 STRUCTS = {"Memory": "wg_memory", "Observed": "wg_memory", "ReachRoom": "wg_reach_room", "Room": "wg_room"}
+STRUCTS |= {"AllocationRoom": "wg_room", "AllocationMemory": "wg_memory", "AllocationCommand": "wg_command"}
 MAYBE_NONE = ("WG_POINTS", "WG_WHITENER", "WG_TILTING", "WG_ACTUATORS", "WG_FIXED")
 """Sizes that may be zero, where C has no array."""
 
@@ -49,7 +51,8 @@ def type_of(hint: Any) -> Type:
 
 def fields_of(name: str) -> dict[str, Type]:
     """Fields of a tuple with their types."""
-    hints = get_type_hints(getattr(tables, name), include_extras=True)
+    owner = tables if hasattr(tables, name) else allocation_tables
+    hints = get_type_hints(getattr(owner, name), include_extras=True)
     return {field: type_of(hint) for field, hint in hints.items()}
 
 

@@ -9,12 +9,14 @@ mass are in it; B_0 is that of the vehicle without effects. A controller that al
 
     G = B B_0^+    (6, 6), the identity within the directions that the vehicle can make, where nothing is wrong
 
-and with B^+ what it asked for, as far as the rotors can: that is the corrected allocation. Where arms tilt, both are
-those of the thrusts along and across their directions at rest, T cos(alpha) and T sin(alpha): B of these has the
-columns at 0 and at 90 deg. The wrench is linear in them at any tilt, but for effects that depend on tilt or thrust in
-another way (wakes, twisted arms, slopes of thrust curves), which are taken there. Lags act later and are not in it.
-Sources: Johansen and Fossen, "Control allocation - a survey", Automatica 2013; Kamel et al., "The Voliro
-omniorientational hexacopter", RAM 2018.
+and with B^+ what it asked for, as far as the rotors can: that is the corrected allocation, of changes from hover.
+Directions in which the vehicle nominally makes no wrench are not asked for, however little an effect makes there. Where
+arms tilt, both are those of the thrusts along and across their directions at rest, T cos(alpha) and T sin(alpha): B of
+these has the columns at 0 and at 90 deg. Rotors of an arm that tilts share its thrust as in the nominal allocation
+(`plant.allocation`), so that they ask for one tilt. The wrench is linear in these thrusts at any tilt, but for effects
+that depend on tilt or thrust in another way (wakes, twisted arms, slopes of thrust curves), which are taken there. Lags
+act later and are not in it. Sources: Johansen and Fossen, "Control allocation - a survey", Automatica 2013; Kamel et
+al., "The Voliro omniorientational hexacopter", RAM 2018.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
+from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.targets.quantities import Quantity, Values, at_limit, hover_speeds, propagated, still_wrench
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -46,8 +49,8 @@ class Effectiveness(Result):
 
     `matrix` (6, R) is as flown, with standard deviations; `achieved` (6, 6) is what comes of a unit of each axis asked
     for with the nominal allocation; both with their nominal values. `allocation` (R + R', 6) is the corrected one [1,
-    1/m]: thrusts of all rotors and, where arms tilt, of their R' rotors across the directions at rest. `left_out` are
-    effects with a value at its limit.
+    1/m]: changes from hover of the thrusts of all rotors and, where arms tilt, of their R' rotors across the directions
+    at rest. `left_out` are effects with a value at its limit.
     """
 
     vehicle: Vehicle
@@ -74,12 +77,14 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
     if fixed.size or (angles.any() and not arms.tilts.any()):
         raise UsageError(f"--tilt: {model.vehicle.arm_name(int(fixed[0]) if fixed.size else 0)} does not tilt")
     angles = np.where(arms.tilts, angles, 0.0)
-    inverse = np.linalg.pinv(linear_matrix(model, []), rcond=RANK)
+    nominal, each = linear_matrix(model, []), spread(model.vehicle)
+    makes = makeable(nominal)
+    inverse = np.linalg.pinv(nominal, rcond=RANK)
 
     def values(effects: Sequence[ModelEffect]) -> Values:
         linear = linear_matrix(model, effects)
         found = {"matrix": _matrix(model, effects, angles), "achieved": linear @ inverse}
-        found["allocation"] = np.linalg.pinv(linear, rcond=RANK)
+        found["allocation"] = each @ np.linalg.pinv(makes.T @ linear, rcond=RANK) @ makes.T
         return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
 
     found = propagated(model, values)
@@ -87,14 +92,34 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
     return Effectiveness(model.vehicle, angles, found["matrix"], found["achieved"], found["allocation"], ended)
 
 
+def makeable(nominal: Array) -> Array:
+    """Unit directions (6, K) of the wrenches that a nominal matrix (6, U) makes."""
+    directions, sizes, _ = np.linalg.svd(nominal)
+    return np.asarray(directions[:, : int(np.sum(sizes > RANK * sizes[0]))])
+
+
+def spread(vehicle: Vehicle) -> Array:
+    """Thrusts (R + R', U) of rotors, along and across, per unknown of the allocation.
+
+    Unknowns are the thrusts of G groups along their directions at rest and of those that tilt across them; a group is a
+    rotor, or all rotors of an arm that tilts.
+    """
+    arms, rotors = vehicle.geometry()
+    groups = allocation_of(vehicle).groups
+    along = np.zeros((len(rotors), len(groups)))
+    for g, (_, members) in enumerate(groups):
+        along[members, g] = rotors.c_f[members] / rotors.c_f[members].sum()
+    tilting = [bool(arms.tilts[arm]) for arm, _ in groups]
+    across = along[arms.tilts[rotors.arm]][:, tilting]
+    return np.block([[along, np.zeros((len(along), across.shape[1]))], [np.zeros((len(across), len(groups))), across]])
+
+
 def linear_matrix(model: Model, effects: Sequence[ModelEffect]) -> Array:
-    """B (6, R + R') of thrusts along the directions at rest and, of rotors that tilt, across them."""
+    """B (6, U) of the unknowns of the allocation (`spread`)."""
     arms, rotors = model.vehicle.geometry()
     along, turning = _matrix(model, effects, np.zeros(len(arms))), arms.tilts[rotors.arm]
-    if not turning.any():
-        return along
-    across = _matrix(model, effects, np.where(arms.tilts, 0.5 * np.pi, 0.0))
-    return np.hstack((along, across[:, turning]))
+    across = _matrix(model, effects, np.where(arms.tilts, 0.5 * np.pi, 0.0))[:, turning]
+    return np.asarray(np.hstack((along, across)) @ spread(model.vehicle))
 
 
 def _matrix(model: Model, effects: Sequence[ModelEffect], tilt: Array) -> Array:

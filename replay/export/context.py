@@ -118,7 +118,7 @@ def context(
         "enough_float": repr(max(gate.accept * 1e-7, gate.enough)),
         "sizes": [(n, v) for n, v in sizes(plan).items() if n not in ("WG_OUTPUTS", "WG_ACTUATORS")],
         "macros": macros,
-        "tables": [(t.name, t.kind, t.shape, NOTES.get(t.name, ""), Own(_values(t))) for t in tables],
+        "tables": [(t.name, t.kind, t.shape, NOTES.get(t.name, ""), Own(numbers_text(t))) for t in tables],
         "period": Own((GENERATED / "period.c").read_text()),
         "memory_struct": Own((GENERATED / "memory.h").read_text()),
         "contents": " ".join(contents),
@@ -194,7 +194,7 @@ def numbers_of(plan: Plan, observer: Combined | None) -> tuple[list[Table], list
     return tables, macros
 
 
-def _values(table: Table) -> str:
+def numbers_text(table: Table) -> str:
     """Numbers of a table, a few in a row."""
 
     def rows(values: Array) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from wrenchgap._escaping import build_text, c_comment, markdown, printable
+from wrenchgap._escaping import build_text, c_comment, comment, markdown, printable
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
 from wrenchgap.compensate.physics import untraceable
@@ -50,7 +50,7 @@ FILES = {
     "CMakeLists.txt": "CMakeLists.txt.jinja",
     "README.md": "README.md.jinja",
 }
-ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown}
+ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown, ".py": comment}
 """What makes a name harmless in a file, by its ending; `build_text` in all others."""
 
 
@@ -221,7 +221,7 @@ def _files(said: dict[str, Any]) -> dict[str, str]:
     """The text of every file by its name, with the id of all that are hashed."""
 
     def text(name: str, export: str) -> str:
-        return _environment(name).get_template(FILES[name]).render(**said, export=export)
+        return environment(name).get_template(FILES[name]).render(**said, export=export)
 
     found = export_id({name: text(name, "").encode() for name in HASHED})
     return {name: text(name, found) for name in FILES}
@@ -335,7 +335,7 @@ def _rows(values: Array) -> Own:
     return Own(",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values))
 
 
-def _environment(name: str) -> Environment:
+def environment(name: str) -> Environment:
     """Templates of a file of this name: every text but `Own` is escaped as that kind of file needs it."""
     escape = ESCAPES.get(Path(name).suffix, build_text)
     return Environment(

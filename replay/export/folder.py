@@ -40,10 +40,15 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
         )
     check_writable(folder, f"--output {folder}")
     ours = {*names, "selftest"}
-    others = sorted(p.name for p in folder.iterdir() if p.name not in ours or p.is_symlink() or not p.is_file())
+    cached = {"__pycache__"} if any(name.endswith(".py") for name in names) else set()
+    others = sorted(
+        p.name
+        for p in folder.iterdir()
+        if (p.name not in ours or not p.is_file() or p.is_symlink()) and (p.name not in cached or not p.is_dir())
+    )
     if others:
         raise UsageError(
-            f"--output {folder}: holds {', '.join(others[:3])}, which `export` did not write; --force replaces the "
+            f"--output {folder}: holds {', '.join(others[:3])}, which this command did not write; --force replaces the "
             "whole folder, so choose an empty one"
         )
 

@@ -21,6 +21,7 @@ from typing import Any
 
 MODULES = {
     "Addition": "addition",
+    "AllocationExport": "allocation",
     "Calibration": "calibration",
     "Changed": "changed",
     "Comparison": "comparison",

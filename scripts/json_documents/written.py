@@ -32,6 +32,18 @@ class Write(Document):
     """Of the file."""
 
 
+class AllocationMargins(TypedDict):
+    demands: int
+    """That the vehicle can make: from hover to the end of its reach, in directions of chance."""
+    null_space: int
+    """Its dimension: unknowns that are free once a wrench is made."""
+    largest_margin: float
+    """Mean of the smallest margin of a rotor, as a share of half its range (of its thrust where the arm tilts)."""
+    pseudo_inverse: float
+    pseudo_inverse_beyond: float
+    """Share of the demands that the pseudo-inverse cannot make within the limits."""
+
+
 class Effectiveness(Document):
     vehicle: str
     tilt: list[float]
@@ -56,6 +68,10 @@ class Effectiveness(Document):
     allocation: list[list[float]]
     """Nominal thrusts to ask for, for one unit of each axis."""
     nominal_allocation: list[list[float]]
+    margins: AllocationMargins | None
+    """Of the allocation with the largest margin; null for a vehicle that cannot hover as flown."""
+    folder: str | None
+    """Where the allocation was written."""
 
 
 class Authority(TypedDict):

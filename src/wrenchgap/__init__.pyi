@@ -34,5 +34,6 @@ from .replay.api_models import effectiveness as effectiveness
 from .replay.api_models import export_model as export_model
 from .replay.api_models import save_draft as save_draft
 from .replay.compensation.compensators import combined as combined
+from .replay.export.allocation import export_allocation as export_allocation
 from .replay.export.export import export_compensator as export_compensator
 from .replay.export.flown import prove_flown as prove_flown

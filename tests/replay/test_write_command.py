@@ -1,6 +1,7 @@
 """`wrenchgap write`: the file, the JSON, and what is refused in one line."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +48,27 @@ def test_effectiveness_is_printed_drawn_and_written(result_of, run, refused, fit
     assert "no effect of the model changes" in run("effectiveness", "tilt_hexarotor", "--tilt", "20").output
     assert "expected degrees" in refused("effectiveness", "fitted.toml", "--tilt", "flat")
     assert "does not tilt" in refused("effectiveness", "fitted.toml", "--tilt", "5")
+
+
+def test_effectiveness_writes_the_allocation_and_says_what_it_gains(result_of, run, refused, fitted):
+    said = result_of("effectiveness", "fitted.toml", "-o", "alloc", "--precision", "float")
+    assert (said["folder"], said["margins"]["null_space"]) == ("alloc", 0)
+    assert "#define WGA_FLOAT" in (fitted / "alloc/wrenchgap_allocation.h").read_text()
+    assert "exists already" in refused("effectiveness", "fitted.toml", "-o", "alloc")
+    assert "is in --output alloc" in refused("effectiveness", "fitted.toml", "-o", "alloc", "--csv", "alloc/e.csv")
+    assert "make -C alloc test" in run("effectiveness", "fitted.toml", "-o", "alloc", "--force").output
+    spoken = run("effectiveness", "tilt_hexarotor").output
+    assert "Null space of 6, used for margin" in spoken
+    assert result_of("effectiveness", "tilt_hexarotor")["folder"] is None
+    assert "add [[vehicle.arms]]" in refused("effectiveness", "variable_tilt_hexacopter", "-o", "other")
+
+
+def test_a_vehicle_that_cannot_hover_has_a_matrix_and_no_allocation(result_of, refused, fitted):
+    text = (Path(wg.__file__).parent / "models/tilt_hexarotor.toml").read_text()
+    (fitted / "heavy.toml").write_text(text.replace("mass = 4.0", "mass = 24.0"))
+    assert result_of("effectiveness", "heavy.toml")["margins"] is None
+    assert "cannot hover within its own limits" in refused("effectiveness", "heavy.toml", "-o", "alloc")
+    assert not (fitted / "alloc").exists()
 
 
 def test_the_command_knows_every_target():

@@ -1,13 +1,15 @@
 """`wrenchgap model new`, `model show`, `add`, `calibrate`, `remove`, `history`: model files."""
 
+import shlex
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.commands.export import Precision
 from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, usage_error
 
@@ -276,6 +278,13 @@ def effectiveness(
     tilt: Annotated[
         str, typer.Option(metavar="DEG[,DEG...]", help="Tilt of all arms, or of each, about which it hovers.")
     ] = "0",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="Write the corrected allocation there, as C99 and Python."
+        ),
+    ] = None,
+    precision: Annotated[Precision, typer.Option(help="Of the C, unless its build says otherwise.")] = Precision.double,
     figure: o.Figure = None,
     csv: o.Csv = None,
     *,
@@ -283,22 +292,46 @@ def effectiveness(
 ) -> None:
     """What rotors make of what is asked of them as flown, beside the nominal matrix, and the corrected allocation.
 
-    From all fitted effects on thrusts, torques, tilts and the centre of mass, with standard deviations.
+    From all fitted effects on thrusts, torques, tilts and the centre of mass, with standard deviations. Of the thrusts
+    that make a wrench, the allocation that is written takes those with the largest distance to the limits.
 
-    Example: `wrenchgap effectiveness fitted.toml --tilt 20 --figure effectiveness.png`
+    Example: `wrenchgap effectiveness fitted.toml --tilt 20 --figure effectiveness.png -o allocation/`
     """
     import numpy as np
 
+    from wrenchgap.flight.atomic import resolved
+    from wrenchgap.flight.errors import ModelError
     from wrenchgap.replay import api_models
+    from wrenchgap.replay.export.allocation import export_allocation
 
     run.claim({"--figure": figure, "--csv": csv}, model)
+    for option, path in (("--figure", figure), ("--csv", csv), ("--json", run.json)):
+        if output is not None and path is not None and resolved(output) in resolved(path).parents:
+            raise usage_error(f"{option} {path}: is in --output {output}, which is replaced as a whole; choose another")
     try:
         angles = np.radians([float(word) for word in tilt.split(",")])
     except ValueError:
         raise usage_error(f"--tilt {tilt}: expected degrees, one or several with commas between") from None
-    found = api_models.effectiveness(run.model(model), angles.tolist())
-    run.result(found)
-    run.save("effectiveness", found, figure=figure, csv=csv)
+    read = run.model(model)
+    found = api_models.effectiveness(read, angles.tolist())
+    more: dict[str, Any] = {"margins": None, "folder": None if output is None else str(output)}
+    single = precision is Precision.float
+    try:
+        words: Any = "float" if single else "double"
+        made = export_allocation(read, output, precision=words, command=run.command_line(), force=run.force)
+    except ModelError as error:
+        if output is not None:
+            raise
+        run.result(found)
+        run.notes([str(error)], "warning")
+    else:
+        more["margins"] = made.to_json()["margins"]
+        run.result(found)
+        run.result(made, details=True)
+    run.save("effectiveness", found, figure=figure, csv=csv, **more)
+    if output is not None:
+        run.line(f"wrote allocation {output}")
+        run.line(f"next: make -C {shlex.quote(str(output))} test")
 
 
 def history(model: o.ModelFile, *, run: Run) -> None:
