@@ -74,6 +74,9 @@ class State:
         Angular velocity, in B [rad/s].
     voltage : (N,)
         Of the battery [V], None where unknown.
+    specific_force_B : (N, 3)
+        An accelerometer's reading as of O, in B [m/s^2]; None where unknown, as nearly everywhere: only a flight
+        computer hands it to a compensator.
     """
 
     time: Array
@@ -82,6 +85,7 @@ class State:
     velocity_E: Array
     omega_B: Array
     voltage: Array | None = None
+    specific_force_B: Array | None = None
 
     def take(self, index: Index) -> State:
         """Some of the samples, in the order of `index`."""

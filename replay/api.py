@@ -262,6 +262,7 @@ def counterfactual(
     gains: Sequence[str] = (),
     believe: Model | Addition | None = None,
     baselines: bool = False,
+    feedback: Sequence[str] = (),
     despite_verdict: bool = False,
     start: float = 0.0,
     duration: float | None = None,
@@ -270,7 +271,8 @@ def counterfactual(
     """A recorded flight, re-simulated with something changed; the null run bounds the accuracy.
 
     `gp` compensates in the loop; `without` these effects of the model, `having` others ("servo_lag=tau:0.05"); other
-    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` are those of a GP.
+    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` are those of a GP, `feedback`
+    others by name and cut-off [Hz] ("indi=8", "l1", "observer=2"), each flown instead of it.
     """
     base, process = model_of(model), None if gp is None else gp_of(gp)
     recording = read_recording(flight, base.vehicle, start=start, duration=duration)
@@ -280,6 +282,7 @@ def counterfactual(
         gp=None if process is None else (gp_name, process),
         lead=lead,
         baselines=baselines,
+        feedback=feedback,
         despite_verdict=despite_verdict,
         without=without,
         with_=having,

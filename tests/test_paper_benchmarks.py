@@ -6,7 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from benchmarks.paper import figure8, pitch, uncertainty
+from benchmarks.paper import feedback, figure8, pitch, uncertainty
 from benchmarks.paper import methods as m
 from benchmarks.paper.compute import ByGPy
 from benchmarks.paper.corrected import COMBINED, VARIANTS, tables
@@ -162,3 +162,14 @@ def test_effects_process_and_observer_are_one_object(known):
     made = m.ALL_TOGETHER.build(known)
     assert made.feedforward.physics is not None
     assert made.bandwidth_hz == pytest.approx(known.gp(physics=True, guarded=True).provenance.observer_hz)
+
+
+def test_indi_and_l1_fly_with_the_cut_offs_that_other_vehicles_chose():
+    rows = Output().read("feedback")["rows"]
+    assert {law: feedback.chosen(rows, law) for law in m.CUTOFFS_HZ} == m.CUTOFFS_HZ
+    lost = [
+        {"law": "L1", "hz": 1.0, "10 ms": 0.02, "25 ms": 0.03},
+        {"law": "L1", "hz": 2.0, "10 ms": 0.01, "25 ms": None},
+    ]
+    assert feedback.chosen(lost, "L1") == 1.0
+    assert feedback.chosen(lost[1:], "L1") is None

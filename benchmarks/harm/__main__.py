@@ -26,6 +26,11 @@ def main() -> None:
         rows.keep_on(rows.RESULTS / "vehicles.jsonl", keys, vehicles.one, a.minutes)
     if a.what == "parts":
         rows.keep_on(rows.RESULTS / "parts.jsonl", parts.keys(), parts.one, a.minutes)
+        rows.complete(
+            rows.RESULTS / "parts.jsonl",
+            lambda row: not parts.FEEDBACK.keys() <= row.keys(),
+            lambda row: parts.by_feedback(row["key"], row["told"]),
+        )
     if a.what == "smooth":
         rows.keep_on(rows.RESULTS / "smooth.jsonl", smooth.keys(), smooth.one, a.minutes)
     renew()

@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.harm import parts, rows, smooth, vehicles
 from benchmarks.pages import NOTES, renewed
+from benchmarks.paper.methods import CUTOFFS_HZ
 from benchmarks.paper.plants import believed
 from benchmarks.paper.running import mrad, table
 from wrenchgap.learn.identify.guard import loop_of
@@ -57,11 +58,11 @@ def _line(words: str, some: list[dict[str, Any]], name: str) -> list[str]:
 def of_parts(found: dict[str, dict[str, Any]]) -> str:
     """Mean attitude errors under every condition."""
     names = {"none": "none", "plain": "observer, 4 Hz", "observer": "observer, from the log", "GP": "GP"}
-    names["combined"] = "combined"
+    names |= {"combined": "combined", **{law: f"{law}, {CUTOFFS_HZ[law]:g} Hz" for law in parts.FEEDBACK}}
     lines = []
     for key, row in found.items():
         index, trajectory = key.split()
-        cells = ["lost" if row[name] is None else mrad(row[name]) for name in parts.METHODS]
+        cells = ["lost" if row[name] is None else mrad(row[name]) for name in names]
         chosen = f"{row['hz']:.1f}, {1e3 * row['told']:.0f} ms, {row['peak']:.1f}"
         lines.append([f"{trajectory}, {parts.CONDITIONS[int(index)].name}", *cells, chosen])
     return table(["mean abs(e_R) x / y / z [mrad]", *names.values(), "observer [Hz], told, M_s"], lines)

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.paper.flying import attitude_errors
-from benchmarks.paper.methods import OBSERVER_HZ
+from benchmarks.paper.methods import CUTOFFS_HZ, OBSERVER_HZ
 from benchmarks.paper.plants import Plant, vehicle
-from wrenchgap.compensate import Combined, DisturbanceObserver, Settings
+from wrenchgap.compensate import INDI, L1, Combined, DisturbanceObserver, Settings
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
@@ -25,6 +25,7 @@ from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import Trajectory, named
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.compensation.compensators import combined, compensator
 
 TRAINING, LENGTH, SETTLE = 30.0, 9.0, 3.0
@@ -34,6 +35,12 @@ IMBALANCE = ((87.0, 0.6), (183.0, 1.2))
 second at 17 Hz."""
 TRAJECTORIES = ("figure8", "pitch")
 METHODS = ("none", "plain", "observer", "GP", "combined")
+FEEDBACK: dict[str, Callable[[Vehicle, float, float, float], Any]] = {
+    "INDI, told the lag": lambda body, dt, hz, lag: INDI(body, dt, hz, lag=lag),
+    "INDI, told no lag": lambda body, dt, hz, lag: INDI(body, dt, hz),
+    "L1": lambda body, dt, hz, lag: L1(body, dt, hz),
+}
+"""What others fly, with the cut-offs of `benchmarks.paper.methods.CUTOFFS_HZ` and the lag of the training log."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +94,9 @@ def shaking(time: float) -> Array:
     return np.concatenate((np.zeros(3), sum(a * np.sin(2.0 * np.pi * f * time + phases) for f, a in IMBALANCE)))
 
 
-def truth(condition: Condition) -> Plant:
-    """The paper's vehicle with another delay."""
-    plant = vehicle()
+def truth(condition: Condition, number: int = 0) -> Plant:
+    """The paper's vehicle, or another of its kind, with another delay."""
+    plant = vehicle(number)
     others = [e for e in plant.truth.effects if e.name != "command_delay"]
     late = make_effect(plant.believed.vehicle, "command_delay", (condition.delay,))
     return Plant(plant.believed, plant.truth.with_effects((*others, late)))
@@ -123,11 +130,27 @@ def one(key: str) -> dict[str, Any]:
     found: dict[str, Any] = {"hz": hz, "told": said.observer_lag, "peak": said.observer_peak, "lags": list(said.lags)}
     found["decisions"] = _decisions(gp)
     for name in METHODS:
-        flown = fly(plant, named(trajectory, LENGTH), 60, condition, helpers[name]())
-        lost = any("control was lost" in str(note) for note in flown.notes)
-        time, error = attitude_errors(flown)
-        found[name] = None if lost else np.abs(error[time > SETTLE]).mean(axis=0).tolist()
-    return found
+        found[name] = errors(plant, trajectory, condition, helpers[name]())
+    return found | by_feedback(key, said.observer_lag)
+
+
+def by_feedback(key: str, lag: float) -> dict[str, Any]:
+    """As `one`, of INDI and L1, of which only the lag [s] is learnt."""
+    index, trajectory = key.split()
+    condition = CONDITIONS[int(index)]
+    plant = truth(condition)
+    body, dt = plant.believed.vehicle, 1.0 / plant.believed.controller.rate_hz
+    laws = {name: build(body, dt, CUTOFFS_HZ[name], lag) for name, build in FEEDBACK.items()}
+    return {name: errors(plant, trajectory, condition, law) for name, law in laws.items()}
+
+
+def errors(plant: Plant, trajectory: str, condition: Condition, helper: Any) -> list[float] | None:
+    """Mean |e_R| (3,) [rad] of a flight; None where control was lost."""
+    flown = fly(plant, named(trajectory, LENGTH), 60, condition, helper)
+    if any("control was lost" in str(note) for note in flown.notes):
+        return None
+    time, error = attitude_errors(flown)
+    return [float(e) for e in np.abs(error[time > SETTLE]).mean(axis=0)]
 
 
 def _decisions(gp: GaussianProcess) -> list[str]:

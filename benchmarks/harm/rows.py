@@ -9,6 +9,8 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from wrenchgap.flight.atomic import atomic
+
 RESULTS = Path(__file__).parent / "results"
 DIGITS = 5
 
@@ -40,6 +42,19 @@ def keep_on(path: Path, keys: Iterable[str], make: Callable[[str], dict[str, Any
             out.flush()
             os.fsync(out.fileno())
         print(row, flush=True)
+
+
+def complete(
+    path: Path, lacking: Callable[[dict[str, Any]], bool], make: Callable[[dict[str, Any]], dict[str, Any]]
+) -> None:
+    """Add to the kept rows that lack something what `make` makes of them; the file is written after each."""
+    rows = kept(path)
+    for key, row in rows.items():
+        if lacking(row):
+            rows[key] = row | rounded(make(row))
+            print(rows[key], flush=True)
+            with atomic(path) as written:
+                written.write_text("".join(json.dumps(one) + "\n" for one in rows.values()), encoding="utf-8")
 
 
 def rounded(value: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.compensate import INDI, L1, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
@@ -28,6 +28,9 @@ LEAD = 0.1
 OBSERVER_HZ = 4.0
 """Bandwidth of the disturbance observer [Hz]: of 0.5, 1, 2, 4, 6, 8 and 12 the best on the figure-8. With 6 the vehicle
 rings, with 12 control is lost."""
+
+CUTOFFS_HZ = {"INDI, told the lag": 16.0, "INDI, told no lag": 2.0, "L1": 2.0}
+"""Of INDI and L1 [Hz], chosen on other vehicles and seeds by `benchmarks.paper.feedback`."""
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,22 @@ ALL_TOGETHER = Method(
     lambda known: _together(known.gp(physics=True, guarded=True), known.physics, known.settings),
 )
 """The same on top of what `explain` names."""
+
+
+def _by_feedback(law: str, build: Callable[[Knowledge, float], Any]) -> Method:
+    hz = CUTOFFS_HZ[law]
+    return Method(f"{law}, {hz:g} Hz", lambda known: build(known, hz))
+
+
+FEEDBACK = (
+    _by_feedback(
+        "INDI, told the lag",
+        lambda known, hz: INDI(known.model.vehicle, known.dt, hz, lag=known.gp(guarded=True).provenance.observer_lag),
+    ),
+    _by_feedback("INDI, told no lag", lambda known, hz: INDI(known.model.vehicle, known.dt, hz)),
+    _by_feedback("L1", lambda known, hz: L1(known.model.vehicle, known.dt, hz)),
+)
+"""What others fly; the lag is that of the training log, as for the combination."""
 
 EVERYWHERE = (PD, INTEGRAL, CONSTANT, LINEAR, OBSERVER, PHYSICS, GP, BOTH)
 """The rows of every table."""

@@ -23,7 +23,18 @@ from wrenchgap.plant.trajectory import named
 
 LENGTH = 100.0
 PAPER = {"without": ((0.07, 0.087, 0.051), (0.114, 0.100, 0.066)), "with": ((0.04, 0.03, 0.058), (0.050, 0.040, 0.054))}
-ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING, m.LEADING_BOTH, m.JUDGED, m.TOGETHER, m.ALL_TOGETHER)
+ROWS = (
+    *m.EVERYWHERE,
+    m.ON_A_LINE,
+    m.SPARSE,
+    m.PAST,
+    m.LEADING,
+    m.LEADING_BOTH,
+    m.JUDGED,
+    m.TOGETHER,
+    m.ALL_TOGETHER,
+    *m.FEEDBACK,
+)
 QUICK = (m.PD, m.INTEGRAL, m.LINEAR, m.GP)
 SHOWN = (m.INTEGRAL, m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.GP, m.PAST, m.BOTH, m.LEADING_BOTH)
 

@@ -25,7 +25,7 @@ PROCESSES = 2
 DIGITS = 4
 """Significant digits of numbers in the results."""
 
-EXPERIMENTS = ("prediction", "pitch", "figure8", "uncertainty", "compute", "conditioning", "beyond")
+EXPERIMENTS = ("prediction", "pitch", "figure8", "uncertainty", "compute", "conditioning", "beyond", "feedback")
 """Modules of this package, in the order of the paper."""
 
 A, B = TypeVar("A"), TypeVar("B")

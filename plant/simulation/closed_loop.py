@@ -18,6 +18,7 @@ State-dependent effects are therefore first-order accurate in the step.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -172,6 +173,26 @@ def command_stage(commands: Commands, every: int = 1) -> tuple[Stage, dict[str, 
 def disturbance_stage(disturbance: Array) -> Stage:
     """The stage that adds wrenches (S, 6) about O in B, one at every step."""
     return Stage("disturbance", lambda now, row: {"disturbance": row}, disturbance)
+
+
+def accelerometer_stage(plant: WrenchModel, clock: Clock, every: int = 1, errors: Array | None = None) -> Stage:
+    """The stage that reads the specific force of O (3,) at every `every`-th step, with `errors` (N, 3) if any.
+
+    It is that of the step before, which is the last that a flight computer can know of.
+    """
+    voltage = np.full(len(clock.time), np.nan) if clock.voltage is None else clock.voltage
+    rows = np.column_stack((clock.time, voltage))[::every]
+    errors = np.zeros((len(rows), 3)) if errors is None else errors
+
+    def read(model: WrenchModel, now: Signals, row: Array) -> Signals:
+        state = unpack(row[:1], now["state"][None], None if clock.voltage is None else row[1:2])
+        motion = model.read_imu(model.motion(now["wrench"][None], state.omega_B), state)
+        return {"accelerometer": motion.specific_force_B[0] + row[2:]}
+
+    return Stage(
+        "accelerometer", partial(read, plant), np.hstack((rows, errors)), every,
+        traced=lambda now, row: read(traced_model(plant), now, row), user_code=True,
+    )  # fmt: skip
 
 
 class _Actuators:

@@ -5,7 +5,7 @@
 e and a are what a recorded flight computer sent beyond law and allocation (`RecordedPilot`); zero in a simulation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -72,7 +72,8 @@ class RecordedPilot:
 class FlightComputer:
     """Law, compensator and allocation as stages of a loop, due once per control period; `steps` are the compensator's.
 
-    Its state is the pose reading "pose" (13,) and the gyroscope "gyro" (3,), or, if not `measured`, the true state.
+    Its state is the pose reading "pose" (13,) and the gyroscope "gyro" (3,), or, if not `measured`, the true state. A
+    compensator is also given the reading "accelerometer" (3,), nan where no stage reads one.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class FlightComputer:
     def _start(self, integral: Array | None, recorded: RecordedPilot | None) -> dict[str, Array]:
         signals = {"estimate": np.zeros(NUMBERS), "desired": np.zeros(6), "commanded": np.zeros(6)}
         signals |= {"integral": np.zeros(3) if integral is None else integral, "limited": np.zeros(len(LIMITS))}
+        signals |= {"accelerometer": np.full(3, np.nan)} if self.compensator is not None else {}
         if self.allocation is None:
             return signals
         arms, rotors = self.believed.geometry()
@@ -146,6 +148,7 @@ class FlightComputer:
     def _compensate(self, now: Signals, row: Array) -> Signals:
         assert self.compensator is not None
         state = unpack(row[:1], now["estimate"][None], None if self.clock.voltage is None else row[1:])
+        state = replace(state, specific_force_B=now["accelerometer"][None])
         self.steps.append(self.compensator.step(now["desired"], state))
         return {"commanded": self.steps[-1].wrench_cmd}
 

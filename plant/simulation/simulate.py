@@ -27,6 +27,7 @@ from wrenchgap.plant.sensors import SensorNoise, imu_errors, pose_errors, read_i
 from wrenchgap.plant.simulation.closed_loop import (
     Clock,
     LoopFlight,
+    accelerometer_stage,
     disturbance_stage,
     fly,
     loss_of_control_stage,
@@ -66,6 +67,10 @@ class _Sensors:
                 traced=lambda now, row: self._gyroscope(traced_model(truth), now, row), user_code=True,
             ),
         ]  # fmt: skip
+
+    def accelerometer(self, truth: WrenchModel, clock: Clock) -> Stage:
+        """The accelerometer as a stage, for a compensator that looks at it."""
+        return accelerometer_stage(truth, clock, self.per_imu, self.imu_errors[:, 3:])
 
     def poses(self, flown: LoopFlight, loop: Loop) -> State:
         """The readings of the pose sensor; the generator is set to its state after this number of readings."""
@@ -154,7 +159,8 @@ def simulate(
     )  # fmt: skip
     avionics = _Sensors(truth.wrench_model, sensors or truth.sensors, clock, physics_rate, rng)
     pushes = [] if disturbance is None else [disturbance_stage(np.array([disturbance(t) for t in clock.time.tolist()]))]
-    stages = [*avionics.stages, loss_of_control_stage(reference, clock), *computer.stages, *pushes]
+    felt = [] if compensator is None else [avionics.accelerometer(truth.wrench_model, clock)]
+    stages = [*avionics.stages, *felt, loss_of_control_stage(reference, clock), *computer.stages, *pushes]
     r = reference.sample(0)
     start = State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial
     flown, loop = fly(

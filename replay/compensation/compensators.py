@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
-from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.flight import AXES, FitError, Flight
+from wrenchgap.compensate import INDI, L1, Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.compensate.feedback import INDI_HZ, L1_HZ
+from wrenchgap.flight import AXES, FitError, Flight, UsageError
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.guard import loop_of
@@ -24,6 +25,9 @@ from wrenchgap.plant.wrench_model import ModelEffect
 TORQUE = AXES[3:]
 OBSERVER_HZ = 1.0
 """Bandwidth of the disturbance observer among the baselines [Hz]: fast enough for a reference, slow beside servos."""
+
+FEEDBACK = {"observer": OBSERVER_HZ, "indi": INDI_HZ, "l1": L1_HZ}
+"""Corrections by feedback alone, and the cut-off [Hz] of each unless another is given."""
 
 
 def gp_of(gp: GaussianProcess | Learnt) -> GaussianProcess:
@@ -150,11 +154,33 @@ def named_delay(model: Model) -> float:
     return sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
 
 
+def feedback(
+    text: str, model: Model, dt: float, process: GaussianProcess | None = None
+) -> tuple[str, DisturbanceObserver | INDI | L1]:
+    """A correction by feedback alone with its name, of a text such as `indi` or `l1=2`: which, and its cut-off in Hz.
+
+    INDI is told the lag that the training log of `process` showed, or else the named one. Raises UsageError for another
+    text, and for a cut-off that is too high for `dt` [s].
+    """
+    law, equals, number = (part.strip() for part in text.partition("="))
+    if law not in FEEDBACK:
+        raise UsageError(f"--feedback {text}: expected LAW or LAW=HZ with a law out of {', '.join(FEEDBACK)}")
+    try:
+        hz = float(number) if equals else FEEDBACK[law]
+    except ValueError:
+        raise UsageError(f"--feedback {text}: {number!r} is no cut-off in Hz; for example {law}=2") from None
+    if law == "observer":
+        return f"disturbance observer, {hz:g} Hz", DisturbanceObserver(model.vehicle, dt, hz)
+    if law == "l1":
+        return f"L1, {hz:g} Hz", L1(model.vehicle, dt, hz)
+    told = told_observer(process, model, hz)
+    lag = f"{1e3 * (told.lag + told.delay):.0f} ms of lag" if told.lag + told.delay > 0 else "no lag"
+    return f"INDI, {hz:g} Hz, told {lag}", INDI(model.vehicle, dt, hz, lag=told.lag, delay=told.delay)
+
+
 def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensating], ...]:
-    """What a process must be better than, by name: observer, the effects alone, a straight line through its points."""
-    found: list[tuple[str, Compensating]] = [
-        (f"disturbance observer, {OBSERVER_HZ:g} Hz", DisturbanceObserver(model.vehicle, dt, OBSERVER_HZ))
-    ]
+    """What a process must be better than, by name: feedback alone, the effects alone, a line through its points."""
+    found: list[tuple[str, Compensating]] = [feedback(law, model, dt, process) for law in FEEDBACK]
     outputs = TORQUE if process is None else process.outputs
     if model.effects:
         physics_alone = PhysicsMismatch(model.wrench_model, outputs)

@@ -91,6 +91,7 @@ def change(
     gains: Sequence[str] = (),
     believe: Model | None = None,
     baselines: bool = False,
+    feedback: Sequence[str] = (),
     despite_verdict: bool = False,
 ) -> Change:
     """What the options of the command line ask for; `period` [s] is that of the control loop.
@@ -104,18 +105,20 @@ def change(
     words += [f"gains {text}" for text in gains]
     if believe is not None:
         words.append(f"controller believes {believe.name}")
-    compensator = None
-    if gp is not None:
-        name, process = gp
+    compensator, process = None, None if gp is None else gp[1]
+    if gp is not None and process is not None:
+        name = gp[0]
         words.append(f"compensated by {name}" + ("" if lead is None else f", lead time {lead:g} s"))
         settings = Settings(dt=period, despite_verdict=despite_verdict)
         compensator = compensating.compensator(process, model, settings, lead=lead)
+    beside = compensating.baselines(process, model, period) if baselines else ()
+    beside += tuple(compensating.feedback(text, model, period, process) for text in feedback)
     return Change(
         plant=plant,
         gains=changed_gains(model.controller, gains) if gains else None,
         believed=None if believe is None else believed_vehicle(model, believe),
         compensator=compensator,
-        beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
+        beside=tuple(dict(beside).items()),
         words=tuple(words),
-        process=None if gp is None else gp[1].despite_verdict() if despite_verdict else gp[1],
+        process=process.despite_verdict() if process is not None and despite_verdict else process,
     )

@@ -293,12 +293,14 @@ def refly(
         compensator=asked.compensator,
         recorded=inference.pilot,
     )
+    felt = [] if asked.compensator is None else [closed_loop.accelerometer_stage(model.wrench_model, r.clock)]
     forgiven = closed_loop.loss_of_control(r.motion.state.take(r.window), reference)[0] > 0.0
     flown, loop = closed_loop.fly(
         model.wrench_model,
         r.start,
         r.clock,
         [
+            *felt,
             closed_loop.loss_of_control_stage(reference, r.clock, forgiven),
             *computer.stages,
             closed_loop.disturbance_stage(inference.disturbance),

@@ -365,3 +365,45 @@ def test_a_re_simulation_that_is_not_compiled_is_told(hidden):
     assert said["motor_lag"] == []
     assert len(said["asymmetric_motor_lag"]) == 1
     assert "asymmetric_motor_lag" in said["asymmetric_motor_lag"][0]
+
+
+def test_feedback_is_asked_for_by_name_and_cut_off():
+    model = MODEL.with_effects([LAG])
+    change = asked_change(model, period=0.005, feedback=["observer=2", "indi", "l1 = 4", "indi=8"])
+    assert [name for name, _ in change.beside] == [
+        "disturbance observer, 2 Hz",
+        "INDI, 8 Hz, told 50 ms of lag",
+        "L1, 4 Hz",
+    ]
+    every = asked_change(MODEL, period=0.005, feedback=["l1"], baselines=True).beside
+    assert [name for name, _ in every] == ["disturbance observer, 1 Hz", "INDI, 8 Hz, told no lag", "L1, 1 Hz"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pid", "--feedback pid: expected LAW or LAW=HZ with a law out of observer, indi, l1"),
+        ("indi=fast", "--feedback indi=fast: 'fast' is no cut-off in Hz; for example indi=2"),
+        ("indi=90", "INDI: got dt 0.005 s and a cut-off of 90.0 Hz, expected positive numbers and at most 31.8 Hz"),
+        ("l1=-1", "L1: got dt 0.005 s and a cut-off of -1.0 Hz, expected positive numbers"),
+        ("observer=nan", "bandwidth nan Hz must be positive"),
+    ],
+)
+def test_feedback_that_makes_no_sense_gets_one_line(hidden, refused, tmp_path, text, said):
+    flight.write(hidden, tmp_path / "flown.mcap")
+    line = refused("counterfactual", "flown.mcap", "-m", "tilt_hexarotor", "--feedback", text)
+    assert said in line
+
+
+def test_feedback_takes_a_constant_wrench_off_attitude_and_position():
+    """INDI and L1 see the force, the observer of torques does not."""
+    pushed = np.array([1.5, -1.0, 0.5, 0.15, -0.1, 0.06])
+    pd = replace(MODEL, controller=replace(MODEL.controller, integral=0.0))
+    log = fly(pd, named("hover"), believed=pd, disturbance=lambda t: pushed)
+    change = asked_change(pd, period=0.005, feedback=["observer=2", "indi=8", "l1=2"])
+    result = counterfactual(record(log, pd, start=1.0), pd, change)
+    before = result.tracking[CHANGED]
+    for name, after in result.baselines.items():
+        assert (after.attitude_median < 0.1 * before.attitude_median).all()
+        moved = after.position_median / before.position_median
+        assert moved > 0.9 if name.startswith("disturbance observer") else moved < 0.1

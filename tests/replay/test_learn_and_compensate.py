@@ -93,13 +93,16 @@ def test_counterfactual_flies_with_the_physics_in_the_compensation(files, on_phy
     Effects alone are all there is here: they do as well as with the process, and an observer does not have to.
     """
     asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
-    result = result_of(*asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1, "--baselines")
+    result = result_of(
+        *asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1, "--baselines", "--feedback", "l1=2"
+    )
     tracking = result["tracking"]
     before, after = (np.array(tracking[k]["attitude_error"]["mean_abs"]) for k in ("uncompensated", "counterfactual"))
     assert (after < 0.6 * before)[:2].all()
-    names = ["disturbance observer, 1 Hz", "the effects of the model alone"]
+    names = ["disturbance observer, 1 Hz", "INDI, 8 Hz, told no lag", "L1, 1 Hz", "the effects of the model alone"]
+    names.append("L1, 2 Hz")
     assert list(result["baselines"]) == names  # nothing but noise is left, and so no observer beside them
-    assert result["baselines"][names[1]]["attitude_error"]["mean_abs"] == pytest.approx(after, abs=1e-3)
+    assert result["baselines"][names[3]]["attitude_error"]["mean_abs"] == pytest.approx(after, abs=1e-3)
     assert any(caution(on_physics.gp.provenance.warnings[0]) in note for note in result["notes"])
 
 

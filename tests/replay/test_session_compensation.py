@@ -42,6 +42,10 @@ def test_without_a_process_there_is_nothing_to_set(logs):
     assert session.compensations.setting is None
     with pytest.raises(UsageError, match="--gp"):
         session.compensations.replay("test", silent)
+    flown = session.compensations.refly("test", 1.0, 2.0, silent, "l1")
+    assert flown.change.words == ("corrected by L1, 1 Hz",)
+    with pytest.raises(UsageError, match="--feedback pid"):
+        session.compensations.refly("test", 1.0, 2.0, silent, "pid")
 
 
 def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
@@ -87,7 +91,7 @@ def test_impossible_settings_are_refused_and_change_nothing(session):
 
 def test_compensated_ghost_tracks_better_than_the_recorded_flight(session):
     flown = session.compensations.refly("test", 1.0, 4.0, silent)
-    rows, drawn = tracking_rows(flown), ghost_of(flown, "torque.gp")
+    rows, drawn = tracking_rows(flown), ghost_of(flown)
     labels = [row[0] for row in rows]
     recorded, null, ghost = (np.array([float(row[i]) for row in rows]) for i in (1, 2, 3))
     attitude = [k for k, label in enumerate(labels) if label.startswith("attitude")]
@@ -98,6 +102,10 @@ def test_compensated_ghost_tracks_better_than_the_recorded_flight(session):
     assert np.diff(drawn.time).min() > 0.0
     assert drawn.tilt.shape == (len(drawn.time), 6)
     assert "torque.gp" in drawn.words
+    by_feedback = session.compensations.refly("test", 1.0, 4.0, silent, "indi=8")
+    alone = np.array([float(row[3]) for row in tracking_rows(by_feedback)])
+    assert np.linalg.norm(alone[attitude]) < 0.6 * np.linalg.norm(recorded[attitude])
+    assert ghost_of(by_feedback).words.startswith("corrected by INDI, 8 Hz")
     session.compensations.set(session.compensations.setting.gate, on=False)
     same = session.compensations.refly("test", 1.0, 4.0, silent)
     assert all(row[3] == row[2] for row in tracking_rows(same))

@@ -438,6 +438,20 @@ def test_without_a_process_the_panel_says_how_to_get_one(page):
     page.open("test")  # and does no harm
 
 
+def test_without_a_process_feedback_flies_alone(page, work):
+    panel = panel_of(page, CompensationPanel)
+    assert panel.feedback is None
+    move(panel.law, "L1 adaptive")
+    assert panel.feedback == "l1"
+    move(panel.cutoff, 2.0)
+    assert panel.feedback == "l1=2"
+    move(panel.start, 1.0)
+    move(panel.seconds, 2.0)
+    work(panel.again)
+    assert page.told == []
+    assert "corrected by L1, 2 Hz" in panel.flown.content
+
+
 def test_a_replay_brings_correction_and_gate_and_the_switch_takes_them_away(compensated, work, eventually):
     panel = panel_of(compensated, CompensationPanel)
     assert plotted(compensated) == []

@@ -209,9 +209,16 @@ def counterfactual(
     baselines: Annotated[
         bool,
         typer.Option(
-            "--baselines", help="Re-simulate with the baselines of a GP too: observer, effects, straight line."
+            "--baselines",
+            help="Re-simulate with the baselines of a GP too: observer, INDI, L1, effects, straight line.",
         ),
     ] = False,
+    feedback: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LAW[=HZ]", help="Re-simulate with this feedback instead: observer, indi or l1, and its cut-off."
+        ),
+    ] = None,
     despite_verdict: o.DespiteVerdict = False,
     without: Annotated[
         list[str] | None,
@@ -278,6 +285,7 @@ def counterfactual(
             gains=gains or (),
             believe=other,
             baselines=baselines,
+            feedback=feedback or (),
             despite_verdict=despite_verdict,
             start=start,
             duration=duration,

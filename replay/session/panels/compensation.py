@@ -34,6 +34,10 @@ GHOST = "re-simulated"
 """Name of the ghost in the scene."""
 
 
+AS_SET, NOTHING = "the process, as set here", "nothing changed"
+LAWS = {"disturbance observer": "observer", "INDI": "indi", "L1 adaptive": "l1"}
+"""What the re-simulation flies with, and the name of each feedback on the command line."""
+
 GROUP = "Compensation"
 """Where the page shows what a replay did."""
 
@@ -100,23 +104,32 @@ class SessionCompensation:
                 self._replayed[flight] = found
         return found
 
-    def refly(self, flight: str, start: float, duration: float, report: Report) -> Counterfactual:
-        """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off."""
+    def refly(
+        self, flight: str, start: float, duration: float, report: Report, feedback: str | None = None
+    ) -> Counterfactual:
+        """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off.
+
+        With `feedback` in its place where that is a text such as "indi=8" (`compensators.feedback`).
+        """
         from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
-        from wrenchgap.replay.compensation.compensators import compensator
+        from wrenchgap.replay.compensation import compensators
         from wrenchgap.replay.counterfactual.change import Change
         from wrenchgap.replay.counterfactual.counterfactual import counterfactual
 
         with self.working.lock:
-            gp, setting = self._known()
+            gp, setting = self.working.gp, self.setting
             log, model, given = self.working.flight(flight), self.working.model, self.working.opened_model
 
         def work(tell: Report) -> Counterfactual:
             recording = read_recording(log, model.vehicle, start=start, duration=duration)
             change = Change()
-            if setting.on:
+            if feedback is not None:
+                name, law = compensators.feedback(feedback, given, recording.dt, gp)
+                change = Change(compensator=law, words=(f"corrected by {name}",))
+            elif setting is not None and gp is not None and setting.on:
                 gate = replace(setting.gate, dt=recording.dt)
-                change = Change(compensator=compensator(gp, given, gate), process=gp)
+                words = (f"compensated by {setting.name}",)
+                change = Change(compensator=compensators.compensator(gp, given, gate), process=gp, words=words)
             return counterfactual(recording, model, change, progress=tell)
 
         return worker_result(work, report)
@@ -158,28 +171,44 @@ class CompensationPanel(Panel):
         with host.tab("Compensation"):
             if setting is None:
                 host.gui.add_html(markup.sentences(*NO_PROCESS))
-                return
-            self._settings(setting)
-            gui = host.gui
-            with gui.add_folder("Replay on this flight"):
-                hint = (
-                    "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
-                )
-                self.work = JobControls(host, "Replay", self.replay, hint)
-                self.done = gui.add_html("")
-            with gui.add_folder("Re-simulate"):
-                self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
-                self.seconds = gui.add_number("for [s]", self.flown_seconds, min=1.0, step=1.0)
-                hint = "Re-simulates the flight from its recorded state, with the compensation in the loop; "
-                self.again = JobControls(host, "Re-simulate", self.refly, hint + "shown as ghost.")
-                self.flown = gui.add_html("")
+            else:
+                self._settings(setting)
+                with host.gui.add_folder("Replay on this flight"):
+                    hint = (
+                        "Steps the compensator through the logged wrenches; the plots then show correction, sigma "
+                        "and beta."
+                    )
+                    self.work = JobControls(host, "Replay", self.replay, hint)
+                    self.done = host.gui.add_html("")
+            self._resimulation()
+
+    def _resimulation(self) -> None:
+        """What flies, from when and for how long."""
+        gui = self.host.gui
+        with gui.add_folder("Re-simulate"):
+            first = AS_SET if self.ready else NOTHING
+            hint = "What corrects the wrench in the re-simulation: the process as it is set here, or feedback alone."
+            self.law = gui.add_dropdown("with", (first, *LAWS), hint=hint)
+            self.cutoff = gui.add_number(
+                "cut-off [Hz]", 0.0, min=0.0, step=0.5, hint="Of the feedback; 0: its default (docs: Compensation)."
+            )
+            self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
+            self.seconds = gui.add_number("for [s]", self.flown_seconds, min=1.0, step=1.0)
+            hint = "Re-simulates the flight from its recorded state, with this in the loop; shown as ghost."
+            self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
+            self.flown = gui.add_html("")
+
+    @property
+    def feedback(self) -> str | None:
+        """The feedback that is chosen, as `compensators.feedback` takes it; None for the process, or nothing."""
+        law = LAWS.get(self.law.value)
+        return f"{law}={self.cutoff.value:g}" if law and self.cutoff.value > 0 else law
 
     def _settings(self, setting: Compensation) -> None:
         gui, gate = self.host.gui, setting.gate
         threshold, kappa = float(gate.sigma_threshold or 0.0), float(gate.kappa or 0.0)
         self.usual = setting.on, gate.filter_uncertain, threshold, kappa, gate.decay_time
-        self.name = setting.name
-        title = f"process: {self.name}"
+        title = f"process: {setting.name}"
         gui.add_html(markup.render("table", heading=title, head=(), rows=(), sentences=setting.notes, look="wg-warn"))
         self.on = gui.add_checkbox("compensate", setting.on)
         self.gated = gui.add_checkbox(
@@ -203,11 +232,13 @@ class CompensationPanel(Panel):
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
-        if self.ready and scene.name != getattr(self, "flight", None):
+        if scene.name != getattr(self, "flight", None):
             self.flight = scene.name
-            self.work.cancel()
+            if self.ready:
+                self.work.cancel()
+                self.done.content = ""
             self.again.cancel()
-            self.done.content, self.flown.content = "", ""
+            self.flown.content = ""
             self.start.value = float(scene.time[0])
             self.seconds.value = min(self.flown_seconds, float(scene.time[-1] - scene.time[0]))
 
@@ -250,11 +281,12 @@ class CompensationPanel(Panel):
     def refly(self) -> None:
         """Fly the flight shown again, in a ghost."""
         flight, start, seconds = self.host.scene.name, float(self.start.value), float(self.seconds.value)
+        feedback = self.feedback
 
         def done(found: Counterfactual) -> None:
             from wrenchgap.replay.present import counterfactual  # here: the page stands before it is there
 
-            ghost = ghost_of(found, self.name)
+            ghost = ghost_of(found)
             self.flown.content = markup.render(
                 "table",
                 heading=f"tracking error: {ghost.words}",
@@ -265,7 +297,7 @@ class CompensationPanel(Panel):
             )
             self.host.show_ghost(GHOST, ghost)
 
-        self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report), done)
+        self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report, feedback), done)
 
 
 def _replay_html(found: Replay) -> str:
@@ -292,8 +324,8 @@ def _replay_html(found: Replay) -> str:
     )
 
 
-def ghost_of(found: Counterfactual, name: str, rate_hz: float = 50.0) -> Motion:
-    """The re-simulated flight as it is drawn, at about `rate_hz` instants a second; `name` of the GP."""
+def ghost_of(found: Counterfactual, rate_hz: float = 50.0) -> Motion:
+    """The re-simulated flight as it is drawn, at about `rate_hz` instants a second."""
     state, commands = found.changed.flown.state, found.changed.flown.commands
     every = max(1, round(1.0 / (rate_hz * found.inference.recording.dt)))
     return Motion(
@@ -301,5 +333,5 @@ def ghost_of(found: Counterfactual, name: str, rate_hz: float = 50.0) -> Motion:
         state.position_E[::every],
         state.quat_EB[::every],
         None if commands.tilt is None else commands.tilt[::every],
-        f"compensated by {name}" if found.change.process is not None else "re-simulated, nothing changed",
+        "; ".join(found.change.words) or "re-simulated, nothing changed",
     )
