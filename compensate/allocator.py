@@ -48,9 +48,11 @@ class Allocator:
         self._room, self._memory, self._out = rooms(self.table)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the command of before: hover takes its place."""
+    def reset(self, tilt: Array | None = None) -> None:
+        """Forget the command of before: hover takes its place, with arms at rest or at `tilt` (A,) [rad]."""
         kernels.hovering(self.table, self._room, self._memory, self._out)
+        if tilt is not None:
+            self._memory.last_tilt[:] = tilt
 
     def step(self, wrench_B: Array) -> Allocated:
         """The command for a wrench (6,) about the centre of mass [N, Nm]."""

@@ -123,13 +123,13 @@ class Allocation:
         speed = np.clip(desired, rotors.speed_min, rotors.speed_max)
         over = (np.abs(speed - desired) > 0.0) | (square < 0.0)
         free = np.flatnonzero(arms.tilts)
-        turned, slow = self._rate_limited(tilt[free], before[free], fresh, dt)
+        turned, slow = self.rate_limited(tilt[free], before[free], fresh, dt)
         tilt[free] = np.clip(turned, arms.tilt_min[free], arms.tilt_max[free])
         beyond = np.abs(tilt[free] - turned) > 0.0
         limited = [np.minimum(np.sum(1.0 * where, keepdims=True), 1.0) for where in (over, slow, beyond, weak)]
         return tilt, speed, np.concatenate(limited)
 
-    def _rate_limited(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
+    def rate_limited(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
         """Angles (T,) of tilting arms, turned and limited in rate (see the module), and where the rate was limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]

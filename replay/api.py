@@ -261,6 +261,7 @@ def counterfactual(
     having: Sequence[str] = (),
     gains: Sequence[str] = (),
     believe: Model | Addition | None = None,
+    allocation: Model | Addition | None = None,
     baselines: bool = False,
     feedback: Sequence[str] = (),
     despite_verdict: bool = False,
@@ -271,8 +272,9 @@ def counterfactual(
     """A recorded flight, re-simulated with something changed; the null run bounds the accuracy.
 
     `gp` compensates in the loop; `without` these effects of the model, `having` others ("servo_lag=tau:0.05"); other
-    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` are those of a GP, `feedback`
-    others by name and cut-off [Hz] ("indi=8", "l1", "observer=2"), each flown instead of it.
+    `gains` ("integral=0"); controller and allocation `believe` another model; the corrected `allocation` of a model
+    allocates; `baselines` are those of a GP, `feedback` others by name and cut-off [Hz] ("indi=8", "l1", "observer=2"),
+    each flown instead of it.
     """
     base, process = model_of(model), None if gp is None else gp_of(gp)
     recording = read_recording(flight, base.vehicle, start=start, duration=duration)
@@ -288,6 +290,7 @@ def counterfactual(
         with_=having,
         gains=gains,
         believe=None if believe is None else model_of(believe),
+        allocation=None if allocation is None else model_of(allocation),
     )
     return resimulating.counterfactual(recording, base, asked, progress=progress)
 

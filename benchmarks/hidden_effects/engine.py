@@ -37,6 +37,8 @@ from wrenchgap.flight.flight import Array, Flight
 Size = float | Mapping[str, Any] | None
 Compensate = Callable[[Array, Array], Array]
 """From the desired wrench (6,) and the state (13,: position, quaternion, velocity, rate) to the commanded wrench."""
+Allocate = Callable[[Array], tuple[Array, Array]]
+"""From the commanded wrench (6,) to tilts (6,) [rad] and rotor speeds (12,) [rad/s]."""
 
 GYRO_NOISE, ACCELEROMETER_NOISE = 3.4e-3, 3.17e-2  # rad/s and m/s^2, per sample
 POSITION_NOISE, ATTITUDE_NOISE, VELOCITY_NOISE, RATE_NOISE = 3e-4, 5e-4, 5e-3, 5e-3
@@ -89,6 +91,7 @@ def fly(
     crisp: bool = False,
     log: Path | None = None,
     also: Sequence[Hidden] = (),
+    allocate: Allocate | None = None,
 ) -> tuple[Flight, Truth]:
     """Fly `trajectory` with hidden `effect`(s); deterministic for equal arguments.
 
@@ -99,7 +102,7 @@ def fly(
     each other on neighbours (0.37 and 0.23 Hz), without changing the wrench: that separates effects of single
     rotors from those of pairs. `crisp` gives the vehicle servos of 2.5 ms and nearly massless arms, so that
     without a hidden effect really nothing is missing. `log` is an MCAP file to write. `also` acts on the vehicle and
-    is not in the truth: its surroundings.
+    is not in the truth: its surroundings. `allocate` takes the place of the autopilot's allocation.
     Raises UsageError for an unknown name or a flight that was lost.
     """
     # Long because a tick reads as one paragraph: what is seen, what is asked for, what is recorded.
@@ -130,7 +133,10 @@ def fly(
         mujoco.mju_quat2Mat(R, state[k, 3:7])
         desired[k] = pilot.wrench(state[k, :3], R.reshape(3, 3), state[k, 7:10], state[k, 10:], rows[k])
         commanded[k] = desired[k] if compensate is None else compensate(desired[k].copy(), state[k].copy())
-        tilt[k], speed[k] = pilot.allocate(commanded[k], None if split is None else split[k])
+        if allocate is None:
+            tilt[k], speed[k] = pilot.allocate(commanded[k], None if split is None else split[k])
+        else:
+            tilt[k], speed[k] = allocate(commanded[k].copy())
         engine.advance(tilt[k].copy(), speed[k].copy())
         if battery is not None:
             volts[k] = battery.voltage

@@ -2,6 +2,8 @@
 
     W_des = law(state, reference) [+ e(t)]  ->  compensator  ->  W_cmd  ->  allocation [+ a(t)]  ->  u
 
+The allocation is the nominal one, or another (`Allocating`), such as the corrected one of `compensate.allocator`.
+
 e and a are what a recorded flight computer sent beyond law and allocation (`RecordedPilot`); zero in a simulation.
 """
 
@@ -48,6 +50,27 @@ class Compensating(Protocol):
         ...
 
 
+class Allocated(Protocol):
+    """Thrusts (R,) [N] of the nominal rotors, and tilts (A,) [rad]."""
+
+    @property
+    def thrust(self) -> Array: ...  # noqa: D102
+    @property
+    def tilt(self) -> Array: ...  # noqa: D102
+
+
+class Allocating(Protocol):
+    """`compensate.allocator.Allocator`, or anything that steps like it."""
+
+    def reset(self, tilt: Array, /) -> None:
+        """Forget the past but for the tilts (A,) [rad] of before."""
+        ...
+
+    def step(self, wrench_B: Array, /) -> Allocated:
+        """From W_cmd (6,) about the centre of mass to thrusts and tilts, once per control period."""
+        ...
+
+
 @dataclass(frozen=True)
 class RecordedPilot:
     """Initial state of a recorded flight computer, and its commands beyond law and allocation in K periods.
@@ -84,13 +107,14 @@ class FlightComputer:
         clock: Clock,
         *,
         compensator: Compensating | None = None,
+        allocating: Allocating | None = None,
         integral: Array | None = None,
         recorded: RecordedPilot | None = None,
         measured: bool = False,
     ) -> None:
         """`reference` (K) has a sample for each period; `integral` (3,) [rad s] gives way to `recorded`'s."""
         self.gains, self.believed, self.compensator, self.measured = gains, believed, compensator, measured
-        self.clock, self.steps = clock, list[Correction]()
+        self.clock, self.steps, self.allocating = clock, list[Correction](), allocating
         self.allocation = Allocation(believed) if believed.has_rotors else None
         self.along_z = pushes_along_z_only(believed) if recorded is None else recorded.along_z
         self.signals = self._start(integral if recorded is None else recorded.integral, recorded)
@@ -111,6 +135,8 @@ class FlightComputer:
         before = None if recorded is None else recorded.previous_tilt
         signals |= {"tilt": np.zeros(len(arms)), "speed": np.zeros(len(rotors))}
         signals["allocated"] = np.zeros(len(arms)) if before is None else before
+        if self.allocating is not None:
+            self.allocating.reset(signals["allocated"])
         return signals | {"fresh": np.array([float(before is None)])}
 
     def _stages(self, reference: Reference, recorded: RecordedPilot | None) -> list[Stage]:
@@ -129,7 +155,8 @@ class FlightComputer:
         more = np.zeros((count, len(self.signals["tilt"]) + len(self.signals["speed"])))
         if recorded is not None and recorded.tilt is not None and recorded.rotor_speed is not None:
             more = np.hstack((recorded.tilt, recorded.rotor_speed))
-        return [*stages, Stage("command", self._allocate, more, c.per_command, ("commanded", "tilt", "speed"))]
+        logged, never = ("commanded", "tilt", "speed"), 0 if self.allocating is None else ALWAYS
+        return [*stages, Stage("command", self._allocate, more, c.per_command, logged, numpy_steps=never)]
 
     def _law(self, now: Signals, row: Array) -> Signals:
         estimate = np.concatenate((now["pose"][:10], now["gyro"])) if self.measured else now["state"]
@@ -154,15 +181,28 @@ class FlightComputer:
 
     def _allocate(self, now: Signals, row: Array) -> Signals:
         assert self.allocation is not None
-        about_O = about_origin(self.believed.body, now["commanded"][None])[0]
-        fresh = now["fresh"] > 0.0
-        tilt, speed, limited = self.allocation.step(about_O, now["allocated"], fresh, self.clock.period)
+        tilt, speed, limited = self._allocated(now)
         sent = Commands(now["commanded"][None], tilt[None], speed[None])
         sent = beyond_allocation(self.believed, sent, row[None, : len(tilt)], row[None, len(tilt) :])
         assert sent.tilt is not None
         assert sent.rotor_speed is not None
         now = {"tilt": sent.tilt[0], "speed": sent.rotor_speed[0], "limited": now["limited"] + limited}
         return {"allocated": tilt, "fresh": np.zeros(1), **now}
+
+    def _allocated(self, now: Signals) -> tuple[Array, Array, Array]:
+        """Tilts, rotor speeds, and which limits were met, of the nominal allocation or another."""
+        assert self.allocation is not None
+        fresh, period, limited = now["fresh"] > 0.0, self.clock.period, np.zeros(len(LIMITS))
+        if self.allocating is None:
+            about_O = about_origin(self.believed.body, now["commanded"][None])[0]
+            return self.allocation.step(about_O, now["allocated"], fresh, period)
+        arms, rotors = self.believed.geometry()
+        made = self.allocating.step(now["commanded"])
+        turned, slow = self.allocation.rate_limited(made.tilt[arms.tilts], now["allocated"][arms.tilts], fresh, period)
+        tilt = np.array(now["allocated"])
+        tilt[arms.tilts] = np.clip(turned, arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts])
+        limited[LIMITS.index("tilt_rate")] = float(slow.any())
+        return tilt, np.sqrt(np.maximum(made.thrust, 0.0) / rotors.c_f), limited
 
 
 def beyond_allocation(vehicle: Vehicle, allocated: Commands, tilt: Array, rotor_speed: Array) -> Commands:

@@ -5,14 +5,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wrenchgap.compensate import Settings
+from wrenchgap.compensate.allocator import Allocator
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
+from wrenchgap.plant.allocation_problem import allocation_problem
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import with_values
 from wrenchgap.plant.reader import BOUNDS
-from wrenchgap.plant.simulation.flight_computer import Compensating
+from wrenchgap.plant.simulation.flight_computer import Allocating, Compensating
 from wrenchgap.replay.compensation import compensators as compensating
 
 SETTABLE = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
@@ -27,6 +29,7 @@ class Change:
     gains        of the control law
     believed     vehicle that controller and allocation assume
     compensator  in the loop
+    allocating   in place of the nominal allocation
     beside       others to compare it with, by name, each flown in its place
     words        the same for tables and provenance
     process      what the compensator was made of
@@ -36,6 +39,7 @@ class Change:
     gains: ControllerGains | None = None
     believed: Vehicle | None = None
     compensator: Compensating | None = None
+    allocating: Allocating | None = None
     beside: tuple[tuple[str, Compensating], ...] = ()
     words: tuple[str, ...] = ()
     process: GaussianProcess | None = None
@@ -79,6 +83,19 @@ def believed_vehicle(model: Model, believed: Model) -> Vehicle:
     return replace(model.vehicle, body=believed.wrench_model.body)
 
 
+def corrected_allocation(model: Model, flown: Model) -> Allocator:
+    """The corrected allocation of another model of the vehicle, with its effects.
+
+    Raises ModelError for a model of another vehicle, without rotors, or of one that cannot hover as flown.
+    """
+    if flown.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{flown.name}: is a model of {flown.vehicle.name}, expected one of {model.vehicle.name}; its allocation "
+            "asks other rotors"
+        )
+    return Allocator(allocation_problem(flown))
+
+
 @one_thread
 def change(
     model: Model,
@@ -90,6 +107,7 @@ def change(
     with_: Sequence[str] = (),
     gains: Sequence[str] = (),
     believe: Model | None = None,
+    allocation: Model | None = None,
     baselines: bool = False,
     feedback: Sequence[str] = (),
     despite_verdict: bool = False,
@@ -105,6 +123,8 @@ def change(
     words += [f"gains {text}" for text in gains]
     if believe is not None:
         words.append(f"controller believes {believe.name}")
+    if allocation is not None:
+        words.append(f"allocated by {allocation.name} as flown")
     compensator, process = None, None if gp is None else gp[1]
     if gp is not None and process is not None:
         name = gp[0]
@@ -118,6 +138,7 @@ def change(
         gains=changed_gains(model.controller, gains) if gains else None,
         believed=None if believe is None else believed_vehicle(model, believe),
         compensator=compensator,
+        allocating=None if allocation is None else corrected_allocation(model, allocation),
         beside=tuple(dict(beside).items()),
         words=tuple(words),
         process=process.despite_verdict() if process is not None and despite_verdict else process,

@@ -97,6 +97,8 @@ class FlownPlainly:
 Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms | NotCompiled | FlownPlainly
 """What a reader must know before relying on the numbers."""
 
+COMPENSATED_ALONE = "compensated, allocated nominally"
+"""The run beside one with both a compensator and another allocation."""
 NULL_RUN, CHANGED = "null_run", "counterfactual"
 """Names of runs; other compensators have their own."""
 
@@ -206,12 +208,15 @@ def counterfactual(
     def run(compensator: Compensating | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:
         return refly(inference, replace(change, compensator=compensator), progress=stage(begin, end, words))
 
-    others = any(item is not None for item in (change.plant, change.gains, change.believed))
+    others = any(item is not None for item in (change.plant, change.gains, change.believed, change.allocating))
     plain = run(None, 0.5, 0.6) if others else null
     share = 0.4 / (1 + len(change.beside))
     beside = tuple((name, run(one, 1.0 - share, 1.0, name)) for name, one in change.beside)
     if change.compensator is None:
         return Counterfactual(inference, null, plain, change, beside=beside)
+    if change.allocating is not None:
+        alone = refly(inference, replace(change, allocating=None))
+        beside = ((COMPENSATED_ALONE, alone), *beside)
     changed = run(change.compensator, 0.6, 0.6 + share)
     margin, process = None, change.process
     if process is not None:
@@ -291,6 +296,7 @@ def refly(
         reference,
         r.clock,
         compensator=asked.compensator,
+        allocating=asked.allocating,
         recorded=inference.pilot,
     )
     felt = [] if asked.compensator is None else [closed_loop.accelerometer_stage(model.wrench_model, r.clock)]

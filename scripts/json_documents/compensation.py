@@ -172,7 +172,7 @@ class Counterfactual(Document):
     tracking: dict[str, Tracking]
     """`recorded`, `null_run`, `counterfactual` and, with `--gp`, `uncompensated`."""
     baselines: dict[str, Tracking]
-    """`--baselines`, `--feedback`: errors with other compensators."""
+    """`--baselines`, `--feedback`: errors with other compensators; with --gp and --allocation that of the GP alone."""
     axes: list[str]
     disturbance: Disturbance
     """What the model does not explain, about O in B."""

@@ -8,6 +8,7 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.compensate.allocator import Allocator
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.write import provenance
@@ -15,6 +16,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.identify.disturbance import infer
 from wrenchgap.plant import model_file
+from wrenchgap.plant.allocation_problem import allocation_problem
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import make_effect
@@ -273,6 +275,39 @@ def test_a_controller_that_knows_the_centre_of_mass_tracks_better():
     assert np.all(after[:2] < 0.1 * before[:2])
     with pytest.raises(ModelError, match="voliro_x: is a model of"):
         believed_vehicle(MODEL, model_file.load("voliro_x"))
+
+
+def test_the_corrected_allocation_takes_the_attitude_error_of_the_rotors_away():
+    """And the pseudo-inverse of the nominal vehicle, by its way, makes the flight that was flown."""
+    pd = replace(MODEL, controller=replace(MODEL.controller, integral=0.0))
+    weak = make_effect(pd.vehicle, "rotor_thrust", {f"rotor_{r}": -0.2 * (r == 3) for r in range(12)})
+    zero = make_effect(pd.vehicle, "tilt_offset", {f"arm_{a}": 0.04 * (a == 1) for a in range(6)})
+    flown = pd.with_effects([weak, zero, COM])
+    r = record(fly(flown, believed=pd))
+    made = counterfactual(r, flown, asked_change(flown, period=r.dt, allocation=flown))
+    before, after = (np.array(made.tracking[k].attitude_mean) for k in ("null_run", "counterfactual"))
+    assert np.all(after < 0.1 * before)
+    assert made.tracking["counterfactual"].position_rms < 0.2 * made.tracking["null_run"].position_rms
+    same = counterfactual(r, flown, Change(allocating=Allocator(allocation_problem(pd), rounds=0)))
+    np.testing.assert_allclose(same.tracking["counterfactual"].attitude_mean / before, 1.0, atol=0.01)
+    with pytest.raises(ModelError, match="its allocation asks other rotors"):
+        asked_change(flown, period=r.dt, allocation=model_file.load("voliro_x"))
+
+
+def test_with_a_compensator_and_another_allocation_each_is_flown_alone_too():
+    mismatch = LinearMismatch(("torque_x",), np.array([0.1]), np.zeros((1, 6)), np.array([1e-3]))
+    r = record(fly(), duration=2.0)
+    asked = asked_change(MODEL, period=r.dt, allocation=MODEL)
+    result = counterfactual(r, MODEL, replace(asked, compensator=Compensator(mismatch, Settings(dt=r.dt))))
+    assert list(result.baselines) == ["compensated, allocated nominally"]
+    errors = [*result.tracking.values(), *result.baselines.values()]
+    x = {
+        name: float(one.attitude_mean[0])
+        for name, one in zip(("log", "null", "alone", "both", "gp"), errors, strict=True)
+    }
+    assert x["alone"] == pytest.approx(x["null"], rel=0.1)  # nothing is wrong with these rotors
+    assert x["both"] == pytest.approx(x["gp"], rel=0.1)
+    assert x["both"] > 3.0 * x["alone"]  # a compensator that is wrong by 0.1 Nm
 
 
 @pytest.mark.parametrize("text", ["foo=1", "integral", "integral=a", "integral=1,2", "omega_attitude=1,2"])

@@ -249,6 +249,14 @@ def counterfactual(
             autocompletion=values.complete_models,
         ),
     ] = None,
+    allocation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL3",
+            help="Allocate by the effectiveness as flown of MODEL3 (`wrenchgap effectiveness`).",
+            autocompletion=values.complete_models,
+        ),
+    ] = None,
     start: Annotated[float, typer.Option(metavar="S", help="Start of the re-simulation, in seconds.")] = 0.0,
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Its length, in seconds; default: to the end.")
@@ -271,7 +279,7 @@ def counterfactual(
 
     run.claim({"--output": output}, log, gp)
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
-    process = run.gp(gp)
+    process, flown = run.gp(gp), None if allocation is None else run.model(allocation, "allocation")
     with run.progress("counterfactual", "reading the log") as report:
         ((flight,), _) = run.open(reading.options, [log], base)
         result = api.counterfactual(
@@ -284,6 +292,7 @@ def counterfactual(
             having=with_ or (),
             gains=gains or (),
             believe=other,
+            allocation=flown,
             baselines=baselines,
             feedback=feedback or (),
             despite_verdict=despite_verdict,
