@@ -10,6 +10,7 @@ with |u_g| in each round (Lawson, dissertation, UCLA 1961; Rice and Usow, Math. 
 exactly; the first one, of equal weights, is the pseudo-inverse. There are as many rounds for every demand, and the last
 one counts: a search that ended where it is near enough would let the command jump from one demand to the next.
 
+Where the pseudo-inverse leaves enough (`calm`), it is taken: it asks for the least thrust and tilts arms the least.
 A demand that is out of reach gives up torque about z first, then all of it towards hover (`found`). Restricted to what
 `compensate.kernels` is restricted to.
 """
@@ -37,6 +38,8 @@ SAME_ANGLE = 1e-5
 """Of single precision [rad]."""
 BLEND = 0.02
 """Share by which the last round must be better than the first to count alone; where it is no better the first does."""
+RAMP = 0.25
+"""Of |u_g| from `calm` on, over which the largest margin takes the place of the pseudo-inverse."""
 SLACK = 0.1
 """Share of the limits that torque about z is left at least: with less, commands change abruptly at the end of reach."""
 MADE, BAD_DEMAND, REDUCED = range(3)
@@ -133,6 +136,7 @@ def searched(t: AllocationTable, room: AllocationRoom) -> float:
             room.weight[g] = bounded(room.weight[g] / top, FLOOR, 1.0)
         largest = weighted(t, room)
     gain = bounded((first - largest) / (BLEND * first + SMALL), 0.0, 1.0)
+    gain = gain * bounded((first - t.calm) / RAMP, 0.0, 1.0)
     least = 0.0
     for g in range(len(room.weight)):
         room.best[g, 0] += gain * (room.u[g, 0] - room.best[g, 0])

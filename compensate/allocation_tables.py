@@ -35,6 +35,7 @@ class AllocationTable(NamedTuple):
     owner, share (R,)          group of a rotor, its share of the thrust; least, most (R,) its limits [N]
     far (6,)                   demands are cut to this [N, Nm]
     rounds                     of the search for the largest margin; 0: pseudo-inverse
+    calm                       largest |u_g| of the pseudo-inverse up to which it is taken as it is
     """
 
     demand: Annotated[Array, "WG_RANK", 6]
@@ -60,6 +61,7 @@ class AllocationTable(NamedTuple):
     most: Thrusts
     far: Six
     rounds: int
+    calm: float
 
 
 class AllocationRoom(NamedTuple):

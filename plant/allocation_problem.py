@@ -6,13 +6,16 @@ x_g along its direction at rest and y_g across it, about the centre of mass as f
     W = offset + sum_g (wrench_g,0 x_g + wrench_g,1 y_g),    low_g <= x_g <= high_g, y_g = 0     arms that do not tilt
                                                              hypot(x_g, y_g) <= high_g           arms that do
 
-linear about hover (`plant.effectiveness`); `offset` is what curved thrust laws and constant wrenches leave. Limits are
-those of the rotors' speeds, in thrusts of the nominal rotor, c_f Omega^2.
+the straight line of least squares through what the model makes of `SAMPLES` commands about hover (statistical
+linearisation: Gelb, "Applied optimal estimation", 1974, chapter 6): of effects that are linear in these thrusts, their
+own law; of wakes, which an arm meets only when it tilts, what they are on average in flight. Commands are those of the
+nominal allocation for forces and torques of chance, and as much again that nominally makes no wrench. Limits are those
+of the rotors' speeds, in thrusts of the nominal rotor, c_f Omega^2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +23,17 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import allocation_of
-from wrenchgap.plant.effectiveness import linear_matrix, makeable, spread
+from wrenchgap.plant.effectiveness import RANK, linear_matrix, makeable, spread
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets.quantities import acting_effects, hover_speeds, still_wrench
+from wrenchgap.plant.targets.quantities import acting_effects, still_wrench
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.plant.wrench_model import WrenchModel, about_com
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com
+
+SAMPLES = 300
+"""Commands of the fit: ten for each of the unknowns of twelve rotors on six arms that tilt, or more."""
+FORCE, TORQUE, BESIDE = 0.3, 0.05, 0.1
+"""Of the commands: largest force from hover, of the weight; torque, of what all thrusts together make; standard
+deviation of what makes no wrench, of the mean thrust of a group. What careful flights do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +68,16 @@ class AllocationProblem:
     group: NDArray[np.int64]
     share: Array
 
+    @property
+    def flat(self) -> Array:
+        """`wrench` as (6, 2 G): along and across of each group in turn."""
+        return self.wrench.reshape(6, -1)
+
+    @property
+    def authority(self) -> Array:
+        """Largest force and torque (6,) on each axis that all thrusts together could make [N, Nm]."""
+        return np.asarray(np.hypot(self.wrench[:, :, 0], self.wrench[:, :, 1]) @ self.high)
+
 
 def allocation_problem(model: Model, *, nominal: bool = False) -> AllocationProblem:
     """The problem of a model with its effects, or of its `nominal` vehicle.
@@ -67,16 +86,11 @@ def allocation_problem(model: Model, *, nominal: bool = False) -> AllocationProb
     """
     vehicle = model.vehicle
     arms, rotors = vehicle.geometry()
-    effects = [] if nominal else acting_effects(model)
-    acting, groups = WrenchModel(vehicle, tuple(effects)), allocation_of(vehicle).groups
-    linear, speeds = linear_matrix(model, effects), hover_speeds(vehicle)
+    groups, linear = allocation_of(vehicle).groups, linear_matrix(model, [])
     arm = np.array([a for a, _ in groups], dtype=np.int64)
     tilts, count = arms.tilts[arm], len(groups)
     wrench = np.zeros((6, count, 2))
     wrench[:, :, 0], wrench[:, tilts, 1] = linear[:, :count], linear[:, count:]
-    thrust = rotors.c_f * speeds**2
-    resting = np.array([thrust[members].sum() for _, members in groups])
-    made = about_com(acting.body, still_wrench(acting, speeds[None]))[0]
     share = spread(vehicle)[: len(rotors), :count]
     group, of = share.argmax(axis=1), share.max(axis=1)
     full, idle = rotors.c_f * rotors.speed_max**2 / of, rotors.c_f * rotors.speed_min**2 / of
@@ -88,17 +102,54 @@ def allocation_problem(model: Model, *, nominal: bool = False) -> AllocationProb
             f"{vehicle.name}: rotors of {vehicle.arm_name(int(arm[g]))} have no thrust that all of them can share; "
             "check speed_min and speed_max"
         )
-    hover = np.array([0.0, 0.0, acting.body.mass * GRAVITY, 0.0, 0.0, 0.0])
-    return AllocationProblem(
-        vehicle,
-        wrench,
-        made - linear[:, :count] @ resting,
-        hover,
-        makeable(linear_matrix(model, [])),
-        low,
-        high,
-        arm,
-        tilts,
-        group.astype(np.int64),
-        of,
-    )
+    hover = np.array([0.0, 0.0, vehicle.body.mass * GRAVITY, 0.0, 0.0, 0.0])
+    limits = (low, high, arm, tilts, group.astype(np.int64), of)
+    known = AllocationProblem(vehicle, wrench, np.zeros(6), hover, makeable(linear), *limits)
+    effects = [] if nominal else acting_effects(model)
+    return _as_flown(known, effects) if effects else known
+
+
+def demands(nominal: AllocationProblem, count: int, rng: np.random.Generator) -> Array:
+    """Wrenches (count, 6) about hover, of chance, as a careful flight asks for them (`FORCE`, `TORQUE`)."""
+    size = np.concatenate((np.full(3, FORCE * nominal.hover[2]), TORQUE * nominal.authority[3:]))
+    return np.asarray(nominal.hover + rng.uniform(-1.0, 1.0, (count, 6)) * size)
+
+
+def made_by_model(problem: AllocationProblem, effects: list[ModelEffect], thrust: Array, tilt: Array) -> Array:
+    """Wrenches (N, 6) about the centre of mass as flown that a model makes of thrusts (N, R) [N] and tilts (N, A)."""
+    _, rotors = problem.vehicle.geometry()
+    acting = WrenchModel(problem.vehicle, tuple(effects))
+    speed = np.sqrt(np.maximum(thrust, 0.0) / rotors.c_f)
+    rows = [still_wrench(acting, s[None], t)[0] for s, t in zip(speed, tilt, strict=True)]
+    return about_com(acting.body, np.array(rows))
+
+
+def _as_flown(nominal: AllocationProblem, effects: list[ModelEffect], seed: int = 0) -> AllocationProblem:
+    """The problem with the straight line through what the effects make of commands about hover."""
+    p, rng = nominal, np.random.default_rng(seed)
+    arms, _ = p.vehicle.geometry()
+    used = np.stack((np.ones_like(p.tilts), p.tilts), axis=1).ravel()
+    inverse = np.linalg.pinv(p.directions.T @ p.flat, rcond=RANK) @ p.directions.T
+    mean = inverse @ p.hover
+    beside = np.eye(len(used)) - inverse @ p.flat
+    chance = rng.normal(size=(SAMPLES, len(used))) * used * BESIDE * p.hover[2] / len(p.high)
+    off = ((demands(p, SAMPLES, rng) - p.hover) @ inverse.T + chance @ beside.T) * used
+    asked = (mean + off * _within(p, mean, off)[:, None]).reshape(SAMPLES, -1, 2)
+    thrust = np.where(p.tilts, np.hypot(asked[:, :, 0], asked[:, :, 1]), asked[:, :, 0])
+    tilt = np.zeros((SAMPLES, len(arms)))
+    tilt[:, p.arm[p.tilts]] = np.arctan2(asked[:, p.tilts, 1], asked[:, p.tilts, 0])
+    made = made_by_model(p, effects, p.share * thrust[:, p.group], tilt)
+    known = np.column_stack((np.ones(SAMPLES), asked.reshape(SAMPLES, -1)[:, used]))
+    law = np.linalg.lstsq(known, made, rcond=None)[0]
+    flat = np.zeros_like(p.flat)
+    flat[:, used] = law[1:].T
+    mass = WrenchModel(p.vehicle, tuple(effects)).body.mass
+    hover = np.array([0.0, 0.0, mass * GRAVITY, 0.0, 0.0, 0.0])
+    return replace(p, wrench=flat.reshape(p.wrench.shape), offset=law[0], hover=hover)
+
+
+def _within(p: AllocationProblem, mean: Array, off: Array) -> Array:
+    """Share (N,) of its way from the mean at which each command is within the thrusts of arms that do not tilt."""
+    room = np.where(off > 0.0, np.repeat(p.high, 2) - mean, np.repeat(p.low, 2) - mean) / np.where(off == 0.0, 1.0, off)
+    fixed = np.repeat(~p.tilts, 2) & (off != 0.0)
+    return np.asarray(np.clip(np.where(fixed, room, 1.0).min(axis=1), 0.0, 1.0))

@@ -17,12 +17,12 @@ import numpy as np
 from wrenchgap._escaping import printable
 from wrenchgap.compensate import allocation_kernels as kernels
 from wrenchgap.compensate.allocation_tables import AllocationTable
-from wrenchgap.compensate.allocator import Allocator, Margins, margins
+from wrenchgap.compensate.allocator import Allocator, Left, Margins, left_by_model, margins
 from wrenchgap.compensate.c_expressions import INT
 from wrenchgap.compensate.c_printer import Printer, bounds, fields_of, members, name_of_constant
 from wrenchgap.compensate.compiling import PRINTED
 from wrenchgap.flight.arguments import check_arguments
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.identify.add import Addition, model_of
@@ -68,17 +68,21 @@ NOTES = {
     "most": "thrust of a rotor at speed_max [N]",
     "far": "demands are cut to this [N, Nm]",
     "rounds": "of the search for the largest margin; 0: pseudo-inverse",
+    "calm": "share of a range up to which the pseudo-inverse is taken as it is; 0: the largest margin everywhere",
 }
 
 
 @dataclass(frozen=True, repr=False)
 class AllocationExport(Result):
-    """A corrected allocation: `files` by name, `effects` that it allows for, margins over demands that can be made."""
+    """A corrected allocation: `files` by name, `effects` that it allows for, what the model leaves of demands with it
+    and without, margins over demands that can be made.
+    """  # noqa: D205
 
     model: Model
     files: dict[str, str]
     effects: tuple[str, ...]
     precision: Precision
+    left: Left
     margins: Margins
 
 
@@ -116,7 +120,8 @@ def export_allocation(
     UsageError
         Where the folder exists and `force` is not given.
     ModelError
-        For a model without rotors and a vehicle that cannot hover as flown.
+        For a model without rotors, a vehicle that cannot hover as flown, and one of which the corrected allocation
+        would by the model itself make worse what is asked for.
     """
     known = model_of(model)
     if folder is not None:
@@ -124,14 +129,21 @@ def export_allocation(
         if known.path is not None and known.path.resolve().is_relative_to(Path(folder).resolve()):
             raise UsageError(f"--output {folder}: the model {known.path} is in it; choose another name")
     problem = allocation_problem(known)
-    allocator = Allocator(problem)
+    allocator, left = Allocator(problem), left_by_model(known, problem)
+    if left.worse:
+        raise ModelError(
+            f"{known.name}: by the model itself the corrected allocation leaves {left.corrected[0]:.2g} N and "
+            f"{left.corrected[1]:.2g} Nm of what is asked for, the nominal one {left.nominal[0]:.2g} N and "
+            f"{left.nominal[1]:.2g} Nm: its effects are no straight line of the thrusts; compensate them instead "
+            "(wrenchgap learn)"
+        )
     effects = tuple(one.name for one in acting_effects(known))
     said = _context(known, allocator, precision, command) | {"effects": effects}
     files = {name: environment(name).get_template(f"{name}.jinja").render(**said) for name in FILES[:-1]}
     files["Makefile"] = environment("Makefile").get_template("allocation_Makefile.jinja").render(**said)
     if folder is not None:
         write_folder(Path(folder), files, force=force)
-    return AllocationExport(known, files, effects, precision, margins(problem))
+    return AllocationExport(known, files, effects, precision, left, margins(problem))
 
 
 def _context(model: Model, allocator: Allocator, precision: Precision, command: str) -> dict[str, Any]:
@@ -192,7 +204,7 @@ def _python_table(table: AllocationTable) -> str:
     """The constants as keyword arguments, one a line."""
     rows = []
     for field, value in table._asdict().items():
-        text = repr(value) if isinstance(value, int) else f"np.array({_nested(np.asarray(value))})"
+        text = repr(value) if isinstance(value, int | float) else f"np.array({_nested(np.asarray(value))})"
         rows.append(f"    {field}={text},  # {NOTES[field]}")
     return "\n".join(rows)
 
@@ -214,7 +226,7 @@ def _python_functions() -> Iterator[str]:
 
 def _python_constants() -> str:
     """Constants of the kernels as they stand."""
-    names = ("TURN", "FLOOR", "SMALL", "SAME_ANGLE", "BLEND", "SLACK", "MADE", "BAD_DEMAND", "REDUCED")
+    names = ("TURN", "FLOOR", "SMALL", "SAME_ANGLE", "BLEND", "RAMP", "SLACK", "MADE", "BAD_DEMAND", "REDUCED")
     return "\n".join(f"{name} = {getattr(kernels, name)!r}" for name in names)
 
 

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.compensate.allocator import ROUNDING
 from wrenchgap.replay.export.allocation import AllocationExport
-from wrenchgap.replay.present.numbers import share
+from wrenchgap.replay.present.numbers import number, share
 from wrenchgap.replay.present.tables import Line, Part
 
 CHECK = (
@@ -14,8 +15,17 @@ CHECK = (
 
 
 def parts(made: AllocationExport) -> list[Part]:
-    """The margins, and what to see to."""
-    return [Line(summary(made)), Line(CHECK, "dim")]
+    """What is left of demands, the margins, and what to see to."""
+    return [*([Line(left(made))] if made.effects else []), Line(summary(made)), Line(CHECK, "dim")]
+
+
+def left(made: AllocationExport) -> str:
+    """What the model leaves of demands, in one sentence."""
+    nominal, corrected = (
+        " and ".join(f"{number(v, 2) if v > ROUNDING else 0} {u}" for v, u in zip(x, ("N", "Nm"), strict=True))
+        for x in (made.left.nominal, made.left.corrected)
+    )
+    return f"By the model, the nominal allocation is off by {nominal} rms, the corrected one by {corrected}."
 
 
 def summary(made: AllocationExport) -> str:
@@ -40,6 +50,7 @@ def to_json(made: AllocationExport) -> dict[str, Any]:
         "effects": list(made.effects),
         "precision": made.precision,
         "files": sorted(made.files),
+        "left": {"nominal": made.left.nominal, "corrected": made.left.corrected},
         "margins": {
             "demands": len(found.best),
             "null_space": found.spare,

@@ -44,6 +44,12 @@ class AllocationMargins(TypedDict):
     """Share of the demands that the pseudo-inverse cannot make within the limits."""
 
 
+class AllocationLeft(TypedDict):
+    nominal: list[float]
+    """What the model makes beyond demands of careful flight, rms of force [N] and torque [Nm]."""
+    corrected: list[float]
+
+
 class Effectiveness(Document):
     vehicle: str
     tilt: list[float]
@@ -68,6 +74,8 @@ class Effectiveness(Document):
     allocation: list[list[float]]
     """Nominal thrusts to ask for, for one unit of each axis."""
     nominal_allocation: list[list[float]]
+    left: AllocationLeft | None
+    """Of the nominal and the corrected allocation; null as `margins`."""
     margins: AllocationMargins | None
     """Of the allocation with the largest margin; null for a vehicle that cannot hover as flown."""
     folder: str | None

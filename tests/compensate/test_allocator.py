@@ -11,7 +11,7 @@ from tests.plant.conftest import star
 from wrenchgap.compensate.allocation_kernels import BAD_DEMAND, MADE, REDUCED
 from wrenchgap.compensate.allocator import Allocator, margins
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.allocation_problem import allocation_problem
+from wrenchgap.plant.allocation_problem import allocation_problem, demands, made_by_model
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -58,12 +58,40 @@ def test_octorotor_in_roll_spreads_over_all_rotors():
     wanted = np.array([0.0, 0.0, 4 * FULL, 2.0, 0.0, 0.0])
     best = 2.0 / (ARM * np.abs(np.sin(azimuth)).sum()) / (0.5 * FULL)
     plain = 2.0 * np.abs(np.sin(azimuth)).max() / (ARM * 4.0) / (0.5 * FULL)
-    exact, usual, none = (Allocator(allocation_problem(model), rounds).step(wanted) for rounds in (200, 10, 0))
+    exact, usual, none = (
+        Allocator(allocation_problem(model), rounds, calm=0.0).step(wanted) for rounds in (200, 10, 0)
+    )
     assert exact.margin == pytest.approx(1.0 - best, abs=2e-3 * best)
     assert 1.0 - usual.margin <= 1.04 * best
     assert none.margin == pytest.approx(1.0 - plain, abs=1e-9)
     for one in (exact, usual, none):
         np.testing.assert_allclose(wrench_by_hand(model.vehicle, one.thrust, one.tilt), wanted, atol=1e-9)
+
+
+def test_with_little_asked_for_the_pseudo_inverse_is_taken_and_near_the_limits_the_largest_margin():
+    model = fixed(8, mass=8 * 0.5 * FULL / GRAVITY)
+    problem, hover = allocation_problem(model), np.array([0.0, 0.0, 4 * FULL, 0.0, 0.0, 0.0])
+    usual, plain, largest = Allocator(problem), Allocator(problem, rounds=0), Allocator(problem, calm=0.0)
+    for roll, like, other in ((2.0, plain, largest), (6.0, largest, plain)):
+        wanted = hover + np.array([0.0, 0.0, 0.0, roll, 0.0, 0.0])
+        thrust = usual.step(wanted).thrust
+        np.testing.assert_allclose(thrust, like.step(wanted).thrust, atol=1e-9)
+        assert np.abs(thrust - other.step(wanted).thrust).max() > 0.1
+
+
+def test_the_law_of_wakes_is_that_of_flight():
+    """Of arms that tilt by 20 deg rms the straight line leaves less than a third of what nominal thrusts leave."""
+    model = model_of(star(), rotor_interference=[0.2, 1.2])
+    effects = list(model.effects)
+    nominal, flown = allocation_problem(model, nominal=True), allocation_problem(model)
+    wanted = demands(nominal, 60, np.random.default_rng(8))
+    left = []
+    for allocator in (Allocator(nominal), Allocator(flown)):
+        out = [allocator.step(one) for one in wanted]
+        made = made_by_model(nominal, effects, np.array([o.thrust for o in out]), np.array([o.tilt for o in out]))
+        left.append(np.sqrt(np.mean((made - wanted) ** 2, axis=0)))
+    assert (left[1] < 0.6 * left[0]).all()
+    assert (left[1][2:5] < 0.33 * left[0][2:5]).all()
 
 
 def test_octorotor_in_yaw_is_the_pseudo_inverse():
@@ -80,7 +108,7 @@ def test_a_hexarotor_with_a_weak_rotor_makes_the_wrench_with_nearly_the_largest_
     model, gain = weak(6, 2, 0.8), np.where(np.arange(6) == 2, 0.8, 1.0)
     azimuth = np.pi / 6 + np.pi / 3 * np.arange(6)
     B = gain * np.array([np.ones(6), ARM * np.sin(azimuth), -ARM * np.cos(azimuth), -KAPPA * model.vehicle.rotors.spin])
-    allocator, rng = Allocator(allocation_problem(model)), np.random.default_rng(1)
+    allocator, rng = Allocator(allocation_problem(model), calm=0.0), np.random.default_rng(1)
     half, box = 0.5 * FULL, np.vstack((np.eye(6), -np.eye(6)))
     for _ in range(30):
         wanted = np.array([0.0, 0.0, 4.0 * GRAVITY, *(rng.uniform(-1.0, 1.0, 3) * [1.5, 1.5, 0.2])])
@@ -99,7 +127,8 @@ def test_margins_of_the_null_space():
     assert none.spare == 0
     np.testing.assert_allclose(none.best, none.plain, atol=1e-9)
     assert some.spare == 4
-    assert (some.best >= some.plain - 1e-3).all()
+    assert (some.best >= np.minimum(some.plain, 0.2) - 1e-3).all()  # with more the pseudo-inverse is taken
+    assert (some.plain < 0.0).any()
     assert (some.best > -1e-9).all()
     assert some.best.mean() > some.plain.mean() + 0.02
 
@@ -127,8 +156,8 @@ def test_a_curved_thrust_law_is_asked_for_about_hover():
     model = fixed(4, thrust_curve={"slope": -0.3, "curvature": 0.0})
     allocator, weight = Allocator(allocation_problem(model)), 4.0 * GRAVITY
     hover, more = (allocator.step([0.0, 0.0, force, 0.0, 0.0, 0.0]).thrust for force in (weight, weight + 1.0))
-    np.testing.assert_allclose(hover, weight / 4.0, rtol=1e-4)
-    np.testing.assert_allclose(more - hover, 1.0 / 4.0 / 0.7, rtol=1e-3)
+    np.testing.assert_allclose(hover, weight / 4.0, rtol=5e-3)  # of a straight line through 30 % about it
+    np.testing.assert_allclose(more - hover, 1.0 / 4.0 / 0.7, rtol=0.02)
 
 
 def test_a_direction_that_is_only_an_error_is_not_asked_for():

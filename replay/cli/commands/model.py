@@ -314,7 +314,7 @@ def effectiveness(
         raise usage_error(f"--tilt {tilt}: expected degrees, one or several with commas between") from None
     read = run.model(model)
     found = api_models.effectiveness(read, angles.tolist())
-    more: dict[str, Any] = {"margins": None, "folder": None if output is None else str(output)}
+    more: dict[str, Any] = {"left": None, "margins": None, "folder": None if output is None else str(output)}
     single = precision is Precision.float
     try:
         words: Any = "float" if single else "double"
@@ -325,7 +325,8 @@ def effectiveness(
         run.result(found)
         run.notes([str(error)], "warning")
     else:
-        more["margins"] = made.to_json()["margins"]
+        said = made.to_json()
+        more |= {"left": said["left"], "margins": said["margins"]}
         run.result(found)
         run.result(made, details=True)
     run.save("effectiveness", found, figure=figure, csv=csv, **more)
