@@ -114,7 +114,7 @@ def left_by_model(model: Model, problem: AllocationProblem, count: int = 100, se
         out = [allocator.step(one) for one in wanted]
         given = np.array([one.thrust for one in out]), np.array([one.tilt for one in out])
         apart = made_by_model(nominal, effects, *given) - wanted
-        return np.sqrt(np.mean(np.sum(apart.reshape(count, 2, 3) ** 2, axis=2), axis=0))
+        return np.asarray(np.sqrt(np.mean(np.sum(apart.reshape(count, 2, 3) ** 2, axis=2), axis=0)))
 
     return Left(off(Allocator(nominal, rounds=0)), off(Allocator(problem)))
 

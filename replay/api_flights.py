@@ -89,14 +89,17 @@ def trend(
     model: Model | Addition,
     effects: Sequence[str] = (),
     *,
+    parts: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> Trend:
     """Each flight fitted by itself, in the order given, and which parameters stepped or drifted over the flights.
 
     `effects` are fitted, by default those of the model, else `rotor_thrust` of rotors that do not tilt, else
-    `thrust_scale` and `com_offset`.
+    `thrust_scale` and `com_offset`. With `parts` it is the health of every rotor, servo and arm: thrust, drag torque,
+    lag, zero and play, in order of date where the logs have one.
     """
-    return trending.trend(listed(flights), model_of(model).without_tolerances, effects, progress=progress)
+    known = model_of(model).without_tolerances
+    return trending.trend(listed(flights), known, effects, parts=parts, progress=progress)
 
 
 @check_arguments

@@ -7,6 +7,7 @@ left out of all of them, so that every flight is fitted alike. Steps and drifts:
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from itertools import product
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.candidates import Untried, inapplicable
+from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
@@ -27,6 +28,17 @@ from wrenchgap.plant.model import Model
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
+PARTS = (
+    "rotor_thrust",
+    "drag_torque_by_rotor",
+    "motor_lag_by_rotor",
+    "tilt_offset",
+    "servo_lag_by_arm",
+    "backlash_by_arm",
+)
+"""What is fitted for the health of parts: thrust, drag torque and lag of each rotor; zero, lag and play of each arm."""
+DATED = 946_684_800_000_000_000
+"""The year 2000 [ns]: stamps below count from the start of a computer, not of an era."""
 ROTORS = ("rotor_thrust",)
 """What is fitted instead on rotors that do not tilt: their thrusts make all that `TRIMS` could, and yaw besides."""
 
@@ -101,6 +113,17 @@ class Trend(Result):
         return tuple(f.flight.name for f in self.flights)
 
     @property
+    def by_part(self) -> bool:
+        """Whether it is the health of parts that was followed."""
+        return set(self.effects) <= set(PARTS) and len(self.effects) > 1
+
+    @property
+    def dates(self) -> tuple[str, ...]:
+        """Of the flights, UTC; "" where a log has none."""
+        stamps = [f.flight.start_ns for f in self.flights]
+        return tuple(f"{datetime.fromtimestamp(ns / 1e9, UTC):%Y-%m-%d}" if ns > DATED else "" for ns in stamps)
+
+    @property
     def changed(self) -> tuple[ParameterTrend, ...]:
         """Parameters with a step or a drift, the most significant first."""
         found = [p for p in self.parameters if p.course.verdict in (Verdict.STEPS, Verdict.DRIFT)]
@@ -117,9 +140,12 @@ def trend(
     model: Model,
     names: Sequence[str] = (),
     *,
+    parts: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> Trend:
     """Fit `names` (else the effects of the model, `ROTORS` or `TRIMS`) to each flight and follow every parameter.
+
+    With `parts` those of `PARTS` that the vehicle has, and the flights in order of date where all logs have one.
 
     On axes on which the motion does not plainly follow the commands, what answers to it could make is left out. Other
     effects of the model stay as they are; those that a flight does not allow are left out of all. Raises UsageError for
@@ -128,8 +154,12 @@ def trend(
     """
     if len(flights) < 2:
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
+    if parts and names:
+        raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
+    if parts and all(one.flight.start_ns > DATED for one in flights):
+        flights = sorted(flights, key=lambda one: one.flight.start_ns)
     report = progress or (lambda fraction, words: None)
-    chosen, alike, left_out = _effects(flights, model, names)
+    chosen, alike, left_out = _effects(flights, model, names, parts=parts)
     answering = unfollowed_axes([timing_of(one, model) for one in flights])
     fits = []
     for k, one in enumerate(flights):
@@ -174,7 +204,7 @@ def followed_flight(one: OpenFlight) -> FollowedFlight:
 
 
 def _effects(
-    flights: Sequence[OpenFlight], model: Model, names: Sequence[str]
+    flights: Sequence[OpenFlight], model: Model, names: Sequence[str], *, parts: bool = False
 ) -> tuple[tuple[str, ...], Model, tuple[LeftOut, ...]]:
     """What is fitted on all flights, and beside what other effects of the model.
 
@@ -182,6 +212,7 @@ def _effects(
     """
     asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
     usual = own or (ROTORS if _fixed_rotors(flights, model) else TRIMS)
+    usual = tuple(dict.fromkeys((*own, *PARTS))) if parts else usual
     lacking: dict[str, LeftOut] = {}  # the first flight that does not allow an effect, and why
     for name, one in product((*asked, *usual), flights):
         reason = inapplicable(name, model, one.records)
@@ -190,12 +221,14 @@ def _effects(
     for name in asked:
         if name in lacking:
             raise FitError(f"{lacking[name].flight}: {lacking[name].reason}; leave it out of --fit")
-    chosen = asked or tuple(name for name in usual if name not in lacking)
+    chosen = asked or tuple(name for name in (PARTS if parts else usual) if name not in lacking)
     if not chosen:
-        first = lacking[usual[0]]
+        first = lacking[PARTS[0] if parts else usual[0]]
         raise UsageError(f"trend: nothing to fit: {first.flight}: {first.reason}; name effects with --fit")
     require_force((*(name for name in own if name not in lacking), *chosen))
     left_out = tuple(one for name, one in lacking.items() if name in own or not asked)
+    if parts:  # that a vehicle has no arms that tilt is no news
+        left_out = tuple(one for one in left_out if one.reason.lack is not Lack.TILT or one.reason.effect in own)
     usable = model.without(one.reason.effect for one in left_out if one.reason.effect in own)
     return chosen, replace(usable, between_flights=None), left_out
 

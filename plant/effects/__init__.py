@@ -47,6 +47,7 @@ __all__ = [
     "forget",
     "is_air",
     "is_drag",
+    "part_effects",
     "register",
     "require_force",
     "sources",
@@ -61,13 +62,18 @@ def register(effect: AnyEffect, source: Source) -> None:
     if effect.name in catalogue():
         raise ModelError(f"{source.file}: effect {effect.name!r} exists already; rename yours")
     _own[effect.name] = (effect, source)
-    catalogue.cache_clear()
+    _renew()
 
 
 def forget() -> None:
     """Remove all user effects from the catalogue."""
     _own.clear()
-    catalogue.cache_clear()
+    _renew()
+
+
+def _renew() -> None:
+    for made in (catalogue, part_effects, _known):
+        made.cache_clear()
 
 
 def sources() -> dict[str, Source]:
@@ -77,7 +83,18 @@ def sources() -> dict[str, Source]:
 
 @cache
 def catalogue() -> dict[str, AnyEffect]:
-    """Every known effect by name, sorted."""
+    """Every known effect by name, sorted, without those of single parts (`by_part`)."""
+    return {name: effect for name, effect in _known().items() if not effect.of_parts}
+
+
+@cache
+def part_effects() -> dict[str, AnyEffect]:
+    """Effects with a number for each rotor or arm, by name: `trend` fits them, no search tries them."""
+    return {name: effect for name, effect in _known().items() if effect.of_parts}
+
+
+@cache
+def _known() -> dict[str, AnyEffect]:
     classes: list[type[Effect]] = []
     for module in pkgutil.iter_modules(__path__):
         members = inspect.getmembers(importlib.import_module(f"{__name__}.{module.name}"), inspect.isclass)
@@ -113,6 +130,8 @@ def families() -> dict[str, tuple[str, ...]]:
 def find(name: str) -> AnyEffect:
     """The effect of this name; raises ModelError that lists the others."""
     known = catalogue()
+    if name in part_effects():
+        return part_effects()[name]
     if name not in known:
         raise ModelError(
             f"effect {name!r} is not in the catalogue; known effects: {', '.join(known)}; "

@@ -165,6 +165,8 @@ class Effect(ABC):
     """Whether it needs the rates of the actuators, `actuation.rates`."""
     aerodynamic: ClassVar[bool] = False
     """Whether it depends on the velocity through the air, so that air that moves acts through it."""
+    of_parts: ClassVar[str] = ""
+    """The effect of the catalogue of which this one has a number for each rotor or arm: not in the catalogue itself."""
     sparse: ClassVar[bool] = False
     """Whether a few large parameters are likelier than many small ones (one damaged rotor, one slipped servo)."""
 

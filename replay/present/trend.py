@@ -1,7 +1,6 @@
 """Parameters over flights: what stepped or drifted in sentences, tables, JSON, a table of every value."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,14 +9,12 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
-from wrenchgap.replay.present import parameters
-from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present import parameters, season
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
     entries,
     label,
     number,
-    quantity,
     size_in_words,
     unit,
     unmeasured,
@@ -39,6 +36,9 @@ LEGEND = (
 )
 
 
+picture = season.picture
+
+
 CAVEAT = (
     "Told of the effects that were fitted; another one may explain the same change. A new session (a battery put in "
     "anew, a propeller taken off) is a step like any other: docs/trend.md."
@@ -48,7 +48,8 @@ CAVEAT = (
 
 def parts(found: Trend) -> list[Part]:
     """The summary, parameters, steps and drifts, values by flight, notes."""
-    out = [*brief(found), *steps(found), Line(LEGEND, "dim"), Line(), values(found)]
+    by_part: list[Part] = [Line(season.LEGEND, "dim"), overview(found)] if found.by_part else []
+    out = [*brief(found), *by_part, *steps(found), Line(LEGEND, "dim"), Line(), values(found)]
     return [*out, *parameters.parts(parameters.of_flights(found.flights)), *note_lines(notes(found))]
 
 
@@ -58,7 +59,8 @@ def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
     looks = said[-1:] if found.changed and places(found) else []
     said = said if len(said) <= most else [*said[: most - 1 - len(looks)], "More parameters changed.", *looks]
     caveat = [Line(CAVEAT, "dim")] if found.changed else []
-    return [*(Line(text, "bold") for text in said), *caveat, Line(), overview(found)]
+    shown = season.health(found) if found.by_part else overview(found)
+    return [*(Line(text, "bold") for text in said), *caveat, Line(), shown]
 
 
 def summary(found: Trend) -> list[str]:
@@ -193,6 +195,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "model": found.model.name,
         "effects": list(found.effects),
         "flights": list(found.names),
+        "dates": [date or None for date in found.dates],
         "parameters": [_parameter_json(p, found) for p in found.parameters],
         "inspect": places(found),
         "significant": COURSE.significant,
@@ -240,77 +243,3 @@ def frame(found: Trend) -> list[dict[str, Any]]:
             about = {"flight": found.names[k], "index": k, **file}
             rows.append({**about, **which, **sizes, **course, "verdict": str(p.course.verdict)})
     return rows
-
-
-SIGMAS = 2.0
-"""Half-width of intervals and of the band of scatter, in standard deviations."""
-
-
-def picture(found: Trend) -> style.Picture:
-    """One panel for each parameter, over the flights.
-
-    Axes are (P, 1), one panel for each parameter that the flights show; flights from left to right in the order given,
-    numbered from 1.
-    """
-    shown = _shown(found)
-    size = (max(8.0, min(16.0, 4.0 + 0.3 * len(found.flights))), 1.9 * len(shown) + (1.9 if _named(found) else 0.8))
-    title = f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights, each fitted by itself"
-    return style.Picture((len(shown), 1), size, lambda axes: _draw(found, axes), title=title, share=True)
-
-
-def _named(found: Trend, most: int = 40) -> bool:
-    """Whether there is room for the names of the flights below the panels, else for their numbers."""
-    return len(found.flights) <= most
-
-
-def _shown(found: Trend) -> list[ParameterTrend]:
-    shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
-    return shown or list(found.parameters)
-
-
-def _draw(found: Trend, axes: Any) -> None:
-    panels, shown = np.ravel(axes), _shown(found)
-    for panel, p in zip(panels, shown, strict=True):
-        _panel(panel, p)
-        name = f"{p.effect}\n{label(p.name, found.model.vehicle)}"
-        style.labelled(panel, name, "" if p.unit == "1" else p.unit)
-    bottom, count = panels[-1], len(found.flights)
-    if _named(found):
-        names = [f"{k + 1} {style.shortened(name)}" for k, name in enumerate(found.names)]
-        bottom.set_xticks(np.arange(1, count + 1), names, rotation=60, ha="right", fontsize=style.SMALL)
-    bottom.set_xlabel("flight, in the order given", fontsize=style.USUAL)
-    bottom.set_xlim(0.5, count + 0.5)
-    style.grid(panels)
-    style.legend(panels[0], *panels[1:])
-    panels[0].get_figure(root=False).align_ylabels(list(panels))
-
-
-def _panel(panel: Any, p: ParameterTrend) -> None:
-    """Values with intervals over the level with the scatter about it; every step a line with its size."""
-    flight = np.arange(1, len(p.values) + 1)
-    ends = [0, *(step.flight for step in p.course.steps), len(flight)]
-    for first, last in pairwise(ends):
-        x = np.array([first + 0.5, last + 0.5])
-        part = p.course.level[first:last]
-        level = np.interp(x, flight[first:last], part)
-        if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
-            level = part[0] + p.course.drift.slope * (x - flight[first])
-        half = SIGMAS * p.course.scatter
-        words = ("level", f"± {SIGMAS:g} scatter") if first == 0 else ("", "")
-        panel.fill_between(x, level - half, level + half, color=style.NOISE, alpha=0.25, lw=0, label=words[1] or None)
-        panel.plot(x, level, color=style.NOISE, lw=1.6, label=words[0] or None)
-    bars = {"fmt": "o", "ms": 4.0, "color": style.MEASURED, "ecolor": style.MEASURED, "elinewidth": 0.9, "capsize": 2.0}
-    panel.errorbar(flight, p.values, SIGMAS * p.errors, label=f"one flight, ± {SIGMAS:g} standard errors", **bars)
-    for step in p.course.steps:
-        place = step.flight + 0.5
-        panel.axvline(place, color=style.WARNING, lw=1.0, ls="--", label="step")
-        size = style.written(step.size, p.unit) if p.unit in style.PREFIXED else quantity(step.size, p.unit, 2)
-        look = {"fontsize": style.SMALL, "color": style.WARNING, "rotation": 90, "va": "top", "ha": "left"}
-        panel.annotate(
-            f"{'+' if step.size > 0 else ''}{size}",
-            (place, 1.0),
-            (2, -2),
-            ("data", "axes fraction"),
-            textcoords="offset points",
-            **look,
-        )

@@ -249,6 +249,8 @@ class Trend(Document):
     model: str
     effects: list[str]
     flights: list[str]
+    dates: list[str | None]
+    """UTC; null where a log has none."""
     parameters: list[ParameterTrend]
     inspect: list[str]
     significant: float

@@ -272,6 +272,12 @@ def trend(
     logs: o.Logs,
     model: o.ModelOption,
     fit: o.Fit = None,
+    parts: Annotated[
+        bool,
+        typer.Option(
+            "--parts", help="Health of each rotor, servo and arm: thrust, drag torque, lag, zero, play; by date."
+        ),
+    ] = False,
     figure: o.Figure = None,
     table: Annotated[Path | None, typer.Option(metavar="FILE", help="Every value as a table (.parquet).")] = None,
     page: o.Page = None,
@@ -301,12 +307,14 @@ def trend(
     base = run.model(model)
     with run.progress("following") as report:
         if len(logs) == 1 and (logs[0] / "run.json").is_file():
+            if parts:
+                raise usage_error("--parts: fits logs, and rows of `batch compare` hold fits; give the logs")
             found = _of_rows(run, logs[0], base, names, vehicle)
         elif vehicle is not None:
             raise usage_error(f"--vehicle {vehicle}: does nothing with logs; leave it out")
         else:
             flights, _ = run.open(reading.options, logs, base)
-            found = api_flights.trend(flights, base, names, progress=report)
+            found = api_flights.trend(flights, base, names, parts=parts, progress=report)
     run.result(found)
     run.save("trend", found, figure=figure, parquet=table, page=page)
 

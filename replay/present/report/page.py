@@ -23,7 +23,7 @@ from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
-from wrenchgap.replay.present import changed, explanation, health, parameters, staircase, trend, what_to_inspect
+from wrenchgap.replay.present import changed, explanation, health, parameters, season, staircase, trend, what_to_inspect
 from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
@@ -166,7 +166,7 @@ def trend_page(found: Trend, command: str = "") -> str:
     """The whole page."""
     differences = parameters.of_flights(found.flights)
     caption = (
-        f"Every flight fitted by itself. Band: {trend.SIGMAS:g} times the scatter of the flights about their level; "
+        f"Every flight fitted by itself. Band: {season.SIGMAS:g} times the scatter of the flights about their level; "
         "dashed: a step."
     )
     return flights_page(
@@ -181,6 +181,7 @@ def trend_page(found: Trend, command: str = "") -> str:
         chart=Image.of(trend.picture(found), "Parameters over the flights.", caption, "svg"),
         view=_view(found),
         tables=[
+            *([_captioned(season.health(found), f"Health of parts. {season.LEGEND}.")] if found.by_part else []),
             _captioned(trend.overview(found), f"Parameters. {trend.LEGEND}."),
             *(_captioned(one, "Steps.") for one in trend.steps(found)),
             _captioned(

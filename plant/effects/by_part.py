@@ -1,0 +1,113 @@
+"""Effects of the catalogue with a number of their own for each rotor or arm: for `trend`, over a season.
+
+They are not in the catalogue: a flight seldom tells twelve lags apart, and a search would ask it to. Over a season each
+is compared with itself, and what a flight does not show stays near zero, with the width of its prior.
+"""
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.effects.backlash import Backlash
+from wrenchgap.plant.effects.drag_torque import DragTorque
+from wrenchgap.plant.effects.effect import Context, Parameter, pure_torque, tilting_arms
+from wrenchgap.plant.effects.lag import first_order
+from wrenchgap.plant.effects.motor_lag import MotorLag
+from wrenchgap.plant.effects.servo_lag import ServoLag
+from wrenchgap.plant.state import Actuation, Commands
+from wrenchgap.plant.vehicle import Vehicle
+
+
+class DragTorqueByRotor(DragTorque):
+    """Rotor r's drag torque per thrust is (1 + k_r) kappa_r: dM = -sum_r spin_r k_r kappa_r T_r n_r."""
+
+    name = "drag_torque_by_rotor"
+    of_parts: ClassVar[str] = "drag_torque"
+    sparse = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One relative change of kappa for each rotor."""
+        return _of_rotors(vehicle, *super().parameters(vehicle))
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added torque."""
+        assert actuation is not None
+        _, rotors = context.vehicle.geometry()
+        turned = theta * rotors.spin * rotors.kappa * actuation.thrust
+        return pure_torque(-np.einsum("nr,nri->ni", turned, actuation.normal_B))
+
+
+class MotorLagByRotor(MotorLag):
+    """Rotor r's speed follows its command as a first-order lag with tau_r."""
+
+    name = "motor_lag_by_rotor"
+    of_parts: ClassVar[str] = "motor_lag"
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One time constant for each rotor."""
+        return _of_rotors(vehicle, *super().parameters(vehicle))
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Rotor speeds, each lagged by its own."""
+        assert commands.rotor_speed is not None
+        speed, memory = _each_lagged(commands.rotor_speed, theta, dt, memory)
+        return replace(commands, rotor_speed=speed), memory
+
+
+class ServoLagByArm(ServoLag):
+    """Arm i's tilt follows its command as a first-order lag with tau_i."""
+
+    name = "servo_lag_by_arm"
+    of_parts: ClassVar[str] = "servo_lag"
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One time constant for each tilting arm."""
+        return _of_arms(vehicle, self.name, *super().parameters(vehicle))
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles, each lagged by its own."""
+        assert commands.tilt is not None
+        arms, _ = context.vehicle.geometry()
+        tilt = commands.tilt.copy()
+        tilt[:, arms.tilts], memory = _each_lagged(tilt[:, arms.tilts], theta, dt, memory)
+        return replace(commands, tilt=tilt), memory
+
+
+class BacklashByArm(Backlash):
+    """Arm i has the play b_i."""
+
+    name = "backlash_by_arm"
+    of_parts: ClassVar[str] = "backlash"
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One play for each tilting arm."""
+        return _of_arms(vehicle, self.name, *super().parameters(vehicle))
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles after the play of each."""
+        assert commands.tilt is not None
+        arms, _ = context.vehicle.geometry()
+        tilt, last = commands.tilt.copy(), np.array(commands.tilt[0] if memory is None else memory)
+        for play, i in zip(theta, np.flatnonzero(arms.tilts), strict=True):
+            own = replace(commands, tilt=commands.tilt[:, i : i + 1])
+            moved, kept = super().apply(own, np.array([play]), context, dt, None if memory is None else last[i : i + 1])
+            assert moved.tilt is not None
+            tilt[:, i], last[i] = moved.tilt[:, 0], kept[0]
+        return replace(commands, tilt=tilt), last
+
+
+def _of_rotors(vehicle: Vehicle, whole: Parameter) -> tuple[Parameter, ...]:
+    return tuple(replace(whole, name=f"rotor_{r}") for r in range(len(vehicle.geometry()[1])))
+
+
+def _of_arms(vehicle: Vehicle, effect: str, whole: Parameter) -> tuple[Parameter, ...]:
+    return tuple(replace(whole, name=f"arm_{i}") for i in np.flatnonzero(tilting_arms(vehicle, effect).tilts))
+
+
+def _each_lagged(signal: Array, tau: Array, dt: float, memory: Any) -> tuple[Array, Any]:
+    """Columns (N, D), each lagged by its own tau (D,) [s]."""
+    before = [None] * len(tau) if memory is None else memory
+    found = [first_order(signal[:, k : k + 1], float(tau[k]), dt, before[k]) for k in range(len(tau))]
+    return np.hstack([column for column, _ in found]), [kept for _, kept in found]
