@@ -280,9 +280,7 @@ def effectiveness(
     ] = "0",
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FOLDER", help="Write the corrected allocation there, as C99 and Python."
-        ),
+        typer.Option("--output", "-o", metavar="FOLDER", help="Write the corrected allocation, as C99 and Python."),
     ] = None,
     precision: Annotated[Precision, typer.Option(help="Of the C, unless its build says otherwise.")] = Precision.double,
     figure: o.Figure = None,
@@ -315,9 +313,8 @@ def effectiveness(
     read = run.model(model)
     found = api_models.effectiveness(read, angles.tolist())
     more: dict[str, Any] = {"left": None, "margins": None, "folder": None if output is None else str(output)}
-    single = precision is Precision.float
+    words: Any = "float" if precision is Precision.float else "double"
     try:
-        words: Any = "float" if single else "double"
         made = export_allocation(read, output, precision=words, command=run.command_line(), force=run.force)
     except ModelError as error:
         if output is not None:
