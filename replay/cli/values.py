@@ -155,6 +155,8 @@ def complete_effects(incomplete: str) -> list[tuple[str, str]]:
     """Effects of the catalogue with their first line; read from the sources, because a tab must answer at once."""
     found = []
     for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
+        if path.stem == "by_part":  # not in the catalogue
+            continue
         for item in ast.parse(path.read_text(encoding="utf-8")).body:
             name = _class_name(item)
             if name.startswith(incomplete) and name and isinstance(item, ast.ClassDef):
