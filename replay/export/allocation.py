@@ -27,6 +27,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.plant.allocation_problem import allocation_problem
+from wrenchgap.plant.effectiveness import Effectiveness, effectiveness
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.targets.quantities import acting_effects
@@ -144,6 +145,15 @@ def export_allocation(
     if folder is not None:
         write_folder(Path(folder), files, force=force)
     return AllocationExport(known, files, effects, precision, left, margins(problem))
+
+
+def effectiveness_and_allocation(model: Model) -> tuple[Effectiveness, AllocationExport | str]:
+    """The effectiveness of a model, and its corrected allocation, or why it has none."""
+    found = effectiveness(model)
+    try:
+        return found, export_allocation(model)
+    except ModelError as error:
+        return found, str(error)
 
 
 def _context(model: Model, allocator: Allocator, precision: Precision, command: str) -> dict[str, Any]:

@@ -16,7 +16,13 @@ CHECK = (
 
 def parts(made: AllocationExport) -> list[Part]:
     """What is left of demands, the margins, and what to see to."""
-    return [*([Line(left(made))] if made.effects else []), Line(summary(made)), Line(CHECK, "dim")]
+    *said, check = sentences(made)
+    return [*map(Line, said), Line(check, "dim")]
+
+
+def sentences(made: AllocationExport) -> list[str]:
+    """The same in sentences."""
+    return [*([left(made)] if made.effects else []), summary(made), CHECK]
 
 
 def left(made: AllocationExport) -> str:

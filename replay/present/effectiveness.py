@@ -109,6 +109,20 @@ def _achieved(found: Effectiveness) -> Any:
     return table("what comes when the nominal allocation is asked for", ("", *(AXES[i] for i in axes)), rows)
 
 
+def by_rotor(found: Effectiveness) -> tuple[list[str], list[tuple[str, list[tuple[float, float, float]]]]]:
+    """Axes on which a rotor acts, and of each rotor its name and, by axis, value, standard deviation, nominal value."""
+    axes = np.flatnonzero(np.abs(found.matrix.nominal).max(axis=1) + np.abs(found.matrix.value).max(axis=1) > 1e-9)
+    parts = (found.matrix.value, found.matrix.std, found.matrix.nominal)
+    rows = [
+        (
+            found.vehicle.rotor_name(r),
+            [(float(parts[0][k, r]), float(parts[1][k, r]), float(parts[2][k, r])) for k in axes],
+        )
+        for r in range(found.matrix.value.shape[1])
+    ]
+    return [AXES[k] for k in axes], rows
+
+
 def _by_rotor(found: Effectiveness) -> Any:
     axes = np.flatnonzero(np.abs(found.matrix.nominal).max(axis=1) + np.abs(found.matrix.value).max(axis=1) > 1e-9)
     rows = []

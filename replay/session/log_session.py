@@ -32,6 +32,7 @@ from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
 from wrenchgap.replay.present.notes import sentences, warnings
 from wrenchgap.replay.session.effects import SessionEffects
+from wrenchgap.replay.session.panels.allocation import AllocationPanel
 from wrenchgap.replay.session.panels.compensation import CompensationPanel, SessionCompensation
 from wrenchgap.replay.session.panels.effects import EffectsPanel
 from wrenchgap.replay.session.panels.failure import FailurePanel, SessionFailures
@@ -84,6 +85,7 @@ class LogSession:
             partial(FailurePanel, failures=self.failures),
             partial(EffectsPanel, effects=self.effects),
             partial(ReadyPanel, working=self.working),
+            partial(AllocationPanel, working=self.working),
             partial(CompensationPanel, compensations=self.compensations),
         ]
         if len(self.flights) > 1:

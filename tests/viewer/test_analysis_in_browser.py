@@ -120,7 +120,7 @@ def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, ef
     visitor.tab.wait_for_selector("text=each by itself")
 
 
-@pytest.mark.parametrize("name", ["Failure", "Effects", "Changed", "Ready", "Compensation"])
+@pytest.mark.parametrize("name", ["Failure", "Effects", "Changed", "Ready", "Allocation", "Compensation"])
 def test_every_panel_can_be_looked_at(visitor, name):
     tab(visitor, name)
     time.sleep(0.3)

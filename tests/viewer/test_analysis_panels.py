@@ -16,6 +16,7 @@ from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads
 from wrenchgap.replay.present import design, explanation
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.panels.allocation import AllocationPanel
 from wrenchgap.replay.session.panels.compensation import CompensationPanel
 from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
 from wrenchgap.replay.session.panels.failure import VIEWS, FailurePanel
@@ -109,6 +110,28 @@ def test_the_page_says_whether_to_fly_and_not_of_another_flight(page, work):
     assert panel.answer.content.count("<tr>") == 1 + len(page.session.vehicle.rotors)
     page.open("test")
     assert panel.answer.content == ""
+
+
+def test_allocation_is_that_of_the_model_as_it_stands_and_can_be_downloaded(page, work):
+    panel = panel_of(page, AllocationPanel)
+    assert not panel.get.visible
+    work(panel.work)
+    rotors = len(page.session.vehicle.rotors)
+    assert panel.answer.content.count("<tr>") == 1 + rotors
+    assert "Null space of 6" in panel.answer.content
+    assert panel.get.visible
+    assert "wrenchgap_allocation.c" in panel.file.options
+    sent = []
+    panel.file.value = "wrenchgap_allocation.h"
+    client = SimpleNamespace(send_file_download=lambda name, content, **_: sent.append((name, content)))
+    for callback in list(panel.get._impl.update_cb):
+        callback(SimpleNamespace(client=client, client_id=1, target=panel.get))
+    [(name, content)] = sent
+    assert name == "wrenchgap_allocation.h"
+    assert b"WRENCHGAP_ALLOCATION_H" in content
+    page.open("test")
+    assert panel.answer.content == ""
+    assert not panel.get.visible
 
 
 def test_a_click_on_a_worst_stretch_goes_there(page, failure):
