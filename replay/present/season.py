@@ -39,13 +39,19 @@ def parts_of(found: Trend) -> dict[str, dict[str, ParameterTrend]]:
 
 def health(found: Trend) -> Table:
     """One row for each rotor and arm: what it has now, with intervals, and whether it changed."""
+    heads, rows = health_rows(found)
+    return table(f"health of parts over {len(found.flights)} flights", heads, rows)
+
+
+def health_rows(found: Trend) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Heads and rows of that table."""
     effects = [name for name in QUANTITIES if name in found.effects]
-    heads = [f"{QUANTITIES[name][0]} [{QUANTITIES[name][2]}]" for name in effects]
+    heads = ("part", *(f"{QUANTITIES[name][0]} [{QUANTITIES[name][2]}]" for name in effects))
     rows = [
         (found.model.vehicle.called(part), *(_now(own.get(name)) for name in effects))
         for part, own in parts_of(found).items()
     ]
-    return table(f"health of parts over {len(found.flights)} flights", ("part", *heads), rows)
+    return heads, rows
 
 
 def latest(p: ParameterTrend) -> tuple[float, float]:

@@ -13,7 +13,7 @@ need not think of it:
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.draft
-    XML, Python        `comment`        plant.targets.written
+    XML, Python        `comment`        plant.targets.written, replay.export
     shell completion   `completable`    replay.cli.values
 """
 

@@ -86,6 +86,14 @@ def test_the_flight_shown_is_compared_with_those_that_are_ticked(panel, page, mo
     assert "rotor_thrust of M&lt;3&gt; by -17.0 %" in panel.answer.content
 
 
+def test_health_of_parts_is_of_all_flights_and_each_rotor_and_arm(panel, page, eventually):
+    press(panel.season.button)
+    eventually(lambda: not panel.season.running)
+    assert "2 flights: nothing can be said about steps and drifts" in panel.health.content
+    assert panel.health.content.count("<tr>") == 1 + 12 + 6
+    assert "servo lag [ms]" in panel.health.content
+
+
 def test_it_shows_what_changed_where_and_how_far_flights_lie_apart(panel, monkeypatch, eventually):
     asked(panel, monkeypatch, eventually)
     text = panel.answer.content

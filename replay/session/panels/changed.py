@@ -1,8 +1,11 @@
 """Changed: what differs between the flight shown and healthy ones, and what it does when that is in the model."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +26,9 @@ from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel
 from wrenchgap.viewer.session import Report, Scene
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.identify.trend import Trend
 
 SOURCE = "what changed between flights, in the viewer"
 """How provenance in a model file says where such a value comes from."""
@@ -90,6 +96,7 @@ class ChangedPanel(Panel):
         self.comparisons = comparisons
         self.found: dict[str, tuple[Changed, str]] = {}
         """What changed, by suspect flight, and on top of which model."""
+        self._followed = ""
         gui = host.gui
         with host.tab("Changed"):
             self.suspect = gui.add_html("")
@@ -103,7 +110,11 @@ class ChangedPanel(Panel):
             self.work = JobControls(host, "What changed?", self._ask, hint)
             self.answer = gui.add_html("")
             self.links = Links(host)
+            hint = "Thrust, drag torque, lag, zero and play of each, every flight fitted by itself; in order of date."
+            self.season = JobControls(host, "Health of rotors, servos and arms", self._ask_health, hint)
+            self.health = gui.add_html("")
         host.command("Search for what changed on this flight", self._ask)
+        host.command("Health of parts over all flights", self._ask_health)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
@@ -111,6 +122,8 @@ class ChangedPanel(Panel):
         self.suspect.content = sentences(said, look="wg-muted")
         for name, tick in self.healthy.items():
             tick.visible = name != scene.name
+        if self._followed != self.comparisons.working.name:  # another model
+            self.health.content = ""
         self._draw()
 
     def _ask(self) -> None:
@@ -126,6 +139,25 @@ class ChangedPanel(Panel):
             self._draw()
 
         self.work.start(lambda report: self.comparisons.of(suspect, healthy, report), done)
+
+    def _ask_health(self) -> None:
+        working = self.comparisons.working
+        with working.lock:
+            model, flights, self._followed = working.model, list(working.flights.values()), working.name
+
+        def followed(report: Report) -> Trend:
+            from wrenchgap.replay.api_flights import trend  # here: the page stands before it is there
+
+            return worker_result(lambda tell: trend(flights, model, parts=True, progress=tell), report)
+
+        def done(found: Trend) -> None:
+            from wrenchgap.replay.present import season, trend
+
+            heads, rows = season.health_rows(found)
+            said = [*trend.summary(found), season.LEGEND]
+            self.health.content = html.render("health", sentences=said, heads=heads, rows=rows)
+
+        self.season.start(followed, done)
 
     def _draw(self) -> None:
         self.links.start()
