@@ -12,8 +12,10 @@ from benchmarks.attacks.outputs import NASTY
 from tests.compensate.test_allocator import FULL, model_of, weak, wrench_by_hand
 from tests.plant.conftest import star
 from tests.replay.exported_c import COMPILER, SANITISED, STRICT, needs_compiler
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.compensate.allocator import Left
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.replay.export import allocation
 
 GAIN, ZERO, COM = np.where(np.arange(12) == 3, 0.9, 1.0), 0.05 * (np.arange(6) == 1), (0.004, -0.006, 0.01)
 WEIGHT = np.array([0.0, 0.0, 4.0 * GRAVITY, 0.0, 0.0, 0.0])
@@ -126,6 +128,24 @@ def test_names_are_data_in_every_file(tmp_path):
         built(tmp_path / f"out{k}")
         assert module_at(tmp_path / f"out{k}" / "wrenchgap_allocation.py").Allocation().allocate(WEIGHT).status == 0
         assert all(line.isprintable() for text in made.files.values() for line in text.replace("\t", "").split("\n"))
+
+
+def test_an_allocation_that_would_do_harm_by_the_model_itself_is_not_written(tmp_path, monkeypatch):
+    worse = Left(nominal=np.array([0.1, 0.01]), corrected=np.array([0.2, 0.01]))
+    monkeypatch.setattr(allocation, "left_by_model", lambda model, problem: worse)
+    with pytest.raises(ModelError, match=r"leaves 0\.2 N and 0\.01 Nm of what is asked for, the nominal one 0\.1 N"):
+        wg.export_allocation(tilting(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@needs_compiler
+@pytest.mark.parametrize("flag", ["-DWGA_ROUNDS=0", "-DWGA_CALM=WGA(0.0)"])
+def test_the_choice_of_thrusts_can_be_made_when_it_is_built(tmp_path, flag):
+    """Near the limits the pseudo-inverse leaves less of the weakest rotor than the largest margin."""
+    wg.export_allocation(tilting(), tmp_path / "out")
+    folder, wanted = tmp_path / "out", WEIGHT + np.array([[40.0, 0.0, 10.0, 3.0, 0.0, 1.0]])
+    usual, chosen = (answers(built(folder, *flags), wanted, 12, 6)[3][0, 0] for flags in ((), (flag,)))
+    assert chosen < usual - 0.01 if "ROUNDS" in flag else chosen >= usual - 1e-9
 
 
 def test_what_is_there_stays_without_force(tmp_path):
