@@ -162,7 +162,7 @@ def feedback(
     INDI is told the lag that the training log of `process` showed, or else the named one. Raises UsageError for another
     text, and for a cut-off that is too high for `dt` [s].
     """
-    law, equals, number = (part.strip() for part in text.partition("="))
+    law, equals, number = (part.strip() for part in text.lower().partition("="))
     if law not in FEEDBACK:
         raise UsageError(f"--feedback {text}: expected LAW or LAW=HZ with a law out of {', '.join(FEEDBACK)}")
     try:

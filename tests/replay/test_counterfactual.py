@@ -404,7 +404,7 @@ def test_a_re_simulation_that_is_not_compiled_is_told(hidden):
 
 def test_feedback_is_asked_for_by_name_and_cut_off():
     model = MODEL.with_effects([LAG])
-    change = asked_change(model, period=0.005, feedback=["observer=2", "indi", "l1 = 4", "indi=8"])
+    change = asked_change(model, period=0.005, feedback=["observer=2", "INDI", "L1 = 4", "indi=8"])
     assert [name for name, _ in change.beside] == [
         "disturbance observer, 2 Hz",
         "INDI, 8 Hz, told 50 ms of lag",
