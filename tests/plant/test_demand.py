@@ -63,7 +63,7 @@ def test_arms_that_tilt_make_a_side_force_level():
     assert found.reached.all()
     assert found.tilt[0].max() > 0.0
     most = of(HEXAROTOR).thrust[0].max() * np.sqrt(1.0 + 0.6**2)  # arms across the force cannot help
-    assert of(HEXAROTOR).thrust[0].max() < found.thrust[0].max() < most
+    assert of(HEXAROTOR).thrust[0].max() < found.thrust[0].max() <= most * (1.0 + 1e-9)
 
 
 def test_a_wrench_that_nothing_makes_is_not_reached():

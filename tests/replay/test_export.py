@@ -250,7 +250,7 @@ def test_make_and_readme_of_the_folder(flown, tmp_path):
 def test_what_a_user_has_in_the_folder_stays(tmp_path):
     model, folder = with_effects(com_offset=[0.01, 0.0, 0.0]), tmp_path / "comp"
     (folder / "selftest").mkdir(parents=True)
-    with pytest.raises(UsageError, match="holds selftest, which `export` did not write"):
+    with pytest.raises(UsageError, match="holds selftest, which this command did not write"):
         wg.export_compensator(None, model, folder, force=True)
     (folder / "selftest").rmdir()
     wg.save_model(model, tmp_path / "own.toml").path.rename(folder / "README.md")
