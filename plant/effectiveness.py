@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.allocation import allocation_of
@@ -64,12 +64,13 @@ class Effectiveness(Result):
 def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiveness:
     """The effectiveness of a model at one `tilt` of all arms, or one for each [rad].
 
-    Raises ModelError for a model without rotors, UsageError for tilts that the arms do not have.
+    Raises ModelError for a model without rotors, or with arms beside which forces are rounding, UsageError for tilts
+    that the arms do not have.
     """
     arms, _ = model.vehicle.geometry()
     angles = np.atleast_1d(np.asarray(tilt, dtype=float))
-    if not np.isfinite(angles).all():
-        raise UsageError("--tilt: expected degrees, numbers with an end")
+    if not np.all(np.abs(angles) <= 2.0 * np.pi):
+        raise UsageError("--tilt: expected degrees, from -360 to 360")
     if len(angles) not in (1, len(arms)):
         raise UsageError(f"--tilt: got {len(angles)} angles, expected one for all, or one for each of {len(arms)} arms")
     angles = np.broadcast_to(angles, len(arms)).copy()
@@ -88,6 +89,10 @@ def effectiveness(model: Model, tilt: Sequence[float] | float = 0.0) -> Effectiv
         return {name: np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x) for name, x in found.items()}
 
     found = propagated(model, values)
+    if not np.all(np.linalg.norm(found["matrix"].nominal[:3], axis=0)):
+        raise ModelError(
+            "effectiveness: a rotor's force is nothing beside the torques; check arms [m] and kappa [m] of the model"
+        )
     ended = tuple(one.name for one in model.effects if at_limit(one, model.vehicle))
     return Effectiveness(model.vehicle, angles, found["matrix"], found["achieved"], found["allocation"], ended)
 

@@ -44,6 +44,8 @@ class Model:
         measured.
     command
         From the rotor commands of logs to speeds, where the commands are not speeds.
+    beside
+        Files that the model file names and that were read: its bench table.
     """
 
     vehicle: Vehicle
@@ -59,6 +61,7 @@ class Model:
     cutoff_hz: float | None = None
     between_flights: tuple[float, ...] | None = None
     command: CommandCurve | None = None
+    beside: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:

@@ -39,7 +39,7 @@ from wrenchgap.plant.effectiveness import RANK, linear_matrix
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.simulation.flight_plan import Plan, prepare
 from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
-from wrenchgap.plant.trajectory import Reference
+from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin
@@ -162,6 +162,7 @@ def readiness(
     _, _, path = prepare(Plan(model, trajectory, duration), max_duration=LONGEST)
     along = Flat(path) if pushes_along_z_only(model.vehicle) else path
     reference = along.at(np.arange(0.0, path.duration, PERIOD))
+    check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
     rng = np.random.default_rng(seed)

@@ -13,6 +13,7 @@ from benchmarks.attacks import Attack, Outcome
 from benchmarks.faults.appetites import made
 
 AREA = "Small files, large appetites"
+MODEL = "tilt_hexarotor"
 COMMAND = (sys.executable, "-m", "wrenchgap")
 
 
@@ -87,6 +88,29 @@ def greedy_model(more: str, refusal: str, output: str, *asked: str) -> Callable[
     return run
 
 
+def greedy_trajectories(folder: Path) -> Outcome:
+    """Trajectory files of at most 0.3 MB whose motion takes gigabytes, minutes, or divides by nearly nothing."""
+    head = "schema = 1\n[trajectory]\nduration = 600\nhome = [0, 0, 1]\n"
+    move = '[[moves]]\nkind = "{}"\nstart = 0\nduration = 600\n'
+    shake = move.format("shake") + "size = 1e-6\nangle_deg = 0\nlow_hz = 0.1\nhigh_hz = {}\nseed = {}\n"
+    texts = {
+        "20 Hz at most": shake.format(1e6, 0),
+        "at most 4,000": "".join(shake.format(19, k) for k in range(400)),
+        "at most 500": (move.format("turn") + "angle_deg = 1\n") * 3000,
+        "expected 0.1 to": move.format("shift") + "by = [1e9, 0, 0]\nramp = 1e-300\n",
+        "0.1 s or longer": move.format("swing") + "by = [1, 0, 0]\nperiod = 1e-300\n",
+    }
+    refused, most, longest = 0, 0.0, 0.0
+    for words, moves in texts.items():
+        (folder / "t.toml").write_text(head + moves, encoding="utf-8")
+        output = str(folder / "o.mcap")
+        code, text, memory, time = measured("simulate", "-m", MODEL, "-t", str(folder / "t.toml"), "-o", output)
+        refused += code == 2 and text.count("\n") == 1 and words in text
+        most, longest = max(most, memory), max(longest, time)
+    said = f"{refused} of {len(texts)} refused in one line, {most:,.0f} MB, {longest:.1f} s at most"
+    return Outcome(refused == len(texts) and most < 500 and longest < 20, said)
+
+
 OPTION, COMPUTED = "--budget", "computed"
 CASES: tuple[tuple[str, str, str, float, float], ...] = (
     (
@@ -153,6 +177,12 @@ ATTACKS = (
         "a model file of 0.8 MB; `add --value`",
         "refused in one line that says characters; 500 MB, 10 s of processor time",
         greedy_model("# x\n" * 200_000, "characters", "out.toml", "add", "--value", "mass=added:0.1"),
+    ),
+    Attack(
+        "trajectory files: a shake up to 1 MHz, 400 shakes, 3,000 turns, a ramp and a period of 1e-300 s; `simulate`",
+        "each refused in one line; 500 MB, 20 s of processor time",
+        greedy_trajectories,
+        slow=True,
     ),
     Attack("a log that its budget refuses, with `--budget 1GB,60s`", "refused before, read then", raised),
 )

@@ -69,6 +69,30 @@ def _completed(folder: Path) -> Outcome:
     return Outcome(found and not bad and not run, f"of {len(SHELL)} such names offered: {len(bad)}; quad.toml: {found}")
 
 
+def _named_by_inputs(folder: Path) -> Outcome:
+    """Outputs, with --force, on files that are read because an input names them, or an option that is no log."""
+    plain = (MODELS / "tilt_hexarotor.toml").read_text(encoding="utf-8")
+    (folder / "m.toml").write_text(plain + '\n[command]\nunit = "normalised"\ntable = "bench.csv"\n', encoding="utf-8")
+    (folder / "flight.toml").write_text("schema = 1\n[trajectory]\nduration = 3\nhome = [0, 0, 1]\n")
+    (folder / "bench.csv").write_text("command,thrust\n0,0\n0.5,4\n1,11.25\n")
+    (folder / "hull.xml").write_text("<mujoco><default/></mujoco>")
+    run(folder, "write", MODEL, "--to", "mjcf", "-o", "made.xml")
+    text = (folder / "made.xml").read_text(encoding="utf-8")
+    (folder / "v.xml").write_text(text.replace("<worldbody>", '<include file="hull.xml"/><worldbody>', 1))
+    log, kept = str(flown(folder)), {n: (folder / n).read_bytes() for n in ("bench.csv", "flight.toml", "hull.xml")}
+    asked = (
+        ("ready", log, "-m", MODEL, "--for", "flight.toml", "--json", "flight.toml"),
+        ("simulate", "-m", MODEL, "-t", "flight.toml", "-o", "s.mcap", "--truth", "flight.toml"),
+        ("effectiveness", "m.toml", "--csv", "bench.csv"),
+        ("add", "mass", "-m", "m.toml", "--from", log, "-o", "bench.csv"),
+        ("model", "new", "--from", "v.xml", "-o", "n.toml", "--json", "hull.xml"),
+    )
+    said = [run(folder, *words, "--force", expected=(2,)).stderr for words in asked]
+    refused = sum(b"is one of the inputs" in one for one in said)
+    whole = all((folder / name).read_bytes() == before for name, before in kept.items())
+    return Outcome(refused == len(asked) and whole, f"{refused} of {len(asked)} refused; all files kept: {whole}")
+
+
 SPACES = ("a$(touch${IFS}pwned)", "b'$(touch${IFS}pwned)'", "c;touch${IFS}pwned")
 
 
@@ -209,6 +233,12 @@ ATTACKS = (
         "`batch` on a list that names itself, on thirty lists that name the next twice, on links to their own folder",
         "each is gone through once, 2 s",
         _lists,
+    ),
+    Attack(
+        "a trajectory, a bench table that the model file names, an MJCF's include as the output, with --force",
+        "refused, each is kept",
+        _named_by_inputs,
+        slow=True,
     ),
     Attack(
         "a link in the place of the hidden file of an output, an output that is a link to nothing",

@@ -36,7 +36,7 @@ COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12",
 def from_mjcf(path: Path) -> Draft:
     """A draft of a MuJoCo model. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     mujoco = _mujoco(path)
-    _check_files(path)
+    files_of(path)
     model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_path(str(path)))
     links = _links(mujoco, model, path)
     numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
@@ -61,8 +61,8 @@ def _mujoco(path: Path) -> Any:
     return mujoco
 
 
-def _check_files(path: Path) -> None:
-    """Raise ModelError unless all files that an MJCF, or what it includes, names lie in its folder (`path_inside`)."""
+def files_of(path: Path) -> set[Path]:
+    """Files that an MJCF, or what it includes, names; ModelError unless all lie in its folder (`path_inside`)."""
     folder, waiting = path.parent, [path]
     names, folders = list[tuple[str, str]](), {""}
 
@@ -81,9 +81,7 @@ def _check_files(path: Path) -> None:
             if element.tag.lower() in INCLUDING:
                 found = [checked(start, name, where) for start in ("", here)]
                 waiting += [each for each in found if each.is_file() and each not in waiting]
-    for where, name in names:
-        for start in sorted(folders):
-            checked(start, name, where)
+    return {checked(start, name, where) for where, name in names for start in sorted(folders)} | set(waiting[1:])
 
 
 def _elements(one: Path, path: Path, max_copies: int = 1000) -> list[ElementTree.Element]:

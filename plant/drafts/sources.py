@@ -20,6 +20,8 @@ from wrenchgap.plant.drafts.draft import CommandDraft, Draft, Sourced
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.reader import BOUNDS
 
+DESCRIPTIONS = (".urdf", ".sdf", ".world", ".xml", ".mjcf")
+"""Endings of robot descriptions."""
 KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .csv or .parquet (Betaflight), .urdf, .sdf, .xml (MuJoCo)"
 
 
@@ -71,7 +73,7 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
             return _ardupilot(source, user, budget)
         case ".csv" | ".parquet":
             return _table(source, user, budget)
-        case ".urdf" | ".sdf" | ".world" | ".xml" | ".mjcf":
+        case suffix if suffix in DESCRIPTIONS:
             return _over(_described(source), user)
         case ".xacro":
             raise UsageError(
@@ -211,6 +213,15 @@ def _described(source: Path) -> Draft:
         case "mujoco":
             return compiled.from_mjcf(source)
     raise ModelError(f"{source.name}: begins with <{document.tag}>, expected <robot> (URDF), <sdf> or <mujoco>")
+
+
+def beside(source: Path | None) -> list[Path]:
+    """Files that are read with a robot description: those that an MJCF includes and names."""
+    if source is None or source.suffix.lower() not in DESCRIPTIONS:
+        return []
+    if ElementTree.parse(source).getroot().tag != "mujoco":
+        return []
+    return sorted(path for path in compiled.files_of(source) if path.is_file())
 
 
 Ask = Callable[[str, type, str | None, Sequence[str]], str]

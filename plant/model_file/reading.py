@@ -224,6 +224,7 @@ def loads(text: str, folder: Path | None = None) -> Model:
     document = reader.toml(text)
     reader.check_schema(document, SCHEMA)
     bench = bench_table(document.get("command"), folder)
+    beside = () if bench is None or folder is None else (folder / document["command"]["table"],)
     document |= {} if bench is None else {"command": bench}
     table = reader.read(ModelTable, document, page=PAGE)
     vehicle = table.vehicle.vehicle()
@@ -240,6 +241,7 @@ def loads(text: str, folder: Path | None = None) -> Model:
         unmeasured=table.unmeasured,
         cutoff_hz=table.cutoff_hz,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
+        beside=beside,
         text=text if bench is None else with_bench_table(text, bench),
         history=tuple(version.to_version() for version in table.history),
         notes=tuple(note for note in (table.vehicle.inertia_note, *(note for _, note in effects)) if note),

@@ -64,12 +64,17 @@ def prepare(
     return truth, believed, trajectory
 
 
+def trajectory_path(text: str) -> Path | None:
+    """The file that a text names, None for the name of a trajectory."""
+    return None if text in TRAJECTORIES or not (text.endswith(".toml") or os.sep in text) else Path(text)
+
+
 def trajectory_file(plan: Plan) -> TrajectoryFile | None:
     """The file that the plan's trajectory names, None for a name; UsageError where it cannot be flown so."""
     text = plan.trajectory
-    if text in TRAJECTORIES or not (text.endswith(".toml") or os.sep in text):
+    if (path := trajectory_path(text)) is None:
         return None
-    file = load(Path(text))
+    file = load(path)
     if plan.duration is not None or plan.excitation:
         option = "--duration" if plan.duration is not None else "--excitation"
         raise UsageError(f"{option}: {Path(text).name} sets its own duration and excitation; leave {option} out")

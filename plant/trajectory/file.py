@@ -12,7 +12,7 @@ before it was judged. docs/design-flights.md lists the keys.
 
 import csv
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -26,12 +26,14 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant import reader
 from wrenchgap.plant.reader import Number, Positive, Table, Text, Vector, expected
-from wrenchgap.plant.trajectory.maneuvers import KINDS, Move, Moves
+from wrenchgap.plant.trajectory.maneuvers import KINDS, Move, Moves, Shake
 
 SCHEMA = 1
 PAGE = "docs/design-flights.md"
 ANGLES = ("angle", "azimuth", "sweep", "phase")
 """Fields of moves in rad; their keys end in _deg."""
+MOST_MOVES, MOST_HARMONICS = 500, 4000
+"""Of a file: `design` writes some ten moves, and a shake has some 30 harmonics. So much is sampled in a minute."""
 ATTITUDES = {"free": False, "thrust": True}
 HEADER = (
     "Reference trajectory for wrenchgap simulate -t. Moves begin and end at rest; moves that overlap in time add.\n"
@@ -96,7 +98,7 @@ def loads(text: str) -> TrajectoryFile:
         raise UsageError("is a model file, not a trajectory; give it with -m, and a file of `wrenchgap design` with -t")
     reader.check_schema(document, SCHEMA, UsageError)
     table = reader.read(FileTable, document, page=PAGE, error=UsageError)
-    head, moves = table.trajectory, tuple(_move(item, number) for number, item in enumerate(table.moves))
+    head, moves = table.trajectory, _moves(table.moves)
     plan = Moves(head.duration, head.home, moves, ATTITUDES[head.attitude])
     return TrajectoryFile(head.name or "trajectory", plan, head.vehicle, table.purpose, text)
 
@@ -144,6 +146,21 @@ def _keys(move: Move) -> dict[str, Any]:
         else:
             out[item.name] = list(value) if isinstance(value, tuple) else value
     return out
+
+
+def _moves(items: Sequence[dict[str, Any]]) -> tuple[Move, ...]:
+    if len(items) > MOST_MOVES:
+        raise UsageError(f"moves: got {len(items):,}, expected at most {MOST_MOVES}")
+    moves, harmonics = list[Move](), 0
+    for number, item in enumerate(items):
+        moves.append(move := _move(item, number))
+        harmonics += move.harmonics if isinstance(move, Shake) else 0
+        if harmonics > MOST_HARMONICS:
+            raise UsageError(
+                f"moves[{number}] (shake): with the shakes before it has {harmonics:,} harmonics, expected at most "
+                f"{MOST_HARMONICS:,}; narrow the bands or leave shakes out"
+            )
+    return tuple(moves)
 
 
 def _move(item: dict[str, Any], number: int) -> Move:

@@ -15,6 +15,7 @@ not tilt. `plant.trajectory.file` reads and writes these trajectories.
 """
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -44,6 +45,10 @@ Vector = tuple[float, float, float]
 
 SHAKEN = ("x", "y", "z", "roll", "pitch", "yaw")
 """Axes of a shake, in the order of `Multisine`."""
+SHORTEST = 0.1
+"""Of moves, ramps, fades and periods [s]: no vehicle follows faster ones, and `replay.readiness` samples them."""
+HIGHEST_HZ = 20.0
+"""Of a shake: no attitude loop follows faster ones, and each harmonic takes memory and time."""
 _Y, _Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -63,15 +68,15 @@ class Move:
             value = getattr(self, item.name)
             if item.name != "axes" and not np.all(np.isfinite(np.asarray(value, dtype=float))):
                 raise UsageError(f"{self.kind}: {item.name} is {value}, expected finite numbers")
-        if self.start < 0 or self.duration <= 0:
+        if self.start < 0 or self.duration < SHORTEST:
             raise UsageError(
                 f"{self.kind}: starts at {self.start:g} s and lasts {self.duration:g} s; a move starts at 0 s or later "
-                "and lasts longer than 0 s"
+                f"and lasts {SHORTEST:g} s or longer"
             )
-        if self.twice and not 0.0 < getattr(self, self.twice) <= 0.5 * self.duration + 1e-9:
+        if self.twice and not SHORTEST <= getattr(self, self.twice) <= 0.5 * self.duration + 1e-9:
             raise UsageError(
                 f"{self.kind}: {self.twice} is {getattr(self, self.twice):g} s; it comes twice within "
-                f"{self.duration:g} s, so expected more than 0 s and at most {0.5 * self.duration:g} s"
+                f"{self.duration:g} s, so expected {SHORTEST:g} to {0.5 * self.duration:g} s"
             )
 
     @property
@@ -155,8 +160,8 @@ class Swing(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.period <= 0.0:
-            raise UsageError(f"swing: period is {self.period:g} s, expected more than 0 s")
+        if self.period < SHORTEST:
+            raise UsageError(f"swing: period is {self.period:g} s, expected {SHORTEST:g} s or longer")
 
     def position(self, time: Array) -> Profile:
         """Displacement (N, 3) in E."""
@@ -190,9 +195,10 @@ class Shake(Move):
         unknown = [a for a in self.axes if a not in SHAKEN]
         if unknown:
             raise UsageError(f"shake: no axis is called {unknown[0]!r}; available: {', '.join(SHAKEN)}")
-        if not 0.0 < self.low_hz < self.high_hz:
+        if not 0.0 < self.low_hz < self.high_hz <= HIGHEST_HZ:
             raise UsageError(
-                f"shake: the band is {self.low_hz:g} to {self.high_hz:g} Hz; expected low_hz above 0 and below high_hz"
+                f"shake: the band is {self.low_hz:g} to {self.high_hz:g} Hz; expected low_hz above 0 and below "
+                f"high_hz, and that {HIGHEST_HZ:g} Hz at most"
             )
         if self.seed < 0 or self.size < 0 or not 0.0 <= self.angle < 0.5 * np.pi:
             raise UsageError("shake: size and seed must not be negative, and the angle lie between 0 and 90 deg")
@@ -202,11 +208,18 @@ class Shake(Move):
         band = (self.low_hz, self.high_hz)
         return _multisine(self.duration, self.size, self.angle, band, fade=self.fade, seed=self.seed)
 
+    @property
+    def harmonics(self) -> int:
+        """How many there are, of all axes."""
+        return self._multisine().harmonics
+
     def deflection(self, time: Array) -> Profile:
         """x, y, z [m], roll, pitch, yaw [rad] (N, 6)."""
         local = time - self.start
-        inside = ((local >= 0.0) & (local <= self.duration))[:, None] * np.isin(SHAKEN, self.axes)
-        value, rate, change = (inside * p for p in self._multisine().at(local))
+        inside = np.flatnonzero((local >= 0.0) & (local <= self.duration))
+        value, rate, change = (np.zeros((len(time), len(SHAKEN))) for _ in range(3))
+        for out, found in zip((value, rate, change), self._multisine().at(local[inside]), strict=True):
+            out[inside] = found * np.isin(SHAKEN, self.axes)
         return value, rate, change
 
 
@@ -252,8 +265,8 @@ class Moves(Trajectory):
         """The sum of the moves."""
         if self.follows_thrust:
             return Flat(replace(self, follows_thrust=False)).at(time)
-        shaken = _sum([m.deflection(time) for m in self.moves if isinstance(m, Shake)], (len(time), 6))
-        moved = _sum([m.position(time) for m in self.moves if isinstance(m, Shift | Swing)], (len(time), 3))
+        shaken = _sum((m.deflection(time) for m in self.moves if isinstance(m, Shake)), (len(time), 6))
+        moved = _sum((m.position(time) for m in self.moves if isinstance(m, Shift | Swing)), (len(time), 3))
         p, v, a = (one + other[:, :3] for one, other in zip(moved, shaken, strict=True))
         angles = (part[:, 3:] for part in shaken)
         attitude = composed(self._attitude(time), euler_attitude(*angles))
@@ -261,16 +274,19 @@ class Moves(Trajectory):
 
     def _attitude(self, time: Array) -> Rotation:
         """R_z(psi + phi) R_y(s) R_z(-phi)."""
-        psi = _sum([m.yaw(time) for m in self.moves if isinstance(m, Turn)], time.shape)
-        s = _sum([m.lean(time) for m in self.moves if isinstance(m, Tilt)], time.shape)
-        phi = _sum([m.direction(time) for m in self.moves if isinstance(m, Tilt)], time.shape)
+        psi = _sum((m.yaw(time) for m in self.moves if isinstance(m, Turn)), time.shape)
+        s = _sum((m.lean(time) for m in self.moves if isinstance(m, Tilt)), time.shape)
+        phi = _sum((m.direction(time) for m in self.moves if isinstance(m, Tilt)), time.shape)
         heading = (psi[0] + phi[0], psi[1] + phi[1], psi[2] + phi[2])
         back = (-phi[0], -phi[1], -phi[2])
         return composed(composed(axis_rotation(_Z, heading), axis_rotation(_Y, s)), axis_rotation(_Z, back))
 
 
-def _sum(profiles: list[Profile], shape: tuple[int, ...]) -> Profile:
-    value, rate, change = (sum((p[k] for p in profiles), np.zeros(shape)) for k in range(3))
+def _sum(profiles: Iterable[Profile], shape: tuple[int, ...]) -> Profile:
+    value, rate, change = (np.zeros(shape) for _ in range(3))
+    for one in profiles:  # each is gone before the next is made
+        for out, part in zip((value, rate, change), one, strict=True):
+            out += part
     return value, rate, change
 
 

@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Index, Motion, State, rows
 from wrenchgap.plant.vehicle import GRAVITY
@@ -19,6 +20,8 @@ Rotation = tuple[Array, Array, Array]
 """Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
 
 E_Z = np.array([0.0, 0.0, 1.0])
+JUMP_M, JUMP_RAD = 0.01, 0.02
+"""By how much positions and velocities [m, m/s], and attitudes [rad], may be off from sample to sample."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,35 @@ class Reference:
     def sample(self, index: int) -> Self:
         """One sample, still with the sample axis (N = 1)."""
         return self.take(slice(index, index + 1))
+
+
+def check_sampled(reference: Reference, name: str) -> None:
+    """Raise UsageError where samples of a reference do not say how it moves between them.
+
+    Positions, velocities and attitudes must follow from the derivatives at both ends of each period h: by the
+    corrected trapezoidal rule, x_1 - x_0 = h (v_0 + v_1) / 2 - h^2 (a_1 - a_0) / 12 + O(h^5), and by the trapezoidal
+    one, v_1 - v_0 = h (a_0 + a_1) / 2 + O(h^3), where what is left may be a quarter of the largest h a. Rates may jump:
+    those of a vehicle that leans into its thrust do with the jerk.
+    """
+    if len(reference.time) < 2:
+        return
+    h = np.diff(reference.time)[:, None]
+    v, a, omega = reference.velocity_E, reference.acceleration_E, reference.omega_D
+    turned = so3.log(so3.multiply(so3.conjugate(reference.quat_ED[:-1]), reference.quat_ED[1:]))
+    moved = np.diff(reference.position_E, axis=0) + h**2 / 12.0 * np.diff(a, axis=0)
+    parts = (
+        (moved, v, JUMP_M),
+        (np.diff(v, axis=0), a, JUMP_M + 0.25 * h.max() * np.abs(a).max()),
+        (turned, omega, JUMP_RAD + 0.25 * h.max() * np.abs(omega).max()),
+    )
+    left = [np.linalg.norm(x - 0.5 * h * (rate[:-1] + rate[1:]), axis=1) / most for x, rate, most in parts]
+    worst = np.max(left, axis=0)
+    if not worst.max() <= 1.0:
+        when = reference.time[int(np.argmax(np.nan_to_num(worst, nan=np.inf)))]
+        raise UsageError(
+            f"{name}: jumps, or moves too fast to be sampled at {1.0 / h.min():.0f} Hz, at {when:.2f} s; expected a "
+            "motion that a vehicle can follow; take a slower one, or fly it with `wrenchgap simulate`"
+        )
 
 
 class Trajectory(ABC):

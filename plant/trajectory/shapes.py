@@ -28,6 +28,8 @@ from wrenchgap.plant.trajectory.reference import (
 
 QUINTIC_PEAK = 10.0 / np.sqrt(3.0)
 """Largest second derivative of the unit quintic 10 s^3 - 15 s^4 + 6 s^5."""
+AT_ONCE = 500_000
+"""Cosines whose arrays are in memory at once: 20 MB."""
 
 
 def _at_rest(time: Array, position: tuple[float, float, float]) -> Reference:
@@ -236,13 +238,21 @@ class Multisine:
         scale = peaks / peak[best, np.arange(6)]
         object.__setattr__(self, "_terms", (scale[:, None] / frequency, 2.0 * np.pi * frequency, chosen))
 
+    @property
+    def harmonics(self) -> int:
+        """How many there are, of all axes."""
+        return int(self._terms[0].size)
+
     def at(self, time: Array) -> Profile:
         """Deflection, rate and acceleration (N, 6) at `time` (N,): x, y, z [m], roll, pitch, yaw [rad]."""
         amplitude, omega, phase = self._terms
-        angle = omega * time[:, None, None] + phase
-        e = np.sum(amplitude * np.cos(angle), axis=-1)
-        de = np.sum(-amplitude * omega * np.sin(angle), axis=-1)
-        dde = np.sum(-amplitude * omega**2 * np.cos(angle), axis=-1)
+        e, de, dde = (np.empty((len(time), len(amplitude))) for _ in range(3))
+        some = max(1, AT_ONCE // self.harmonics)
+        for part in (slice(k, k + some) for k in range(0, len(time), some)):
+            angle = omega * time[part, None, None] + phase
+            e[part] = np.sum(amplitude * np.cos(angle), axis=-1)
+            de[part] = np.sum(-amplitude * omega * np.sin(angle), axis=-1)
+            dde[part] = np.sum(-amplitude * omega**2 * np.cos(angle), axis=-1)
         w, dw, ddw = (part[:, None] for part in bump(time, 0.0, self.duration, self.fade))
         return product((w, dw, ddw), (e, de, dde))
 

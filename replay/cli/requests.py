@@ -140,6 +140,8 @@ class Run:
         found = model_file.load(name)
         assert found.path is not None
         self.note_input(found.path, role)
+        for path in found.beside:
+            self.note_input(path, "bench table")
         return found
 
     def note_input(self, path: Path, role: str) -> None:
@@ -150,7 +152,8 @@ class Run:
         from wrenchgap.replay.present.documents import sha256
 
         for option, output in self._outputs.items():
-            if output is not None and option != "--output" and output.resolve() == path.resolve():
+            own = option == "--output" and role == "model"
+            if output is not None and not own and output.resolve() == path.resolve():
                 raise UsageError(f"{option} {output}: is one of the inputs; choose another name")
         self.inputs.append({"role": role, "file": str(path), "sha256": sha256(path)})
 

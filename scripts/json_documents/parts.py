@@ -18,7 +18,8 @@ Level = Literal["ok", "warn", "bad"]
 
 class Input(TypedDict):
     role: str
-    """`log`, `validation`, `healthy`, `suspect`, `model`, `against`, `believed`, `gp` or `batch`."""
+    """`log`, `validation`, `healthy`, `suspect`, `model`, `against`, `believed`, `bench table`,
+    `trajectory`, `gp` or `batch`."""
     file: str
     """As it was named."""
     sha256: str

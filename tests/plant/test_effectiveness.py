@@ -85,7 +85,9 @@ def test_arms_that_do_not_tilt_are_told(quadrotor, hexarotor):
         flown(quadrotor, 0.1)
     with pytest.raises(UsageError, match="got 2 angles, expected one for all, or one for each of 6 arms"):
         flown(hexarotor, [0.1, 0.2])
-    with pytest.raises(UsageError, match="numbers with an end"):
+    with pytest.raises(UsageError, match="expected degrees, from -360 to 360"):
         flown(hexarotor, np.nan)
+    with pytest.raises(UsageError, match="expected degrees, from -360 to 360"):
+        flown(hexarotor, 1e300)
     tilted = flown(hexarotor, [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]).matrix.nominal
     np.testing.assert_allclose(tilted[2, :4], [np.cos(0.5), np.cos(0.5), 1.0, 1.0], atol=1e-9)

@@ -10,7 +10,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import ReferenceSeries
 from wrenchgap.plant.trajectory import TRAJECTORIES, Hover, Recorded, named
-from wrenchgap.plant.trajectory.reference import attitude_of_thrust, yaw_of
+from wrenchgap.plant.trajectory.reference import attitude_of_thrust, check_sampled, yaw_of
 from wrenchgap.plant.trajectory.shapes import Excited, FigureEight, Flat, Multisine
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -191,3 +191,31 @@ def test_every_registered_trajectory_builds_with_its_default_length_and_no_other
         named("loop")
     with pytest.raises(UsageError, match="expected a positive number"):
         named("hover", -1.0)
+
+
+def test_a_reference_that_its_samples_do_not_show_is_refused():
+    """A jump of 1 mm too much, an oscillation that is the same at each sample, and what is no number; all else is not,
+    also where the attitude follows a thrust whose jerk jumps.
+    """
+    time = np.arange(0.0, 6.0, 0.02)
+    for name in SMOOTH:
+        trajectory = named(name, 6.0, 1.0)
+        check_sampled(trajectory.at(time), name)
+        check_sampled((trajectory if isinstance(trajectory, Flat) else Flat(trajectory)).at(time), name)
+    still = named("hover", 6.0).at(time)
+    check_sampled(still.sample(0), "one")
+    jump, lost = still.position_E.copy(), still.position_E.copy()
+    jump[150:, 0] += 0.011
+    lost[7] = np.nan
+    fast = np.tile([0.1 * 2.0 * np.pi / 0.02, 0.0, 0.0], (len(time), 1))  # of 0.1 m at 50 Hz, through the middle
+    force = np.tile([0.1 * (2.0 * np.pi / 0.02) ** 2, 0.0, 0.0], (len(time), 1))  # at the end
+    for wrong in (
+        replace(still, position_E=jump),
+        replace(still, position_E=lost),
+        replace(still, velocity_E=fast),
+        replace(still, acceleration_E=force),
+        replace(still, omega_D=fast),
+        named("step", 6.0).at(time),
+    ):
+        with pytest.raises(UsageError, match=r"x: jumps, or moves too fast to be sampled at 50 Hz, at \d"):
+            check_sampled(wrong, "x")

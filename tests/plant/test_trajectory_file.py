@@ -1,6 +1,7 @@
 """Trajectory files: what is written is what is read, and what is wrong is said in one line."""
 
 import csv
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -54,6 +55,10 @@ def test_the_table_holds_the_reference(tmp_path):
         ('attitude = "free"', 'attitude = "loose"', "expected one of free, thrust"),
         ("ramp = 1.8", "ramp = nan", r"ramp: got nan, expected a finite number"),
         ("ramp = 1.8", "ramp = 4.0", r"moves\[0\]: tilt: ramp is 4 s"),
+        ("ramp = 1.8", "ramp = 1e-9", r"moves\[0\]: tilt: ramp is 1e-09 s; .* expected 0.1 to 3 s"),
+        ("period = 2.5", "period = 1e-300", r"moves\[3\]: swing: period is 1e-300 s, expected 0.1 s or longer"),
+        ("duration = 8.0", "duration = 1e-300", r"moves\[1\]: turn: .* lasts 0.1 s or longer"),
+        ("high_hz = 2.0", "high_hz = 1e6", r"moves\[4\]: shake: the band is 0.3 to 1e\+06 Hz; .* 20 Hz at most"),
         ("[trajectory]", "[vehicle]", "is a model file, not a trajectory"),
         ("schema = 1", "schema = ", "is not TOML"),
     ],
@@ -69,3 +74,23 @@ def test_a_bad_file_is_told_in_one_line_with_its_name(tmp_path, old, new, words)
     assert "\n" not in str(error.value)
     with pytest.raises(UsageError, match="cannot be read as a trajectory file: No such file"):
         load(tmp_path / "gone.toml")
+
+
+def test_many_moves_and_many_harmonics_are_refused_before_they_take_memory():
+    with pytest.raises(UsageError, match=r"moves: got 501, expected at most 500"):
+        loads(dumps(TrajectoryFile("x", Moves(10.0, (0.0, 0.0, 1.0), (Turn(0.0, 1.0, 1.0),) * 501))))
+    shakes = tuple(Shake(0.0, 10.0, 0.01, 0.0, 0.1, 20.0, ("x",), seed=k) for k in range(12))
+    with pytest.raises(UsageError, match=r"moves\[10\] \(shake\): .* harmonics, expected at most 4,000"):
+        loads(dumps(TrajectoryFile("x", Moves(10.0, (0.0, 0.0, 1.0), shakes))))
+
+
+def test_memory_does_not_grow_with_the_number_of_moves():
+    """The sum is that of the moves one by one; of each the arrays are gone before the next is made."""
+    time = np.linspace(0.0, 20.0, 20_000)
+    sums = Moves(20.0, (0.0, 0.0, 0.0), (Shift(0.0, 20.0, (1.0, 0.0, 0.0)),) * 200)
+    tracemalloc.start()
+    position = sums.at(time).position_E
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_allclose(position, 200.0 * Moves(20.0, (0.0, 0.0, 0.0), sums.moves[:1]).at(time).position_E)
+    assert peak < 30 * position.nbytes

@@ -74,6 +74,14 @@ CASES = {
     "calibrate LOG --validate @logs HEXA -o n.toml --json @logs/a.mcap --force": "one of the inputs",
     "simulate HEXA -t hover --duration 2 --effects @mine.py -o s.mcap --json @mine.py --force": "one of the inputs",
     "add field_torque HEXA --from LOG --effects @mine.py -o @mine.py --force": "one of the inputs",
+    "ready LOG HEXA --for @logs/still.toml --json @logs/still.toml --force": "one of the inputs",
+    "ready LOG HEXA --for step": "step: jumps, or moves too fast | 0.98 s | slower",
+    "ready LOG HEXA --for @long.toml": "lasts 20000 s; expected at most 600 s",
+    "simulate -m @logs/bench.toml -t hover -o s.mcap --json @logs/bench.csv --force": "one of the inputs",
+    "effectiveness @logs/bench.toml --csv @logs/bench.csv --force": "one of the inputs",
+    "add mass -m @logs/bench.toml --from LOG -o @logs/bench.csv --force": "one of the inputs",
+    "model new --from @logs/quad.xml -o n.toml --json @logs/hull.xml --force": "one of the inputs",
+    "model new --from @logs/quad.xml -o @logs/hull.xml --force": "one of the inputs",
     "convert @a.mcap @logs/a.mcap -o @logs": "written as a.mcap | convert them apart",
     "export @some.gp HEXA -o c --dt 1e6": "dt is 1e+06 s | at most",
     "export @logs/Makefile HEXA -o @logs --force": "Makefile, which is read | another folder",
@@ -205,6 +213,14 @@ def spoilt(logs, tmp_path_factory):
     for place in (folder, folder / "logs"):
         (place / "a.mcap").write_bytes(logs.test.read_bytes())
     (folder / "logs" / "tuned.toml").write_text(text, encoding="utf-8")
+    (folder / "logs" / "still.toml").write_text((folder / "tilt.toml").read_text())
+    curve = '\n[command]\nunit = "normalised"\ntable = "bench.csv"\n'
+    (folder / "logs" / "bench.toml").write_text(text + curve, encoding="utf-8")
+    (folder / "logs" / "bench.csv").write_text("command,thrust\n0,0\n0.5,4\n1,11.25\n")
+    hexarotor = wg.export_model(wg.load_model(MODEL), "mjcf").text
+    included = hexarotor.replace("<worldbody>", '<include file="hull.xml"/><worldbody>', 1)
+    (folder / "logs" / "quad.xml").write_text(included, encoding="utf-8")
+    (folder / "logs" / "hull.xml").write_text("<mujoco><default/></mujoco>")
     model = wg.load_model(MODEL)
     wg.save_model(with_values(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
     (folder / "logs" / "Makefile").write_text("a process under a name that an export has")

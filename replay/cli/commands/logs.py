@@ -266,10 +266,15 @@ def ready(
 
     Example: `wrenchgap ready test.mcap -m fitted.toml --for figure8 --payload 0.4 --wind 5`
     """
+    from wrenchgap.plant.simulation.flight_plan import Plan, trajectory_file, trajectory_path
     from wrenchgap.replay import api_flights
 
-    run.claim({"--figure": figure}, *logs, model)
+    file = trajectory_path(trajectory)
+    run.claim({"--figure": figure}, *logs, model, file)
     base = run.model(model)
+    if file is not None:
+        trajectory_file(Plan(base, trajectory, duration))  # refused before logs are read
+        run.note_input(file, "trajectory")
     with run.progress("reading") as report:
         flights, _ = run.open(reading.options, logs, base)
         asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage}

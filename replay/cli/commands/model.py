@@ -62,7 +62,7 @@ def new(
 
     Example: `wrenchgap model new --from flight.ulg --mass 1.52 --mass-tolerance 0.005 -o vehicle.toml`
     """
-    from wrenchgap.plant.drafts.sources import Given
+    from wrenchgap.plant.drafts.sources import Given, beside
     from wrenchgap.replay import api_models
 
     run.claim({"--output": output, "--figure": figure}, source)
@@ -75,9 +75,9 @@ def new(
     ask = questions if interactive else None
     allowed = parse_budget(budget)
     sheet = api_models.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
+    for path in [source, *beside(source)] if source is not None else []:
+        run.note_input(path, "source")
     saved = api_models.save_draft(sheet, output, force=run.force)
-    if source is not None:
-        run.note_input(source, "source")
     run.result(saved)
     run.draw(saved, figure)
     run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
