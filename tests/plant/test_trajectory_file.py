@@ -88,9 +88,10 @@ def test_memory_does_not_grow_with_the_number_of_moves():
     """The sum is that of the moves one by one; of each the arrays are gone before the next is made."""
     time = np.linspace(0.0, 20.0, 20_000)
     sums = Moves(20.0, (0.0, 0.0, 0.0), (Shift(0.0, 20.0, (1.0, 0.0, 0.0)),) * 200)
+    one = Moves(20.0, (0.0, 0.0, 0.0), sums.moves[:1]).at(time).position_E  # kernels are compiled from here on
     tracemalloc.start()
     position = sums.at(time).position_E
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    np.testing.assert_allclose(position, 200.0 * Moves(20.0, (0.0, 0.0, 0.0), sums.moves[:1]).at(time).position_E)
-    assert peak < 30 * position.nbytes
+    np.testing.assert_allclose(position, 200.0 * one)
+    assert peak < 100 * position.nbytes  # 600, if all are kept
