@@ -113,8 +113,8 @@ def about_origin(body: Body, wrench_B: Array) -> Array:
 _RATES = "actuator rates"
 
 
-def _rates(tilt: Array, speed: Array, dt: float, memory: Any) -> tuple[Rates, Any]:
-    """Rates of the actuators by backward differences, and the memory."""
+def actuator_rates(tilt: Array, speed: Array, dt: float, memory: Any = None) -> tuple[Rates, Any]:
+    """Rates of the actuators by backward differences, and the memory to hand to the next call; None at the start."""
     before_tilt, before_speed, before_rate = (tilt[0], speed[0], None) if memory is None else memory
     rate = np.diff(tilt, axis=0, prepend=before_tilt[None]) / dt
     rotor_dot = np.diff(speed, axis=0, prepend=before_speed[None]) / dt
@@ -213,7 +213,7 @@ class WrenchModel:
         memory, rates = {} if memory is None else memory, None
         tilt, speed = commands.tilt, commands.rotor_speed
         if tilt is not None and speed is not None and any(item.effect.needs_rates for item in self.effects):
-            rates, memory[_RATES] = _rates(tilt, speed, dt, memory.get(_RATES))
+            rates, memory[_RATES] = actuator_rates(tilt, speed, dt, memory.get(_RATES))
         return rates, memory
 
     def motion(self, wrench_B: Array, omega_B: Array) -> Motion:

@@ -8,7 +8,8 @@ here for the running process.
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import entry_points
 
@@ -49,6 +50,7 @@ __all__ = [
     "is_drag",
     "part_effects",
     "register",
+    "registered",
     "require_force",
     "sources",
 ]
@@ -74,6 +76,20 @@ def forget() -> None:
 def _renew() -> None:
     for made in (catalogue, part_effects, _known):
         made.cache_clear()
+
+
+@contextmanager
+def registered(found: Iterable[tuple[AnyEffect, Source]]) -> Iterator[None]:
+    """These effects are in the catalogue meanwhile; raises ModelError where a name is taken."""
+    before = dict(_own)
+    try:
+        for effect, source in found:
+            register(effect, source)
+        yield
+    finally:
+        _own.clear()
+        _own.update(before)
+        catalogue.cache_clear()
 
 
 def sources() -> dict[str, Source]:

@@ -1,0 +1,345 @@
+"""The laws that are tried: a direction times functions of quantities, as wrenches about O (docs/theory/laws.md).
+
+    F = sum_j k_j d_j phi_j,    or a torque, or a share of what rotors make
+
+d is a direction: the velocity, a body axis, a direction fixed in E, the thrust of a rotor, the axis of an arm; phi a
+function from a short list of powers, products, sines of small multiples of an angle, and the ground's 1/(1 + h^2/l^2).
+A law with several coefficients (a sine and a cosine, a spring and where its end is) is one law. Sources of the forms:
+Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed); Leishman, "Principles of Helicopter Aerodynamics", 2nd ed. (rotors
+in translation, near the ground and in each other's wake); Etkin, "Dynamics of Atmospheric Flight", 1972 (derivatives of
+force and moment by velocities and rates).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.learn.discover.quantities import (
+    LINES,
+    METRE,
+    NEWTON,
+    ONE,
+    RATE,
+    SECOND,
+    SPEED,
+    Unit,
+    causes,
+    needed,
+    unit_text,
+)
+from wrenchgap.plant.effects.effect import weight_scale
+from wrenchgap.plant.vehicle import Vehicle
+
+SMALL = 0.03
+"""What a typical law makes: this share of the weight, and of the weight at the vehicle's span as a torque."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One coefficient of a law: the expression (N, 6) that it multiplies, how that is written, its unit and size."""
+
+    code: str
+    symbol: str
+    unit: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class Atom:
+    """A law. `price` [nats] is how much longer it takes to say than the shortest ones."""
+
+    name: str
+    formula: str
+    terms: tuple[Term, ...]
+    price: float = 0.0
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Names of the quantities (`quantities.LINES`) that it needs."""
+        return needed(t.code for t in self.terms)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What it depends on, in words."""
+        return causes(t.code for t in self.terms)
+
+    def needs(self, what: str) -> bool:
+        """Whether one of its quantities needs a pose, moving air, a voltage, rotors, tilts or rates."""
+        return any(getattr(LINES[name], what) for name in self.lines)
+
+
+@dataclass(frozen=True)
+class Factor:
+    """phi: `code` (N, 1), how it is written, its unit, what is typical of it, and its price in nats."""
+
+    code: str
+    symbol: str
+    unit: Unit = ONE
+    typical: float = 1.0
+    price: float = 0.0
+
+
+def times(a: Factor, b: Factor) -> Factor:
+    """The product of two functions."""
+    unit = tuple(x + y for x, y in zip(a.unit, b.unit, strict=True))
+    return Factor(
+        f"{a.code} * {b.code}", f"{a.symbol} {b.symbol}", unit, a.typical * b.typical, a.price + b.price + 0.5
+    )
+
+
+def power(of: Factor, p: float) -> Factor:
+    """A power of a function."""
+    unit = tuple(p * u for u in of.unit)
+    return Factor(f"{of.code} ** {p:g}", f"{of.symbol}^{p:g}", unit, of.typical**p, of.price + (p not in (1, 2)))
+
+
+def size_of(of: Factor) -> Factor:
+    """Its absolute value."""
+    return Factor(f"np.abs({of.code})", f"|{of.symbol}|", of.unit, of.typical, of.price)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """d: `code` (N, 3) or (3,), how it is written, its unit and what is typical of its length."""
+
+    code: str
+    symbol: str
+    unit: Unit = ONE
+    typical: float = 1.0
+
+
+PLAIN = Factor("1.0", "")
+SPEED_OF = Factor("speed", "|v|", SPEED, 3.0)
+LOW = Factor("low", "1/(1 + h^2/l^2)", ONE, 0.5, 1.0)
+CHARGE = Factor("charge", "(V^2/V0^2 - 1)", ONE, 0.2)
+TIME = Factor("time", "t", SECOND, 60.0)
+V = [Factor(f"v[:, {i}:{i + 1}]", f"v_{a}", SPEED, 2.0) for i, a in enumerate("xyz")]
+OMEGA = [Factor(f"omega[:, {i}:{i + 1}]", f"omega_{a}", RATE) for i, a in enumerate("xyz")]
+UP = [Factor(f"up[:, {i}:{i + 1}]", f"up_{a}", ONE, 0.3) for i, a in enumerate("xyz")]
+AXES = [Direction(f"np.array({np.eye(3)[i].tolist()})", f"e_{a}", ONE) for i, a in enumerate("xyz")]
+VELOCITY = Direction("v", "v", SPEED, 3.0)
+TURNING = Direction("omega", "omega", RATE)
+ACROSS = Direction("np.cross(np.array([0.0, 0.0, 1.0]), v)", "e_z x v", SPEED, 2.0)
+LEVELLING = Direction("np.cross(np.array([0.0, 0.0, 1.0]), up)", "e_z x up", ONE, 0.3)
+CORIOLIS = Direction("np.cross(omega, v)", "omega x v", tuple(np.add(RATE, SPEED)), 2.0)
+GYROSCOPIC = Direction("np.cross(omega, np.array([0.0, 0.0, 1.0]))", "omega x e_z", RATE)
+
+
+def atoms(vehicle: Vehicle) -> tuple[Atom, ...]:
+    """All laws of a vehicle."""
+    return tuple(_Library(vehicle).all())
+
+
+class _Library:
+    """`span` [m] is the length that torques and heights are compared with."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle, self.weight, self.span = vehicle, weight_scale(vehicle), span_of(vehicle)
+        self.thrust = Factor("thrust", "|F|", NEWTON, self.weight)
+
+    def all(self) -> Iterator[Atom]:
+        yield from self.vectors()
+        yield from self.along_axes()
+        yield from self.fixed_in_the_world()
+        yield from self.shares()
+        if self.vehicle.has_rotors:
+            yield from self.rotors()
+            yield from self.arms()
+
+    def atom(self, name: str, kind: str, direction: Direction, *factors: Factor) -> Atom:
+        """A force at the centre of mass, or a torque, along a direction times functions, of one coefficient each."""
+        terms = [self.term(kind, direction, f) for f in factors]
+        written = " + ".join(f"k{j} {t.symbol}" if len(terms) > 1 else f"k {t.symbol}" for j, t in enumerate(terms, 1))
+        price = max(f.price for f in factors) + len(factors) - 1.0
+        return Atom(name, f"{'F' if kind == 'force' else 'M'} = {written}", tuple(terms), price)
+
+    def term(self, kind: str, direction: Direction, factor: Factor) -> Term:
+        size = self.weight * (1.0 if kind == "force" else self.span)
+        made = NEWTON if kind == "force" else tuple(np.add(NEWTON, METRE))
+        unit = tuple(m - d - f for m, d, f in zip(made, direction.unit, factor.unit, strict=True))
+        code = f"({direction.code}) * ({factor.code})"
+        whole = f"force_at(com, {code})" if kind == "force" else f"pure_torque({code})"
+        symbol = " ".join(s for s in (factor.symbol, direction.symbol) if s)
+        return Term(whole, symbol, unit_text(unit), SMALL * size / (direction.typical * factor.typical))
+
+    def vectors(self) -> Iterator[Atom]:
+        """Along vectors that turn with what makes them."""
+        thrust, speed = self.thrust, SPEED_OF
+        scales = {
+            "": PLAIN, "_speed_half": power(speed, 0.5), "_speed": speed, "_speed2": power(speed, 2),
+            "_thrust": thrust, "_thrust_speed": times(thrust, speed), "_low": LOW, "_charge": CHARGE, "_time": TIME,
+            "_rate": Factor("rate", "|omega|", RATE), "_thrust_half": power(thrust, 0.5),
+        }  # fmt: skip
+        for kind, directions in (
+            ("force", (VELOCITY, CORIOLIS, ACROSS, TURNING, GYROSCOPIC, LEVELLING)),
+            ("torque", (VELOCITY, ACROSS, TURNING, GYROSCOPIC, LEVELLING, CORIOLIS)),
+        ):
+            for d, (suffix, factor) in itertools.product(directions, scales.items()):
+                yield self.atom(f"{kind}_{_word(d.symbol)}{suffix}", kind, d, factor)
+
+    def along_axes(self) -> Iterator[Atom]:
+        """Along one body axis."""
+        signed = [*V, *OMEGA]
+        products = [times(a, b) for a, b in itertools.combinations(signed, 2)]
+        factors = [
+            *signed, *(times(x, size_of(x)) for x in signed), *(times(x, SPEED_OF) for x in V), *(power(x, 2) for x in signed),
+            *(times(x, power(SPEED_OF, 0.5)) for x in V), *products, *(times(x, self.thrust) for x in signed),
+            *(x for x in UP), *(times(x, LOW) for x in UP), times(UP[0], UP[2]), times(UP[1], UP[2]), times(UP[0], UP[1]),
+            SPEED_OF, power(SPEED_OF, 2), self.thrust, power(self.thrust, 2), LOW, CHARGE, TIME, power(TIME, 2),
+        ]  # fmt: skip
+        for kind, axis in itertools.product(("force", "torque"), AXES):
+            for f in factors:
+                yield self.atom(f"{kind}_{axis.symbol[-1]}_{_word(f.symbol)}", kind, axis, f)
+            for m in (1, 2, 3, 4):
+                angle = "heading" if m == 1 else f"{m} * heading"
+                said = "psi" if m == 1 else f"{m} psi"
+                both = [Factor(f"np.{g}({angle})", f"{g} {said}") for g in ("sin", "cos")]
+                yield self.atom(f"{kind}_{axis.symbol[-1]}_heading{m}", kind, axis, *both)
+
+    def fixed_in_the_world(self) -> Iterator[Atom]:
+        """Along directions of E: what pulls there whatever the attitude, and a spring."""
+        world = [Direction(n, s) for n, s in (("north", "x_E"), ("west", "y_E"), ("up", "z_E"))]
+        for kind in ("force", "torque"):
+            terms = tuple(self.term(kind, d, PLAIN) for d in world)
+            letter = "F" if kind == "force" else "M"
+            written = " + ".join(f"k{j} {t.symbol}" for j, t in enumerate(terms, 1))
+            yield Atom(f"{kind}_world", f"{letter} = {written}", terms, 2.0)
+            for f in (TIME, LOW, SPEED_OF):
+                growing = tuple(self.term(kind, d, f) for d in world)
+                written = " + ".join(f"k{j} {t.symbol}" for j, t in enumerate(growing, 1))
+                yield Atom(f"{kind}_world_{_word(f.symbol)}", f"{letter} = {written}", growing, 3.0)
+        spring = Direction("place", "p", METRE, 1.0)
+        terms = (self.term("force", spring, PLAIN), *(self.term("force", d, PLAIN) for d in world))
+        yield Atom("force_spring", "F = k1 p + k2 x_E + k3 y_E + k4 z_E", terms, 2.0)
+
+    def shares(self) -> Iterator[Atom]:
+        """Shares of all that rotors make."""
+        for f in (SPEED_OF, power(SPEED_OF, 2), V[2], power(V[2], 2), CHARGE, TIME, power(TIME, 2), LOW):
+            term = Term(f"wrench_B * ({f.code})", f"{f.symbol} W", _over(f.unit), SMALL / f.typical)
+            yield Atom(f"share_{_word(f.symbol)}", f"W_added = k {f.symbol} W_rotors", (term,), f.price)
+
+    def rotors(self) -> Iterator[Atom]:
+        """Of each rotor by its thrust, all of them with one coefficient, or one alone."""
+        count = len(self.vehicle.geometry()[1])
+        hover = self.weight / count
+        each = Factor("T", "T_i", NEWTON, hover)
+        ground = Factor("low", LOW.symbol, ONE, 0.5, 1.0)
+        scales = (each, power(each, 2), *(times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], CHARGE, TIME, ground)))
+        for f in scales:
+            unit = _minus(NEWTON, f.unit)
+            term = Term(
+                f"np.sum(force_at(n * ({f.code})[:, :, None], r), axis=1)",
+                f"sum_i {f.symbol} n_i", unit, SMALL * hover / f.typical,
+            )  # fmt: skip
+            yield Atom(f"rotors_{_word(f.symbol)}", f"W = k {term.symbol} at r_i", (term,), f.price)
+            for i in range(count):
+                own = f"({f.code})[:, {i}:{i + 1}]"
+                single = Term(
+                    f"force_at(n[:, {i}] * {own}, r[:, {i}])", f"{f.symbol} n_i", unit, 0.1 * hover / f.typical
+                )
+                yield Atom(f"rotor{i + 1}_{_word(f.symbol)}", f"W = k {f.symbol} n_i at r_i, i = {i + 1}", (single,), 2.0 + f.price)
+        lever = SMALL * self.weight * self.span / count
+        for f in (each, power(each, 2), times(each, SPEED_OF), times(each, CHARGE)):
+            unit = _minus(tuple(np.add(NEWTON, METRE)), f.unit)
+            term = Term(f"pure_torque(np.sum(n * (spin * ({f.code}))[:, :, None], axis=1))", f"sum_i s_i {f.symbol} n_i", unit, lever / f.typical)
+            yield Atom(f"spins_{_word(f.symbol)}", f"M = k {term.symbol}", (term,), f.price)
+        flapping = times(each, Factor("1.0", "", SPEED, 2.0))
+        for name, code, kind in (
+            ("flapping", "np.cross(n, v[:, None])", "torque"),
+            ("flapping_spin", "np.cross(n, np.cross(n, v[:, None])) * spin[:, None]", "torque"),
+            ("hub_drag", "np.cross(n, np.cross(n, v[:, None]))", "force"),
+        ):
+            made = tuple(np.add(NEWTON, METRE)) if kind == "torque" else NEWTON
+            inner = f"({code}) * T[:, :, None]"
+            whole = f"pure_torque(np.sum({inner}, axis=1))" if kind == "torque" else f"np.sum(force_at({inner}, r), axis=1)"
+            size = SMALL * self.weight * (self.span if kind == "torque" else 1.0) / count / flapping.typical
+            said = {"flapping": "n_i x v", "flapping_spin": "s_i n_i x (n_i x v)", "hub_drag": "n_i x (n_i x v) at r_i"}[name]
+            term = Term(whole, f"sum_i T_i {said}", _minus(made, flapping.unit), size)
+            yield Atom(name, f"{'M' if kind == 'torque' else 'W'} = k {term.symbol}", (term,), 0.5)
+
+    def arms(self) -> Iterator[Atom]:
+        """Of arms: what they do as they turn, as they bend under their thrust, and to the arm beside them."""
+        arms, rotors = self.vehicle.geometry()
+        count, hover = len(arms), self.weight / len(arms)
+        lever = SMALL * self.weight * self.span / count
+        for name, code, f in (
+            ("arm_bend_across", "np.cross(axis[ARMS], n)", power(Factor("T", "T_i", NEWTON, hover), 2)),
+            ("arm_bend_along", "axis[ARMS]", power(Factor("T", "T_i", NEWTON, hover), 2)),
+            ("arm_pull_across", "np.cross(axis[ARMS], n)", Factor("T", "T_i", NEWTON, hover)),
+            ("arm_pull_along", "axis[ARMS]", Factor("T", "T_i", NEWTON, hover)),
+        ):
+            code = code.replace("ARMS", str(rotors.arm.tolist()))
+            said = "a_i x n_i" if "across" in name else "a_i"
+            term = Term(f"np.sum(force_at(({code}) * ({f.code})[:, :, None], r), axis=1)", f"sum_i {f.symbol} {said}", _minus(NEWTON, f.unit), SMALL * hover / f.typical)
+            yield Atom(name, f"W = k {term.symbol} at r_i", (term,), 1.0)
+        if not arms.tilts.any():
+            return
+        for name, code, said, unit in (
+            ("tilt_rate_torque", "alpha_dot", "d alpha_i/dt", RATE),
+            ("tilt_acceleration_torque", "alpha_ddot", "d2 alpha_i/dt2", tuple(2.0 * x for x in RATE)),
+            ("tilt_rate_drag", "alpha_dot * np.abs(alpha_dot)", "|d alpha_i/dt| d alpha_i/dt", tuple(2.0 * x for x in RATE)),
+            ("tilt_sine_torque", "np.sin(alpha)", "sin alpha_i", ONE),
+        ):
+            term = Term(f"pure_torque(np.sum(axis * ({code})[:, :, None], axis=1))", f"sum_i {said} a_i", _minus(tuple(np.add(NEWTON, METRE)), unit), lever)
+            yield Atom(name, f"M = k {term.symbol}", (term,), 0.5)
+        yield from self.wakes()
+
+    def wakes(self) -> Iterator[Atom]:
+        """Of arms side by side, whose rotors blow into one another."""
+        arms, rotors = self.vehicle.geometry()
+        order = np.argsort(np.arctan2(arms.position_B[:, 1], arms.position_B[:, 0]))
+        beside = {int(a): (int(order[k - 1]), int(order[(k + 1) % len(order)])) for k, a in enumerate(order)}
+        left = [_one_rotor_of(rotors.arm, beside[int(a)][0]) for a in rotors.arm]
+        right = [_one_rotor_of(rotors.arm, beside[int(a)][1]) for a in rotors.arm]
+        own = rotors.arm.tolist()
+        hover = self.weight / len(rotors)
+        for name, wave in (("cos", "np.cos"), ("sin2", "np.sin")):
+            parts = []
+            for other in (left, right):
+                difference = f"alpha[:, {own}] - alpha[:, {rotors.arm[other].tolist()}]"
+                shape = f"{wave}({difference})" + (f" * {wave}({difference})" if name == "sin2" else "")
+                parts.append(f"T * T[:, {other}] * {shape}")
+            symbol = "cos(alpha_i - alpha_j)" if name == "cos" else "sin^2(alpha_i - alpha_j)"
+            code = f"np.sum(force_at(n * ({' + '.join(parts)})[:, :, None], r), axis=1)"
+            term = Term(code, f"sum_ij T_i T_j {symbol} n_i", "1/N", SMALL / hover)
+            yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j beside i", (term,), 1.0)
+
+
+def span_of(vehicle: Vehicle) -> float:
+    """A length of the vehicle [m]: the mean distance of its rotors from its middle, or three radii of gyration."""
+    if vehicle.arms is not None:
+        return float(np.round(np.mean(np.linalg.norm(vehicle.arms.position_B, axis=1)), 3))
+    body = vehicle.body
+    return float(np.round(np.sqrt(1.5 * np.trace(body.inertia) / body.mass), 3))
+
+
+def constants(vehicle: Vehicle, volts: float) -> dict[str, str]:
+    """The numbers that the lines of quantities use, as the file of a law states them."""
+    spins = vehicle.geometry()[1].spin.tolist() if vehicle.has_rotors else []
+    return {"SPAN": f"{span_of(vehicle):.6g}", "VOLTS": f"{volts:.6g}", "SPINS": str([float(s) for s in spins])}
+
+
+def _one_rotor_of(arm: np.ndarray, which: int) -> int:
+    return int(np.flatnonzero(arm == which)[0])
+
+
+def _minus(made: Sequence[float], unit: Unit) -> str:
+    return unit_text(tuple(m - u for m, u in zip(made, unit, strict=True)))  # type: ignore[arg-type]
+
+
+def _over(unit: Unit) -> str:
+    return unit_text(tuple(-u for u in unit))  # type: ignore[arg-type]
+
+
+def _word(symbol: str) -> str:
+    """A symbol as a part of a name."""
+    for old, new in (("1/(1 + h^2/l^2)", "low"), ("(V^2/V0^2 - 1)", "charge"), ("|", "_"), ("^0.5", "_half"), ("^", ""), (" x ", "_cross_"), (" ", "_"), ("omega", "w"), (".", "_")):
+        symbol = symbol.replace(old, new)
+    while "__" in symbol:
+        symbol = symbol.replace("__", "_")
+    return symbol.strip("_").lower()
+

@@ -1,0 +1,117 @@
+"""From what the catalogue leaves to a law: searched, held against chance, held out, and told with what is like it.
+
+    explain      what the catalogue says; where it leaves nothing, there is no law to look for
+    evidence     what atoms would make on these flights, named effects projected out       `evidence`
+    steps        the atom that gains most, if that is more than chance gains; again on what it leaves      `search`
+    laws         of each: what is like it, whether halves of the time find it again, whether parts agree
+    fitted       the laws as effects of their own, with what was named, as `add` fits them; held out by time or flight
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.dataset import dataset, spread_out
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.discover.residual import Fitted, FoundAtom, HeldOut, Law, Residual
+from wrenchgap.learn.discover.settings import SETTINGS
+from wrenchgap.learn.parallel import one_thread
+from wrenchgap.learn.posterior.explain import SEARCH_SECONDS, Explanation, explain
+from wrenchgap.learn.posterior.verdict import Verdict
+from wrenchgap.plant.model import Model
+
+Progress = Callable[[float, str], None]
+
+
+class Outcome(StrEnum):
+    """What was found."""
+
+    LAW = "law"
+    DEPENDS = "depends"
+    NOTHING = "nothing"
+
+
+@dataclass(frozen=True, repr=False)
+class Discovery(Result):
+    """What is said of what the catalogue leaves.
+
+    `rms_before`, `rms_after` (6,) are of what the named effects leave, and of what the laws leave, on time or flights
+    that the laws were not fitted to, `held_out` says which; `noise` (6,) is the sensors'. `gone` is the share of the
+    energy above that noise which the laws take off, `process` what regressions on all logged quantities take off it.
+    `rejected` are formulas that were found and did not hold. `depends` are the quantities on which what is left depends (`learn.diagnose.relevance`). `source` is the effect
+    file of the laws, and of those that predict the same as the first.
+    """
+
+    outcome: Outcome
+    explanation: Explanation
+    laws: tuple[Law, ...]
+    rejected: tuple[str, ...]
+    depends: tuple[str, ...]
+    rms_before: Array
+    rms_after: Array
+    noise: Array
+    gone: float
+    process: float
+    held_out: str
+    tried: int
+    source: str
+
+
+@one_thread
+def discover(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    *,
+    validation: Sequence[OpenFlight] = (),
+    explanation: Explanation | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Discovery:
+    """Look for the law of what the catalogue cannot name on these flights.
+
+    `validation` flights are not fitted; the laws are tested on them, else on quarters of the time in turn.
+    `explanation` is that of these flights, where it is known. Raises as `explain` does.
+    """
+    tell = progress or (lambda fraction, words: None)
+    if explanation is None:
+        part = lambda fraction, words: tell(0.6 * fraction, words)  # noqa: E731
+        explanation = explain(flights, model, validation=validation, jobs=jobs, progress=part)
+    records = spread_out(tuple(r for f in flights for r in f.records), SEARCH_SECONDS)
+    data = dataset(records, model, explanation.answering)
+    if explanation.verdict is not Verdict.UNKNOWN and not explanation.open.any():
+        left = explanation.rms_after
+        return Discovery(Outcome.NOTHING, explanation, (), (), (), left, left, data.noise, 0.0, 0.0, "", 0, "")
+    tell(0.6, "what laws would make")
+    on = Residual(data, model, explanation)
+    tell(0.8, "searching the residual, and residuals of chance")
+    steps = on.steps()
+    tell(0.9, "fitting the laws, and testing them on time that was not fitted")
+    fitted = Fitted(on, [s for s in steps if s.holds])
+    tested = fitted.on_flights(validation) if validation else fitted.on_time()
+    return _result(on, steps, fitted, tested)
+
+
+def _result(on: Residual, steps: Sequence[FoundAtom], fitted: Fitted, tested: HeldOut) -> Discovery:
+    """The verdict: a law that was found and holds, and takes off much of what is left."""
+    depends = on.explanation.depends
+    chosen = tuple(g.label for g in depends.chosen) if depends is not None else ()
+    good = fitted.steps if tested.gone >= SETTINGS.gone else ()
+    return Discovery(
+        outcome=Outcome.LAW if good else Outcome.DEPENDS if chosen or steps else Outcome.NOTHING,
+        explanation=on.explanation,
+        laws=tuple(fitted.law(s) for s in good),
+        rejected=tuple(s.formula for s in steps if s not in good),
+        depends=chosen,
+        rms_before=tested.before,
+        rms_after=tested.after,
+        noise=on.data.noise,
+        gone=tested.gone,
+        process=float(depends.explained) if depends is not None else 0.0,
+        held_out=tested.where,
+        tried=len(on.first.atoms),
+        source=fitted.source if good else "",
+    )

@@ -1,0 +1,268 @@
+"""What flights say of laws: what each atom takes off what is left, and how much chance would have found.
+
+Of every axis l and band of frequency k the residual's coefficients y (`learn.posterior.spectrum`) have a variance v_kl,
+as the named set leaves them. What the set, trims and biases of flights can say is projected out of y and of every
+atom's columns X, so that a law is never an alias of a name. Then
+
+    theta = (X' V^-1 X)^-1 X' V^-1 y
+    gain  = 1/2 sum_kl n_kl log(s_kl / s_kl(theta)) - price,       s mean squares, no less than the sensors' noise
+
+n_kl the coefficients that count (`learn.posterior.score`). Atoms are many, and residuals are slow: some atom always
+explains a part. **The null** says how large a part: residuals that were shifted in time within their flights, and such
+with the same spectrum and random phases, go through the same search; a law must gain more than 95 % of the largest
+gains found there. Sources: surrogate data, Theiler et al., Physica D 58, 1992; the maximum over all tests as the
+statistic, Westfall and Young, "Resampling-Based Multiple Testing", 1993.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.measurement import Record, thinned
+from wrenchgap.learn.discover.atoms import Atom, Term
+from wrenchgap.learn.discover.law_file import evaluator
+from wrenchgap.learn.identify.bias_and_trim import trim_of
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.score import Scorer
+from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Actuation
+from wrenchgap.plant.wrench_model import WrenchModel, about_com, actuator_rates
+
+AT_ONCE = 60
+"""Columns that are transformed at once."""
+NULLS = 99
+"""Residuals of chance that are searched: with 99, the 95 % quantile is the fifth largest."""
+LEAST_SHIFT = 4.0
+"""Shortest shift in time [s]: longer than a vehicle's own motion remembers."""
+ALIKE = 0.995
+"""Correlation from which on one atom is the same as one before it."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What atoms and the residual say, whitened, named effects projected out: rows are coefficients of axes and bands.
+
+    `X` (rows, columns) of `atoms`, of which atom a has the columns `of[a]`; `y` (rows,) the residual; `nulls` (rows,
+    NULLS). `cell` (rows,) numbers axis and band, `moment` (rows,) the block of time and `flight` (rows,) its flight;
+    `count` (cells,) are coefficients that count, `floor` (cells,) the sensors' share of the variance.
+    """
+
+    atoms: tuple[Atom, ...]
+    of: tuple[slice, ...]
+    X: Array
+    y: Array
+    nulls: Array
+    cell: NDArray[np.intp]
+    moment: NDArray[np.intp]
+    flight: NDArray[np.intp]
+    count: Array
+    floor: Array
+
+    def columns(self, some: Sequence[int]) -> Array:
+        """Those of some atoms, side by side (rows, P)."""
+        return np.concatenate([self.X[:, self.of[k]] for k in some], axis=1).astype(np.float64)
+
+    def rows(self, keep: NDArray[np.bool_]) -> Evidence:
+        """Some of the rows, without nulls."""
+        cells = len(self.count)
+        share = np.bincount(self.cell[keep], minlength=cells) / np.maximum(np.bincount(self.cell, minlength=cells), 1)
+        parts = {n: getattr(self, n)[keep] for n in ("X", "y", "cell", "moment", "flight")}
+        return replace(self, **parts, nulls=np.zeros((int(keep.sum()), 0)), count=self.count * share)
+
+    def after(self, atom: int, left: Array, whitening: Whitening, seed: int) -> Evidence:
+        """The same when one atom is a law, and `left` (K, 6) is what it leaves in time."""
+        u, s, _ = np.linalg.svd(self.columns([atom]), full_matrices=False)
+        basis = u[:, s > 1e-6 * s.max()]
+        nulls = whitening(surrogate_residuals(whitening.data, left, NULLS, seed))
+        X, y, nulls = (m - basis @ (basis.T @ m) for m in (self.X, self.y, nulls))
+        return distinct(replace(self, X=X.astype(np.float32), y=y, nulls=nulls))
+
+
+def responses(data: Dataset, model: Model, atoms: Sequence[Atom], numbers: dict[str, str]) -> Iterator[Array]:
+    """Measured wrenches (K, 6, terms) that the atoms would make on these flights at coefficients of one scale."""
+    values = evaluator(numbers)
+    acting = WrenchModel(model.vehicle, model.effects)
+    parts = [_rotor_side(r, acting) for r in data.records]
+    for atom in atoms:
+        stacks = []
+        for record, (act, rotors, context) in zip(data.records, parts, strict=True):
+            made = values([atom], act, rotors, context)[0]
+            wrenches = [_measured(record, t.scale * about_com(model.vehicle.body, w)) for t, w in zip(atom.terms, made, strict=True)]
+            stacks.append(np.stack(wrenches, axis=2))
+        yield np.concatenate(stacks)
+
+
+def _rotor_side(record: Record, model: WrenchModel) -> tuple[Actuation | None, Array, Context]:
+    commands = model.command(record.commands, record.state, record.dt)[0]
+    known = commands.tilt is not None and commands.rotor_speed is not None
+    rates = actuator_rates(commands.tilt, commands.rotor_speed, record.dt)[0] if known else None
+    act, rotors = model.rotors(commands, record.state, rates)
+    return act, rotors, model.context(record.state)
+
+
+def _measured(record: Record, wrench: Array) -> Array:
+    return thinned(np.broadcast_to(wrench, (len(record.state.time), 6)), record.dt, record.cutoff_hz, record.keep)
+
+
+def possible(atoms: Sequence[Atom], data: Dataset, model: Model) -> tuple[Atom, ...]:
+    """Those that these flights have the quantities of."""
+    has = {
+        "pose": all(r.has_pose for r in data.records),
+        "voltage": all(r.has_voltage for r in data.records),
+        "rotors": model.vehicle.has_rotors and all(r.commands.rotor_speed is not None for r in data.records),
+    }
+    has |= {"air": has["pose"], "tilt": has["rotors"], "rates": has["rotors"]}
+    return tuple(a for a in atoms if all(known or not a.needs(what) for what, known in has.items()))
+
+
+def evidence(
+    whitening: Whitening, model: Model, left: Array, atoms: Sequence[Atom], numbers: dict[str, str], seed: int = 0
+) -> Evidence:
+    """Put together what flights say of atoms; `left` (K, 6) is what the model leaves in time."""
+    data = whitening.data
+    nulls = whitening(surrogate_residuals(data, left, NULLS, seed))
+    chunks, every = [], []
+    for some, block in _chunked(responses(data, model, atoms, numbers), atoms):
+        chunks.append(whitening(block).astype(np.float32))
+        every += some
+    w = whitening
+    X = np.concatenate(chunks, axis=1)
+    return distinct(Evidence(tuple(every), _slices(every), X, w.y, nulls, w.cell, w.moment, w.flight, w.count, w.floor))
+
+
+class Whitening:
+    """Coefficients of any columns of some flights, over the deviation that each cell has with the named set, without
+    what that set, trims, and a constant wrench of each flight can say; rows are coefficients, axis by axis.
+    """  # noqa: D205
+
+    def __init__(self, data: Dataset, model: Model, left: Array, named: Sequence[Column]) -> None:
+        self.data, self.left, self.named, self.trim = data, left, named, trim_of(model)
+        own = Spectrum(data, left, [], self.trim, named)
+        scorer = Scorer(own, own.saturated()[0])
+        axes = len(own.axes)
+        self.deviation, self.silent = np.sqrt(scorer.variance)[own.band], own.silent
+        self.count, self.floor = scorer.count.ravel(), (own.sensor / scorer.variance).ravel()
+        self.cell = (own.band[:, None] * axes + np.arange(axes)).ravel()
+        self.moment = np.repeat(own.block, axes)
+        self.flight = data.flight[own.starts][self.moment]
+        self.basis = np.zeros((len(self.cell), 0))
+        constants = np.zeros((*left.shape, 6 * (1 + int(data.flight.max()))))
+        for axis in range(6):
+            constants[np.arange(len(left)), axis, 6 * data.flight + axis] = 1.0
+        said = np.hstack((self(constants), self._flat(own.coefficients[:, :, own.always])))
+        size = np.linalg.norm(said, axis=0)
+        u, s, _ = np.linalg.svd(said[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+        self.basis = u[:, s > 1e-6]
+        y = self._flat(own.coefficients[:, :, :1])
+        self.y = (y - self.basis @ (self.basis.T @ y))[:, 0]
+
+    def __call__(self, block: Array) -> Array:
+        """Of columns (K, 6, P): (rows, P)."""
+        spectrum = Spectrum(self.data, self.left, [_column(block)], self.trim, self.named)
+        out = self._flat(spectrum.coefficients[:, :, 1 : 1 + block.shape[2]])
+        return np.asarray(out - self.basis @ (self.basis.T @ out))
+
+    def _flat(self, coefficients: Array) -> Array:
+        scaled = coefficients / self.deviation[:, :, None] * ~self.silent[:, :, None]
+        return np.ascontiguousarray(scaled.reshape(-1, coefficients.shape[2]))
+
+
+def _chunked(parts: Iterator[Array], atoms: Sequence[Atom]) -> Iterator[tuple[list[Atom], Array]]:
+    waiting: list[Array] = []
+    names: list[Atom] = []
+    for atom, part in zip(atoms, parts, strict=True):
+        waiting.append(part)
+        names.append(atom)
+        if sum(p.shape[2] for p in waiting) >= AT_ONCE:
+            yield names, np.concatenate(waiting, axis=2)
+            waiting, names = [], []
+    if waiting:
+        yield names, np.concatenate(waiting, axis=2)
+
+
+def _slices(atoms: Sequence[Atom]) -> tuple[slice, ...]:
+    ends = np.cumsum([0, *(len(a.terms) for a in atoms)])
+    return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+
+def _column(block: Array) -> Column:
+    """Any columns (K, 6, P) as the parameters of one candidate."""
+    size = block.shape[2]
+    one = np.ones(size)
+    return Column(("law",), 0.0 * one, 0.0 * one, np.zeros(block.shape[:2]), block, -1e6 * one, 1e6 * one, one, np.zeros(size, dtype=bool), 0.0)
+
+
+def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Array:
+    """Residuals (K, 6, count) that have nothing to do with the flights: the even ones shifted, the odd of random phase.
+
+    All axes of a flight are shifted alike and turned by the same phases, so that they go together as they did.
+    """
+    rng = np.random.default_rng(seed)
+    out = np.empty((*left.shape, count))
+    ends = np.cumsum([len(r) for r in data.records])
+    for record, end in zip(data.records, ends, strict=True):
+        own = np.nan_to_num(left[end - len(record) : end])
+        n = len(record)
+        least = min(round(LEAST_SHIFT / record.dt_kept), n // 3)
+        spectrum = np.fft.rfft(own, axis=0)
+        for k in range(count):
+            if k % 2 == 0 and n > 6:
+                made = np.roll(own, int(rng.integers(least, n - least)), axis=0)
+            else:
+                phase = np.exp(2j * np.pi * rng.random(len(spectrum)))
+                phase[0] = 1.0
+                made = np.fft.irfft(spectrum * phase[:, None], n, axis=0)
+            out[end - n : end, :, k] = made
+    return out
+
+
+def distinct(found: Evidence) -> Evidence:
+    """Without atoms that these flights do not move, and those that are the same as one before them."""
+    kept: list[int] = []
+    seen: list[Array] = []
+    for k, own in enumerate(found.of):
+        columns = found.X[:, own]
+        size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+        if not np.isfinite(size).all() or size.min() < 1e-2:
+            continue
+        if columns.shape[1] == 1:
+            unit = columns[:, 0] / size
+            if seen and np.abs(np.stack(seen) @ unit).max() > ALIKE:
+                continue
+            seen.append(unit)
+        kept.append(k)
+    columns = np.concatenate([np.arange(found.of[k].start, found.of[k].stop) for k in kept]) if kept else np.zeros(0, int)
+    names = tuple(found.atoms[k] for k in kept)
+    return replace(found, atoms=names, of=_slices(names), X=found.X[:, columns.astype(int)])
+
+
+SEEN = ("speed", "rate", "height", "thrust", "time", "charge")
+"""Quantities of one number of which it is said where they were seen."""
+HELD = ("v", "omega", "height", "time", "charge", "thrust")
+"""Quantities that a law's file holds where they were seen."""
+
+
+def ranges(
+    data: Dataset, model: Model, some: Sequence[Atom], numbers: dict[str, str], of: Sequence[str] = SEEN, tail: float = 0.01
+) -> tuple[tuple[str, float, float], ...]:
+    """Ranges of quantities that laws use, but for a share `tail` at both ends, over components, on these flights."""
+    used = {n for a in some for n in a.lines}
+    used |= {scalar for scalar, vector in (("speed", "v"), ("rate", "omega")) if vector in used}
+    acting = WrenchModel(model.vehicle, model.effects)
+    sides = [_rotor_side(r, acting) for r in data.records]
+    values = evaluator(numbers)
+    out = []
+    for name in (n for n in of if n in used):
+        probe = Atom(name, "", (Term(name, "", "", 1.0),))
+        seen = np.concatenate([np.ravel(values([probe], *side)[0][0]) for side in sides])
+        low, high = np.quantile(seen, (tail, 1.0 - tail))
+        out.append((name, float(low), float(high)))
+    return tuple(out)

@@ -1,0 +1,296 @@
+"""What named effects leave on some flights: atoms that gain more than chance there, and the laws fitted of them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import cosine
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.discover import law_file
+from wrenchgap.learn.discover.atoms import Atom, atoms, constants
+from wrenchgap.learn.discover.evidence import HELD, Evidence, Whitening, evidence, possible, ranges, responses
+from wrenchgap.learn.discover.search import Step, best_on, coefficients, step
+from wrenchgap.learn.discover.settings import SETTINGS
+from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
+from wrenchgap.learn.identify.least_squares import left_by
+from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.single_effects import uncertain
+from wrenchgap.plant import effects, own_effects
+from wrenchgap.plant.model import Model
+
+QUARTERS = 4
+FEWEST = 6
+"""Blocks of time below which a part of the flights has no coefficient of its own."""
+
+
+@dataclass(frozen=True)
+class FoundAtom:
+    """An atom that gains more than chance. `parts` are its leading coefficient on parts of the flights, each with a
+    standard error; `kept` is the share of halves of the time in which it or one of `alike` is found again.
+    """  # noqa: D205
+
+    step: Step
+    atom: Atom
+    alike: tuple[Atom, ...]
+    parts: tuple[tuple[str, float, float], ...]
+    kept: float
+
+    @property
+    def formula(self) -> str:
+        """As it is written."""
+        return self.atom.formula
+
+    @property
+    def name(self) -> str:
+        """Of its effect."""
+        return law_name(self.atom)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is found again, and parts of the flights agree on its coefficient."""
+        values = np.array([[value, std] for _, value, std in self.parts])
+        if len(values) < 2:
+            return self.kept >= SETTINGS.kept
+        weight = 1.0 / np.maximum(values[:, 1], 1e-300) ** 2
+        mean = float(values[:, 0] @ weight / weight.sum())
+        agree = np.abs(values[:, 0] - mean) < SETTINGS.apart * values[:, 1] + 0.5 * abs(mean)
+        return bool(np.all(agree)) and self.kept >= SETTINGS.kept
+
+
+def law_name(atom: Atom) -> str:
+    """The name of the effect that an atom is."""
+    return f"law_{atom.name}"
+
+
+class Residual:
+    """What named effects leave on some flights, and what atoms would make there."""
+
+    def __init__(self, data: Dataset, model: Model, explanation: Explanation) -> None:
+        self.data, self.explanation, self.given, self.model = data, explanation, model, explanation.model
+        self.left = np.nan_to_num(left_by(data, self.model))
+        named = [uncertain(data, self.model, e) for e in self.model.effects]
+        self.numbers = constants(model.vehicle, _volts(data))
+        every = possible(atoms(model.vehicle), data, model)
+        self.whitening = Whitening(data, model, self.left, named)
+        self.first = evidence(self.whitening, self.model, self.left, every, self.numbers)
+
+    def steps(self) -> tuple[FoundAtom, ...]:
+        """Atoms that gain more than chance, one after the other, each on what the last leaves."""
+        on, left, found = self.first, self.left, []
+        for k in range(SETTINGS.most):
+            one = step(on, SETTINGS.alike)
+            if one.false_alarm > SETTINGS.false_alarms:
+                break
+            found.append(self.described(one, on))
+            atom = on.atoms[one.atom]
+            theta = coefficients(on.columns([one.atom]), on.y, on.moment)[0]
+            left = left - self.made([atom]) @ theta
+            on = on.after(one.atom, left, self.whitening, seed=k + 1)
+            if not on.atoms:
+                break
+        return tuple(found)
+
+    def made(self, some: Sequence[Atom]) -> Array:
+        """Measured wrenches (K, 6, P) that atoms make at typical coefficients."""
+        return np.concatenate(list(responses(self.data, self.model, some, self.numbers)), axis=2)
+
+    def described(self, one: Step, on: Evidence) -> FoundAtom:
+        """What halves and parts of the flights say of the best atom."""
+        near = {one.atom, *one.alike}
+        moments = np.unique(on.moment // 2)
+        rng = np.random.default_rng(0)
+        halves = [rng.permutation(moments)[: max(1, len(moments) // 2)] for _ in range(SETTINGS.halves)]
+        again = sum(best_on(on, np.isin(on.moment // 2, half)) in near for half in halves)
+        atom = on.atoms[one.atom]
+        parts = self._parts(on, one.atom)
+        return FoundAtom(one, atom, tuple(on.atoms[k] for k in one.alike), parts, again / SETTINGS.halves)
+
+    def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
+        """The leading coefficient on each flight, or on thirds of a single one."""
+        X, terms = on.columns([k]), on.atoms[k].terms
+        lead = int(np.argmax(np.abs(coefficients(X, on.y, on.moment)[0])))
+        names = list(dict.fromkeys(r.flight for r in self.data.records))
+        third = 3 * on.moment // (on.moment.max() + 1)
+        parts = [(n, on.flight == f) for f, n in enumerate(names)]
+        if len(names) == 1:
+            parts = [(f"third {f + 1}", third == f) for f in range(3)]
+        out = []
+        for label, keep in parts:
+            if len(np.unique(on.moment[keep])) >= FEWEST:
+                theta, covariance = coefficients(X[keep], on.y[keep], on.moment[keep])
+                scale = terms[lead].scale
+                out.append((label, float(theta[lead] * scale), float(np.sqrt(covariance[lead, lead]) * scale)))
+        return tuple(out)
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Rms (6,) of what is left without and with the laws where they were not fitted, the share of the energy above the
+    sensors' noise that they take off, and where that was.
+    """  # noqa: D205
+
+    before: Array
+    after: Array
+    gone: float
+    where: str
+
+
+class Fitted:
+    """Laws as effects of their own, fitted with the effects that were named."""
+
+    def __init__(self, on: Residual, steps: Sequence[FoundAtom]) -> None:
+        self.on, self.steps = on, tuple(steps)
+        self.members = [m.name for m in on.explanation.members]
+        self.names = [s.name for s in steps]
+        self.source = self._file()
+        self.effects = loaded(self.source) if steps else []
+        with effects.registered(self.effects):
+            self.before: Fit = fit(on.data, on.given, self.members, start=on.explanation.fit)
+            self.fit = fit(on.data, on.given, [*self.members, *self.names], base=self.before)
+
+    def _file(self) -> str:
+        on, laws = self.on, listed(self.steps)
+        return law_file.source(laws, on.numbers, ranges(on.data, on.model, laws, on.numbers, HELD, 0.0))
+
+    def on_time(self) -> HeldOut:
+        """On quarters of the time in turn."""
+        data, given = self.on.data, self.on.given
+        quarter = (QUARTERS * np.arange(len(data.block)) // len(data.block)).astype(np.intp)
+        with effects.registered(self.effects):
+            before = held_out(data, given, self.members, self.before, groups=quarter)
+            after = held_out(data, given, [*self.members, *self.names], self.fit, groups=quarter)
+        return _compared(data, before, after, "quarters of the time in turn")
+
+    def on_flights(self, flights: Sequence[OpenFlight]) -> HeldOut:
+        """On flights that were not fitted."""
+        records = [r for f in flights for r in f.records]
+        with effects.registered(self.effects):
+            data = dataset(records, self.on.given, self.on.data.answering)
+            before, after = (left_by(data, with_fit(self.on.given, f)) for f in (self.before, self.fit))
+        return _compared(data, before, after, "flights that were not fitted")
+
+    def law(self, one: FoundAtom) -> Law:
+        """What is said of a law."""
+        found = next(e for e in self.fit.effects if e.name == one.name)
+        std = np.zeros_like(found.theta) if found.std is None else found.std
+        made = self.on.made([one.atom]) @ (found.theta / np.array([t.scale for t in one.atom.terms]))
+        power = _power(self.on.data, made)
+        return Law(
+            name=one.name,
+            formula=one.formula,
+            coefficients=tuple(
+                Coefficient(t.symbol, t.unit, float(v), float(s))
+                for t, v, s in zip(one.atom.terms, found.theta, std, strict=True)
+            ),
+            causes=one.atom.causes,
+            gain=one.step.gain,
+            chance=float(np.quantile(one.step.chance, 1.0 - SETTINGS.false_alarms)),
+            false_alarm=one.step.false_alarm,
+            alike=tuple((law_name(a), a.formula) for a in one.alike),
+            kept=one.kept,
+            parts=one.parts,
+            resembles=self._nearest(made),
+            power=float(np.mean(power)),
+            feeds=float(np.mean(power > 0.0)),
+            seen=ranges(self.on.data, self.on.model, [one.atom], self.on.numbers),
+        )
+
+    def _nearest(self, made: Array) -> tuple[str, float] | None:
+        """The candidate of the catalogue whose prediction is nearest to that of a law (K, 6), and the cosine."""
+        on = self.on
+        start = np.nan_to_num(left_by(on.data, on.given))
+        tried = [c for c in on.explanation.ranking if c.residual.shape == start.shape]
+        rows = [(c.name, abs(cosine(on.data, start, np.nan_to_num(c.residual), start - made))) for c in tried]
+        return max(rows, key=lambda row: row[1]) if rows else None
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One number of a law, with its standard deviation."""
+
+    symbol: str
+    unit: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law: `name` of its effect and `formula`, with its `coefficients`; what it depends on (`causes`).
+
+    `false_alarm` is the share of residuals of chance in which as much was found; `gain` [nats] and what chance gains
+    (`chance`, its 95 % quantile). `alike` are names and formulas that predict the same on these flights. `kept` is the
+    share of halves of the time in which it, or one of those, is found again; `parts` are its leading coefficient on
+    parts of the flights, each with a standard error. `resembles` is the effect of the catalogue nearest to it, with the
+    cosine between what both predict. `power` [W] is what it feeds into the motion on average, `feeds` the share of the
+    time in which it does. `seen` are the ranges (1 to 99 %) of its quantities on these flights.
+    """
+
+    name: str
+    formula: str
+    coefficients: tuple[Coefficient, ...]
+    causes: tuple[str, ...]
+    gain: float
+    chance: float
+    false_alarm: float
+    alike: tuple[tuple[str, str], ...]
+    kept: float
+    parts: tuple[tuple[str, float, float], ...]
+    resembles: tuple[str, float] | None
+    power: float
+    feeds: float
+    seen: tuple[tuple[str, float, float], ...]
+
+
+def listed(steps: Sequence[FoundAtom], others: int = 3) -> list[Atom]:
+    """Atoms that a file has: the laws, and a few that predict the same as each."""
+    found = [s.atom for s in steps]
+    found += [a for s in steps for a in s.alike[:others]]
+    return list({a.name: a for a in found}.values())
+
+
+def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
+    """The effects of a file, which passes the checks that every user's own file has to."""
+    with tempfile.TemporaryDirectory(prefix="wrenchgap-law-") as folder:
+        path = Path(folder) / "law.py"
+        path.write_text(source, encoding="utf-8")
+        return own_effects.load(path)
+
+
+def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut:
+    before, after = (_centred(data, x) for x in (before, after))
+    scale, noise = data.weights**2, np.nan_to_num(data.noise) ** 2
+    excess = [float(np.maximum(np.mean(x**2, axis=0) - noise, 0.0) @ scale) for x in (before, after)]
+    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / max(excess[0], 1e-300), where)
+
+
+def _centred(data: Dataset, left: Array) -> Array:
+    """A residual (K, 6) without the mean of each flight, which a constant takes off, and without commands' answers."""
+    out = np.nan_to_num(left)
+    for f in np.unique(data.flight):
+        rows: NDArray[np.bool_] = data.flight == f
+        out[rows] -= out[rows].mean(axis=0)
+    return np.asarray(data.remaining(out))
+
+
+def _power(data: Dataset, made: Array) -> Array:
+    """F . v + M . omega (K,) [W] of wrenches (K, 6)."""
+    states = [r.state_kept for r in data.records]
+    velocity = np.concatenate([so3.rotate_inverse(s.quat_EB, s.velocity_E) for s in states])
+    return np.asarray(np.sum(made * np.hstack((velocity, np.concatenate([s.omega_B for s in states]))), axis=1))
+
+
+def _volts(data: Dataset) -> float:
+    """The mean voltage [V] of these flights; one volt where none is known, and no law uses it."""
+    known = [float(np.mean(r.state.voltage)) for r in data.records if r.state.voltage is not None]
+    return float(np.mean(known)) if known else 1.0

@@ -1,0 +1,27 @@
+"""When a law is one."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DiscoverySettings:
+    """When a law is one. What half and twice of each does is measured: docs/discover.md."""
+
+    false_alarms: float = 0.05
+    """Share of residuals of chance in which as much is found as in the true one, up to which a law is one."""
+    most: int = 3
+    """Laws in a row, each on what the last left."""
+    alike: float = 3.0
+    """Nats behind the best atom up to which another predicts the same."""
+    kept: float = 0.8
+    """Share of halves of the time in which the law, or one like it, is found again."""
+    halves: int = 10
+    """Such halves."""
+    gone: float = 0.5
+    """Share of the energy above the sensors' noise that laws take off time that they were not fitted to; less is no
+    law: what hides there has a memory, or a form that is not among the atoms."""
+    apart: float = 3.0
+    """Standard errors by which the coefficient of one part of the flights may differ from that of the others."""
+
+
+SETTINGS = DiscoverySettings()
