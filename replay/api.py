@@ -24,6 +24,7 @@ from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
 from wrenchgap.learn.diagnose import model_checks
 from wrenchgap.learn.diagnose.where import Where, examine
+from wrenchgap.learn.discover import discover as discovering
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import learning
 from wrenchgap.learn.identify.add import Addition, labels, model_of
@@ -149,6 +150,25 @@ def explain(
     """
     asked: Any = {"names": names, "validation": listed(validate), "injections": injections, "settings": settings}
     return explaining.explain(listed(flights), model_of(model), **asked, jobs=jobs, progress=progress)
+
+
+@check_arguments
+def discover(
+    flights: Flights,
+    model: Model | Addition,
+    *,
+    validate: Flights = (),
+    explanation: Explanation | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> discovering.Discovery:
+    """The law of what `explain` cannot name: its formula, how sure it is and what it resembles; or that there is none.
+
+    `validate` flights are not fitted but tested on. `explanation` is that of these flights, where it is known.
+    `source` of the result is the Python file of the law, an effect of its own.
+    """
+    asked: Any = {"validation": listed(validate), "explanation": explanation, "jobs": jobs, "progress": progress}
+    return discovering.discover(listed(flights), model_of(model), **asked)
 
 
 @check_arguments

@@ -45,6 +45,7 @@ COMMANDS = {
     "explain": "explain train.mcap -m tilt_hexarotor --validate test.mcap --details",
     "explain-nothing-missing": "explain ideal.mcap -m tilt_hexarotor --injections 0",
     "explain-hover": "explain cut.mcap -m asymmetric_quadrotor --injections 0",
+    "discover-nothing": "discover ideal.mcap -m tilt_hexarotor",
     "changed": "changed cut.mcap --healthy hover.mcap -m asymmetric_quadrotor --details",
     "calibrate": "calibrate train.mcap -m tilt_hexarotor -o calibrated.toml",
     "add": "add com_offset -m tilt_hexarotor --from train.mcap -o fitted.toml",

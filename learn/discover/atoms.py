@@ -2,18 +2,18 @@
 
     F = sum_j k_j d_j phi_j,    or a torque, or a share of what rotors make
 
-d is a direction: the velocity, a body axis, a direction fixed in E, the thrust of a rotor, the axis of an arm; phi a
-function from a short list of powers, products, sines of small multiples of an angle, and the ground's 1/(1 + h^2/l^2).
+d is a direction: the velocity, a body axis, a direction fixed in E, the thrust of a rotor, the axis of an arm; phi is
+from a short list of powers, products, sines of small multiples of an angle, and the ground's 1/(1 + h^2/l^2).
 A law with several coefficients (a sine and a cosine, a spring and where its end is) is one law. Sources of the forms:
-Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed); Leishman, "Principles of Helicopter Aerodynamics", 2nd ed. (rotors
-in translation, near the ground and in each other's wake); Etkin, "Dynamics of Atmospheric Flight", 1972 (derivatives of
-force and moment by velocities and rates).
+Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed); Leishman, "Principles of Helicopter Aerodynamics", 2nd ed.
+(rotors in translation, near the ground and in each other's wake); Etkin, "Dynamics of Atmospheric Flight", 1972
+(derivatives of force and moment by velocities and rates).
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,10 @@ from wrenchgap.learn.discover.quantities import (
     SECOND,
     SPEED,
     Unit,
+    added,
     causes,
     needed,
+    scaled,
     unit_text,
 )
 from wrenchgap.plant.effects.effect import weight_scale
@@ -36,6 +38,10 @@ from wrenchgap.plant.vehicle import Vehicle
 
 SMALL = 0.03
 """What a typical law makes: this share of the weight, and of the weight at the vehicle's span as a torque."""
+ALONE = 0.1
+"""What a law of one rotor alone makes: this share of its thrust in hover."""
+TORQUE: Unit = (1.0, 1.0, 0.0, 0.0)
+"""Newton metres."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ class Factor:
 
 def times(a: Factor, b: Factor) -> Factor:
     """The product of two functions."""
-    unit = tuple(x + y for x, y in zip(a.unit, b.unit, strict=True))
+    unit = added(a.unit, b.unit)
     return Factor(
         f"{a.code} * {b.code}", f"{a.symbol} {b.symbol}", unit, a.typical * b.typical, a.price + b.price + 0.5
     )
@@ -93,7 +99,7 @@ def times(a: Factor, b: Factor) -> Factor:
 
 def power(of: Factor, p: float) -> Factor:
     """A power of a function."""
-    unit = tuple(p * u for u in of.unit)
+    unit = scaled(of.unit, p)
     return Factor(f"{of.code} ** {p:g}", f"{of.symbol}^{p:g}", unit, of.typical**p, of.price + (p not in (1, 2)))
 
 
@@ -125,7 +131,7 @@ VELOCITY = Direction("v", "v", SPEED, 3.0)
 TURNING = Direction("omega", "omega", RATE)
 ACROSS = Direction("np.cross(np.array([0.0, 0.0, 1.0]), v)", "e_z x v", SPEED, 2.0)
 LEVELLING = Direction("np.cross(np.array([0.0, 0.0, 1.0]), up)", "e_z x up", ONE, 0.3)
-CORIOLIS = Direction("np.cross(omega, v)", "omega x v", tuple(np.add(RATE, SPEED)), 2.0)
+CORIOLIS = Direction("np.cross(omega, v)", "omega x v", added(RATE, SPEED), 2.0)
 GYROSCOPIC = Direction("np.cross(omega, np.array([0.0, 0.0, 1.0]))", "omega x e_z", RATE)
 
 
@@ -159,8 +165,8 @@ class _Library:
 
     def term(self, kind: str, direction: Direction, factor: Factor) -> Term:
         size = self.weight * (1.0 if kind == "force" else self.span)
-        made = NEWTON if kind == "force" else tuple(np.add(NEWTON, METRE))
-        unit = tuple(m - d - f for m, d, f in zip(made, direction.unit, factor.unit, strict=True))
+        made = NEWTON if kind == "force" else TORQUE
+        unit = added(made, scaled(added(direction.unit, factor.unit), -1.0))
         code = f"({direction.code}) * ({factor.code})"
         whole = f"force_at(com, {code})" if kind == "force" else f"pure_torque({code})"
         symbol = " ".join(s for s in (factor.symbol, direction.symbol) if s)
@@ -186,10 +192,11 @@ class _Library:
         signed = [*V, *OMEGA]
         products = [times(a, b) for a, b in itertools.combinations(signed, 2)]
         factors = [
-            *signed, *(times(x, size_of(x)) for x in signed), *(times(x, SPEED_OF) for x in V), *(power(x, 2) for x in signed),
-            *(times(x, power(SPEED_OF, 0.5)) for x in V), *products, *(times(x, self.thrust) for x in signed),
-            *(x for x in UP), *(times(x, LOW) for x in UP), times(UP[0], UP[2]), times(UP[1], UP[2]), times(UP[0], UP[1]),
-            SPEED_OF, power(SPEED_OF, 2), self.thrust, power(self.thrust, 2), LOW, CHARGE, TIME, power(TIME, 2),
+            *signed, *(times(x, size_of(x)) for x in signed), *(times(x, SPEED_OF) for x in V),
+            *(power(x, 2) for x in signed), *(times(x, power(SPEED_OF, 0.5)) for x in V), *products,
+            *(times(x, self.thrust) for x in signed), *UP, *(times(x, LOW) for x in UP),
+            *(times(a, b) for a, b in itertools.combinations(UP, 2)), SPEED_OF, power(SPEED_OF, 2), self.thrust,
+            power(self.thrust, 2), LOW, CHARGE, TIME, power(TIME, 2),
         ]  # fmt: skip
         for kind, axis in itertools.product(("force", "torque"), AXES):
             for f in factors:
@@ -212,6 +219,9 @@ class _Library:
                 growing = tuple(self.term(kind, d, f) for d in world)
                 written = " + ".join(f"k{j} {t.symbol}" for j, t in enumerate(growing, 1))
                 yield Atom(f"{kind}_world_{_word(f.symbol)}", f"{letter} = {written}", growing, 3.0)
+        magnet = [Direction(f"np.cross({a.code}, {d.code})", f"{a.symbol} x {d.symbol}") for a in AXES for d in world]
+        terms = tuple(self.term("torque", d, PLAIN) for d in magnet)
+        yield Atom("torque_dipole", "M = sum_ij k_ij e_i x j_E, a magnet in a field", terms, 4.0)
         spring = Direction("place", "p", METRE, 1.0)
         terms = (self.term("force", spring, PLAIN), *(self.term("force", d, PLAIN) for d in world))
         yield Atom("force_spring", "F = k1 p + k2 x_E + k3 y_E + k4 z_E", terms, 2.0)
@@ -227,84 +237,66 @@ class _Library:
         count = len(self.vehicle.geometry()[1])
         hover = self.weight / count
         each = Factor("T", "T_i", NEWTON, hover)
-        ground = Factor("low", LOW.symbol, ONE, 0.5, 1.0)
-        scales = (each, power(each, 2), *(times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], CHARGE, TIME, ground)))
+        scales = [each, power(each, 2)]
+        scales += [times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], CHARGE, TIME, LOW)]
         for f in scales:
-            unit = _minus(NEWTON, f.unit)
-            term = Term(
-                f"np.sum(force_at(n * ({f.code})[:, :, None], r), axis=1)",
-                f"sum_i {f.symbol} n_i", unit, SMALL * hover / f.typical,
-            )  # fmt: skip
-            yield Atom(f"rotors_{_word(f.symbol)}", f"W = k {term.symbol} at r_i", (term,), f.price)
+            unit, size, word = _minus(NEWTON, f.unit), hover / f.typical, _word(f.symbol)
+            every = Term(_forces(f"n * ({f.code})[:, :, None]"), f"sum_i {f.symbol} n_i", unit, SMALL * size)
+            yield Atom(f"rotors_{word}", f"W = k {every.symbol} at r_i", (every,), f.price)
             for i in range(count):
-                own = f"({f.code})[:, {i}:{i + 1}]"
-                single = Term(
-                    f"force_at(n[:, {i}] * {own}, r[:, {i}])", f"{f.symbol} n_i", unit, 0.1 * hover / f.typical
-                )
-                yield Atom(f"rotor{i + 1}_{_word(f.symbol)}", f"W = k {f.symbol} n_i at r_i, i = {i + 1}", (single,), 2.0 + f.price)
+                code = f"force_at(r[:, {i}], n[:, {i}] * ({f.code})[:, {i}:{i + 1}])"
+                one = Term(code, f"{f.symbol} n_i", unit, ALONE * size)
+                yield Atom(f"rotor{i + 1}_{word}", f"W = k {one.symbol} at r_i, i = {i + 1}", (one,), 2.0 + f.price)
         lever = SMALL * self.weight * self.span / count
         for f in (each, power(each, 2), times(each, SPEED_OF), times(each, CHARGE)):
-            unit = _minus(tuple(np.add(NEWTON, METRE)), f.unit)
-            term = Term(f"pure_torque(np.sum(n * (spin * ({f.code}))[:, :, None], axis=1))", f"sum_i s_i {f.symbol} n_i", unit, lever / f.typical)
+            code = _torques(f"n * (spin * ({f.code}))[:, :, None]")
+            term = Term(code, f"sum_i s_i {f.symbol} n_i", _minus(TORQUE, f.unit), lever / f.typical)
             yield Atom(f"spins_{_word(f.symbol)}", f"M = k {term.symbol}", (term,), f.price)
-        flapping = times(each, Factor("1.0", "", SPEED, 2.0))
-        for name, code, kind in (
-            ("flapping", "np.cross(n, v[:, None])", "torque"),
-            ("flapping_spin", "np.cross(n, np.cross(n, v[:, None])) * spin[:, None]", "torque"),
-            ("hub_drag", "np.cross(n, np.cross(n, v[:, None]))", "force"),
+        moving, across = times(each, Factor("1.0", "", SPEED, 2.0)), "np.cross(n, np.cross(n, v[:, None]))"
+        for name, code, said, made in (
+            ("flapping", _torques("np.cross(n, v[:, None]) * T[:, :, None]"), "n_i x v", TORQUE),
+            ("flapping_spin", _torques(f"{across} * (spin * T)[:, :, None]"), "s_i n_i x (n_i x v)", TORQUE),
+            ("hub_drag", _forces(f"{across} * T[:, :, None]"), "n_i x (n_i x v) at r_i", NEWTON),
         ):
-            made = tuple(np.add(NEWTON, METRE)) if kind == "torque" else NEWTON
-            inner = f"({code}) * T[:, :, None]"
-            whole = f"pure_torque(np.sum({inner}, axis=1))" if kind == "torque" else f"np.sum(force_at({inner}, r), axis=1)"
-            size = SMALL * self.weight * (self.span if kind == "torque" else 1.0) / count / flapping.typical
-            said = {"flapping": "n_i x v", "flapping_spin": "s_i n_i x (n_i x v)", "hub_drag": "n_i x (n_i x v) at r_i"}[name]
-            term = Term(whole, f"sum_i T_i {said}", _minus(made, flapping.unit), size)
-            yield Atom(name, f"{'M' if kind == 'torque' else 'W'} = k {term.symbol}", (term,), 0.5)
+            size = lever if made is TORQUE else SMALL * hover
+            term = Term(code, f"sum_i T_i {said}", _minus(made, moving.unit), size / moving.typical)
+            yield Atom(name, f"{'M' if made is TORQUE else 'W'} = k {term.symbol}", (term,), 0.5)
 
     def arms(self) -> Iterator[Atom]:
-        """Of arms: what they do as they turn, as they bend under their thrust, and to the arm beside them."""
+        """Of arms: as they bend under their thrust, what they do as they turn, and to the arm beside them."""
         arms, rotors = self.vehicle.geometry()
-        count, hover = len(arms), self.weight / len(arms)
-        lever = SMALL * self.weight * self.span / count
-        for name, code, f in (
-            ("arm_bend_across", "np.cross(axis[ARMS], n)", power(Factor("T", "T_i", NEWTON, hover), 2)),
-            ("arm_bend_along", "axis[ARMS]", power(Factor("T", "T_i", NEWTON, hover), 2)),
-            ("arm_pull_across", "np.cross(axis[ARMS], n)", Factor("T", "T_i", NEWTON, hover)),
-            ("arm_pull_along", "axis[ARMS]", Factor("T", "T_i", NEWTON, hover)),
-        ):
-            code = code.replace("ARMS", str(rotors.arm.tolist()))
-            said = "a_i x n_i" if "across" in name else "a_i"
-            term = Term(f"np.sum(force_at(({code}) * ({f.code})[:, :, None], r), axis=1)", f"sum_i {f.symbol} {said}", _minus(NEWTON, f.unit), SMALL * hover / f.typical)
-            yield Atom(name, f"W = k {term.symbol} at r_i", (term,), 1.0)
+        hover, own = self.weight / len(rotors), "axis[arm]"
+        each = Factor("T", "T_i", NEWTON, hover)
+        for name, direction, said in (("across", f"np.cross({own}, n)", "a_i x n_i"), ("along", own, "a_i")):
+            for begins, f in (("arm_bend", power(each, 2)), ("arm_pull", each)):
+                code = _forces(f"({direction}) * ({f.code})[:, :, None]")
+                term = Term(code, f"sum_i {f.symbol} {said}", _minus(NEWTON, f.unit), SMALL * hover / f.typical)
+                yield Atom(f"{begins}_{name}", f"W = k {term.symbol} at r_i", (term,), 1.0)
         if not arms.tilts.any():
             return
+        lever, squared = SMALL * self.weight * self.span / len(arms), scaled(RATE, 2.0)
         for name, code, said, unit in (
             ("tilt_rate_torque", "alpha_dot", "d alpha_i/dt", RATE),
-            ("tilt_acceleration_torque", "alpha_ddot", "d2 alpha_i/dt2", tuple(2.0 * x for x in RATE)),
-            ("tilt_rate_drag", "alpha_dot * np.abs(alpha_dot)", "|d alpha_i/dt| d alpha_i/dt", tuple(2.0 * x for x in RATE)),
+            ("tilt_acceleration_torque", "alpha_ddot", "d2 alpha_i/dt2", squared),
+            ("tilt_rate_drag", "alpha_dot * np.abs(alpha_dot)", "|d alpha_i/dt| d alpha_i/dt", squared),
             ("tilt_sine_torque", "np.sin(alpha)", "sin alpha_i", ONE),
         ):
-            term = Term(f"pure_torque(np.sum(axis * ({code})[:, :, None], axis=1))", f"sum_i {said} a_i", _minus(tuple(np.add(NEWTON, METRE)), unit), lever)
+            term = Term(_torques(f"axis * ({code})[:, :, None]"), f"sum_i {said} a_i", _minus(TORQUE, unit), lever)
             yield Atom(name, f"M = k {term.symbol}", (term,), 0.5)
         yield from self.wakes()
 
     def wakes(self) -> Iterator[Atom]:
         """Of arms side by side, whose rotors blow into one another."""
-        arms, rotors = self.vehicle.geometry()
-        order = np.argsort(np.arctan2(arms.position_B[:, 1], arms.position_B[:, 0]))
-        beside = {int(a): (int(order[k - 1]), int(order[(k + 1) % len(order)])) for k, a in enumerate(order)}
-        left = [_one_rotor_of(rotors.arm, beside[int(a)][0]) for a in rotors.arm]
-        right = [_one_rotor_of(rotors.arm, beside[int(a)][1]) for a in rotors.arm]
-        own = rotors.arm.tolist()
-        hover = self.weight / len(rotors)
-        for name, wave in (("cos", "np.cos"), ("sin2", "np.sin")):
-            parts = []
-            for other in (left, right):
-                difference = f"alpha[:, {own}] - alpha[:, {rotors.arm[other].tolist()}]"
-                shape = f"{wave}({difference})" + (f" * {wave}({difference})" if name == "sin2" else "")
-                parts.append(f"T * T[:, {other}] * {shape}")
-            symbol = "cos(alpha_i - alpha_j)" if name == "cos" else "sin^2(alpha_i - alpha_j)"
-            code = f"np.sum(force_at(n * ({' + '.join(parts)})[:, :, None], r), axis=1)"
+        hover = self.weight / len(self.vehicle.geometry()[1])
+        for name, shape, symbol in (
+            ("cos", "np.cos({0})", "cos(alpha_i - alpha_j)"),
+            ("sin2", "np.sin({0}) ** 2", "sin^2(alpha_i - alpha_j)"),
+        ):
+            parts = [
+                f"T * T[:, upper[{side}]] * {shape.format(f'alpha[:, arm] - alpha[:, {side}]')}"
+                for side in ("left", "right")
+            ]
+            code = _forces(f"n * ({' + '.join(parts)})[:, :, None]")
             term = Term(code, f"sum_ij T_i T_j {symbol} n_i", "1/N", SMALL / hover)
             yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j beside i", (term,), 1.0)
 
@@ -319,27 +311,35 @@ def span_of(vehicle: Vehicle) -> float:
 
 def constants(vehicle: Vehicle, volts: float) -> dict[str, str]:
     """The numbers that the lines of quantities use, as the file of a law states them."""
-    spins = vehicle.geometry()[1].spin.tolist() if vehicle.has_rotors else []
-    return {"SPAN": f"{span_of(vehicle):.6g}", "VOLTS": f"{volts:.6g}", "SPINS": str([float(s) for s in spins])}
+    return {"SPAN": f"{span_of(vehicle):.6g}", "VOLTS": f"{volts:.6g}"}
 
 
-def _one_rotor_of(arm: np.ndarray, which: int) -> int:
-    return int(np.flatnonzero(arm == which)[0])
+def _forces(code: str) -> str:
+    """The wrench of forces (N, R, 3) at the rotors."""
+    return f"np.sum(force_at(r, {code}), axis=1)"
 
 
-def _minus(made: Sequence[float], unit: Unit) -> str:
-    return unit_text(tuple(m - u for m, u in zip(made, unit, strict=True)))  # type: ignore[arg-type]
+def _torques(code: str) -> str:
+    """The wrench of torques (N, X, 3)."""
+    return f"pure_torque(np.sum({code}, axis=1))"
+
+
+def _minus(made: Unit, unit: Unit) -> str:
+    return unit_text(added(made, scaled(unit, -1.0)))
 
 
 def _over(unit: Unit) -> str:
-    return unit_text(tuple(-u for u in unit))  # type: ignore[arg-type]
+    return unit_text(scaled(unit, -1.0))
+
+
+WORDS = (
+    ("1/(1 + h^2/l^2)", "low"), ("(V^2/V0^2 - 1)", "charge"), ("|", "_"), ("^0.5", "_half"), ("^", ""),
+    (" x ", "_cross_"), (" ", "_"), ("omega", "w"), (".", "_"),
+)  # fmt: skip
 
 
 def _word(symbol: str) -> str:
     """A symbol as a part of a name."""
-    for old, new in (("1/(1 + h^2/l^2)", "low"), ("(V^2/V0^2 - 1)", "charge"), ("|", "_"), ("^0.5", "_half"), ("^", ""), (" x ", "_cross_"), (" ", "_"), ("omega", "w"), (".", "_")):
+    for old, new in WORDS:
         symbol = symbol.replace(old, new)
-    while "__" in symbol:
-        symbol = symbol.replace("__", "_")
-    return symbol.strip("_").lower()
-
+    return "_".join(part for part in symbol.lower().split("_") if part)

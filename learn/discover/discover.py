@@ -1,10 +1,10 @@
 """From what the catalogue leaves to a law: searched, held against chance, held out, and told with what is like it.
 
-    explain      what the catalogue says; where it leaves nothing, there is no law to look for
-    evidence     what atoms would make on these flights, named effects projected out       `evidence`
-    steps        the atom that gains most, if that is more than chance gains; again on what it leaves      `search`
-    laws         of each: what is like it, whether halves of the time find it again, whether parts agree
-    fitted       the laws as effects of their own, with what was named, as `add` fits them; held out by time or flight
+explain      what the catalogue says; where it leaves nothing, there is no law to look for
+evidence     what atoms would make on these flights, named effects projected out       `evidence`
+steps        the atom that gains most, if that is more than chance gains; again on what it leaves      `search`
+laws         of each: what is like it, whether halves of the time find it again, whether parts agree
+fitted       the laws as effects of their own, with what was named, as `add` fits them; held out by time or flight
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from enum import StrEnum
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.dataset import dataset, spread_out
+from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.discover.residual import Fitted, FoundAtom, HeldOut, Law, Residual
 from wrenchgap.learn.discover.settings import SETTINGS
@@ -42,7 +42,8 @@ class Discovery(Result):
     `rms_before`, `rms_after` (6,) are of what the named effects leave, and of what the laws leave, on time or flights
     that the laws were not fitted to, `held_out` says which; `noise` (6,) is the sensors'. `gone` is the share of the
     energy above that noise which the laws take off, `process` what regressions on all logged quantities take off it.
-    `rejected` are formulas that were found and did not hold. `depends` are the quantities on which what is left depends (`learn.diagnose.relevance`). `source` is the effect
+    `rejected` are formulas that were found and did not hold. `depends` are the quantities on which what is left depends
+    (`learn.diagnose.relevance`). `source` is the effect
     file of the laws, and of those that predict the same as the first.
     """
 
@@ -85,14 +86,23 @@ def discover(
     if explanation.verdict is not Verdict.UNKNOWN and not explanation.open.any():
         left = explanation.rms_after
         return Discovery(Outcome.NOTHING, explanation, (), (), (), left, left, data.noise, 0.0, 0.0, "", 0, "")
-    tell(0.6, "what laws would make")
+    tell(0.6, "laws on the wrench as it is")
+    if data.answering:
+        found = _laws(data.unanswering(), model, explanation, validation)
+        if found.outcome is Outcome.LAW:
+            return found
+        tell(0.8, "laws on what commands did not answer")
+    return _laws(data, model, explanation, validation)
+
+
+def _laws(data: Dataset, model: Model, explanation: Explanation, validation: Sequence[OpenFlight]) -> Discovery:
+    """Search, fit and test laws on these data."""
     on = Residual(data, model, explanation)
-    tell(0.8, "searching the residual, and residuals of chance")
     steps = on.steps()
-    tell(0.9, "fitting the laws, and testing them on time that was not fitted")
     fitted = Fitted(on, [s for s in steps if s.holds])
-    tested = fitted.on_flights(validation) if validation else fitted.on_time()
-    return _result(on, steps, fitted, tested)
+    while unsure := {s.name for s in fitted.steps if fitted.fit.from_nothing(s.name) < SETTINGS.sure}:
+        fitted = Fitted(on, [s for s in fitted.steps if s.name not in unsure])
+    return _result(on, steps, fitted, fitted.on_flights(validation) if validation else fitted.on_time())
 
 
 def _result(on: Residual, steps: Sequence[FoundAtom], fitted: Fitted, tested: HeldOut) -> Discovery:

@@ -16,6 +16,7 @@ statistic, Westfall and Young, "Resampling-Based Multiple Testing", 1993.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -95,15 +96,18 @@ def responses(data: Dataset, model: Model, atoms: Sequence[Atom], numbers: dict[
         stacks = []
         for record, (act, rotors, context) in zip(data.records, parts, strict=True):
             made = values([atom], act, rotors, context)[0]
-            wrenches = [_measured(record, t.scale * about_com(model.vehicle.body, w)) for t, w in zip(atom.terms, made, strict=True)]
+            wrenches = [
+                _measured(record, t.scale * about_com(model.vehicle.body, w))
+                for t, w in zip(atom.terms, made, strict=True)
+            ]
             stacks.append(np.stack(wrenches, axis=2))
         yield np.concatenate(stacks)
 
 
 def _rotor_side(record: Record, model: WrenchModel) -> tuple[Actuation | None, Array, Context]:
     commands = model.command(record.commands, record.state, record.dt)[0]
-    known = commands.tilt is not None and commands.rotor_speed is not None
-    rates = actuator_rates(commands.tilt, commands.rotor_speed, record.dt)[0] if known else None
+    tilt, speed = commands.tilt, commands.rotor_speed
+    rates = None if tilt is None or speed is None else actuator_rates(tilt, speed, record.dt)[0]
     act, rotors = model.rotors(commands, record.state, rates)
     return act, rotors, model.context(record.state)
 
@@ -134,7 +138,7 @@ def evidence(
         chunks.append(whitening(block).astype(np.float32))
         every += some
     w = whitening
-    X = np.concatenate(chunks, axis=1)
+    X: Array = np.concatenate(chunks, axis=1)  # of single precision, for memory
     return distinct(Evidence(tuple(every), _slices(every), X, w.y, nulls, w.cell, w.moment, w.flight, w.count, w.floor))
 
 
@@ -190,14 +194,25 @@ def _chunked(parts: Iterator[Array], atoms: Sequence[Atom]) -> Iterator[tuple[li
 
 def _slices(atoms: Sequence[Atom]) -> tuple[slice, ...]:
     ends = np.cumsum([0, *(len(a.terms) for a in atoms)])
-    return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
 
 
 def _column(block: Array) -> Column:
     """Any columns (K, 6, P) as the parameters of one candidate."""
     size = block.shape[2]
     one = np.ones(size)
-    return Column(("law",), 0.0 * one, 0.0 * one, np.zeros(block.shape[:2]), block, -1e6 * one, 1e6 * one, one, np.zeros(size, dtype=bool), 0.0)
+    return Column(
+        ("law",),
+        0.0 * one,
+        0.0 * one,
+        np.zeros(block.shape[:2]),
+        block,
+        -1e6 * one,
+        1e6 * one,
+        one,
+        np.zeros(size, dtype=bool),
+        0.0,
+    )
 
 
 def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Array:
@@ -219,6 +234,7 @@ def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Ar
             else:
                 phase = np.exp(2j * np.pi * rng.random(len(spectrum)))
                 phase[0] = 1.0
+                phase[-1] = 1.0 if n % 2 == 0 else phase[-1]  # what is real stays real
                 made = np.fft.irfft(spectrum * phase[:, None], n, axis=0)
             out[end - n : end, :, k] = made
     return out
@@ -239,7 +255,9 @@ def distinct(found: Evidence) -> Evidence:
                 continue
             seen.append(unit)
         kept.append(k)
-    columns = np.concatenate([np.arange(found.of[k].start, found.of[k].stop) for k in kept]) if kept else np.zeros(0, int)
+    columns = (
+        np.concatenate([np.arange(found.of[k].start, found.of[k].stop) for k in kept]) if kept else np.zeros(0, int)
+    )
     names = tuple(found.atoms[k] for k in kept)
     return replace(found, atoms=names, of=_slices(names), X=found.X[:, columns.astype(int)])
 
@@ -251,7 +269,12 @@ HELD = ("v", "omega", "height", "time", "charge", "thrust")
 
 
 def ranges(
-    data: Dataset, model: Model, some: Sequence[Atom], numbers: dict[str, str], of: Sequence[str] = SEEN, tail: float = 0.01
+    data: Dataset,
+    model: Model,
+    some: Sequence[Atom],
+    numbers: dict[str, str],
+    of: Sequence[str] = SEEN,
+    tail: float = 0.01,
 ) -> tuple[tuple[str, float, float], ...]:
     """Ranges of quantities that laws use, but for a share `tail` at both ends, over components, on these flights."""
     used = {n for a in some for n in a.lines}

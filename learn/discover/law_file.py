@@ -17,7 +17,7 @@ from wrenchgap.learn.discover.atoms import Atom
 from wrenchgap.learn.discover.quantities import LINES
 from wrenchgap.plant.effects.effect import force_at, pure_torque
 
-HEAD = '''"""A law that `wrenchgap discover` found. Read it, name it, use it as any effect of your own: --effects FILE.py
+HEAD = '''"""A law that `wrenchgap discover` found: use it as an effect of your own, with --effects FILE.py.
 
 Beyond what the flights showed its quantities are held, and not extrapolated. The first law is the one that was chosen;
 others predicted the same on those flights.
@@ -99,7 +99,12 @@ def _held(name: str, limits: Mapping[str, str]) -> str:
 
 def evaluator(numbers: Mapping[str, str]) -> Callable[..., list[list[Array]]]:
     """A function of (atoms, actuation, wrench_B, context): of each atom the wrenches (N, 6) of its terms."""
-    space: dict[str, Any] = {"np": np, "rotate_inverse": rotate_inverse, "force_at": force_at, "pure_torque": pure_torque}
+    space: dict[str, Any] = {
+        "np": np,
+        "rotate_inverse": rotate_inverse,
+        "force_at": force_at,
+        "pure_torque": pure_torque,
+    }
     space |= {name: eval(value, {}) for name, value in numbers.items()}
     compiled = {name: compile(q.code, f"<{name}>", "eval") for name, q in LINES.items()}
 

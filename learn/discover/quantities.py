@@ -55,15 +55,23 @@ LINES = {
     "T": Quantity("actuation.thrust", NEWTON, "thrust of rotors", rotors=True),
     "n": Quantity("actuation.normal_B", rotors=True),
     "r": Quantity("actuation.hub_B", METRE, rotors=True),
-    "spin": Quantity("np.array(SPINS)", rotors=True),
+    "spin": Quantity("context.vehicle.rotors.spin", rotors=True),
+    "arm": Quantity("context.vehicle.rotors.arm", rotors=True),
     "alpha": Quantity("actuation.tilt", cause="tilt of the arms", rotors=True, tilt=True),
     "alpha_dot": Quantity("actuation.tilt_rate", RATE, "tilt rates of the arms", rotors=True, tilt=True, rates=True),
     "alpha_ddot": Quantity("actuation.tilt_acceleration", RATE, "tilt rates", rotors=True, tilt=True, rates=True),
     "axis": Quantity("context.vehicle.arms.axis_B", rotors=True),
+    "azimuth": Quantity("np.arctan2(context.vehicle.arms.position_B[:, 1], context.vehicle.arms.position_B[:, 0])"),
+    "around": Quantity("np.argsort(azimuth)"),
+    "rank": Quantity("np.argsort(around)"),
+    "upper": Quantity("np.argmax(arm == np.arange(len(rank))[:, None], axis=1)"),
+    "left": Quantity("around[rank - len(rank) + 1][arm]"),
+    "right": Quantity("around[rank - 1][arm]"),
 }
-"""By name. SPAN [m], VOLTS [V] and SPINS are numbers of the vehicle that the file states."""
+"""By name. SPAN [m] and VOLTS [V] are numbers of the vehicle that the file states. `left` and `right` are the arms
+beside that of each rotor (R,), `upper` the first rotor of each arm."""
 
-_NAME = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
 
 def needed(codes: Iterable[str]) -> tuple[str, ...]:
@@ -81,6 +89,16 @@ def causes(codes: Iterable[str]) -> tuple[str, ...]:
     """What laws of these expressions depend on, in words."""
     found = {n for code in codes for n in _NAME.findall(code) if n in LINES}
     return tuple(dict.fromkeys(LINES[n].cause for n in LINES if n in found and LINES[n].cause))
+
+
+def added(a: Unit, b: Unit) -> Unit:
+    """Powers of a product."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
+
+
+def scaled(unit: Unit, by: float) -> Unit:
+    """Of a power."""
+    return (by * unit[0], by * unit[1], by * unit[2], by * unit[3])
 
 
 def unit_text(unit: Unit) -> str:

@@ -16,10 +16,11 @@ from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
 from wrenchgap.learn.discover.atoms import Atom, atoms, constants
 from wrenchgap.learn.discover.evidence import HELD, Evidence, Whitening, evidence, possible, ranges, responses
-from wrenchgap.learn.discover.search import Step, best_on, coefficients, step
+from wrenchgap.learn.discover.search import Step, best_on, coefficients, gain_beside, step
 from wrenchgap.learn.discover.settings import SETTINGS
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.identify.least_squares import left_by
@@ -36,7 +37,8 @@ FEWEST = 6
 @dataclass(frozen=True)
 class FoundAtom:
     """An atom that gains more than chance. `parts` are its leading coefficient on parts of the flights, each with a
-    standard error; `kept` is the share of halves of the time in which it or one of `alike` is found again.
+    standard error; `kept` is the share of halves of the time in which it or one of `alike` is found again; `driven`
+    says that it follows what is left, and does not make it.
     """  # noqa: D205
 
     step: Step
@@ -44,6 +46,7 @@ class FoundAtom:
     alike: tuple[Atom, ...]
     parts: tuple[tuple[str, float, float], ...]
     kept: float
+    driven: bool
 
     @property
     def formula(self) -> str:
@@ -57,14 +60,14 @@ class FoundAtom:
 
     @property
     def holds(self) -> bool:
-        """Whether it is found again, and parts of the flights agree on its coefficient."""
+        """Whether it is found again, makes and does not follow what is left, and parts agree on its coefficient."""
         values = np.array([[value, std] for _, value, std in self.parts])
         if len(values) < 2:
-            return self.kept >= SETTINGS.kept
+            return self.kept >= SETTINGS.kept and not self.driven
         weight = 1.0 / np.maximum(values[:, 1], 1e-300) ** 2
         mean = float(values[:, 0] @ weight / weight.sum())
         agree = np.abs(values[:, 0] - mean) < SETTINGS.apart * values[:, 1] + 0.5 * abs(mean)
-        return bool(np.all(agree)) and self.kept >= SETTINGS.kept
+        return bool(np.all(agree)) and self.kept >= SETTINGS.kept and not self.driven
 
 
 def law_name(atom: Atom) -> str:
@@ -76,6 +79,7 @@ class Residual:
     """What named effects leave on some flights, and what atoms would make there."""
 
     def __init__(self, data: Dataset, model: Model, explanation: Explanation) -> None:
+        """Where commands answer on axes of `data`, what they could have made is no evidence."""
         self.data, self.explanation, self.given, self.model = data, explanation, model, explanation.model
         self.left = np.nan_to_num(left_by(data, self.model))
         named = [uncertain(data, self.model, e) for e in self.model.effects]
@@ -98,7 +102,20 @@ class Residual:
             on = on.after(one.atom, left, self.whitening, seed=k + 1)
             if not on.atoms:
                 break
-        return tuple(found)
+        return self.needed(found)
+
+    def needed(self, found: Sequence[FoundAtom]) -> tuple[FoundAtom, ...]:
+        """Those that still gain more than chance did when all later ones are there: a later one may say it better."""
+
+        def at(one: FoundAtom) -> int:
+            return self.first.atoms.index(one.atom)
+
+        kept = list(found)
+        for one in found:
+            others = [at(f) for f in kept if f is not one]
+            if others and gain_beside(self.first, self.first.columns([at(one)]), others) <= one.step.bar:
+                kept.remove(one)
+        return tuple(kept)
 
     def made(self, some: Sequence[Atom]) -> Array:
         """Measured wrenches (K, 6, P) that atoms make at typical coefficients."""
@@ -113,7 +130,19 @@ class Residual:
         again = sum(best_on(on, np.isin(on.moment // 2, half)) in near for half in halves)
         atom = on.atoms[one.atom]
         parts = self._parts(on, one.atom)
-        return FoundAtom(one, atom, tuple(on.atoms[k] for k in one.alike), parts, again / SETTINGS.halves)
+        return FoundAtom(
+            one, atom, tuple(on.atoms[k] for k in one.alike), parts, again / SETTINGS.halves, self.driven(atom)
+        )
+
+    def driven(self, atom: Atom) -> bool:
+        """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
+        a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
+        """  # noqa: D205
+        made, gains = self.made([atom]), []
+        for seconds in (0.0, RELEVANCE.later):
+            moved = shifted(self.data, made.reshape(len(made), -1), seconds).reshape(made.shape)
+            gains.append(gain_beside(self.first, self.whitening(moved), ()))
+        return gains[1] > gains[0]
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""
@@ -194,7 +223,7 @@ class Fitted:
             ),
             causes=one.atom.causes,
             gain=one.step.gain,
-            chance=float(np.quantile(one.step.chance, 1.0 - SETTINGS.false_alarms)),
+            chance=one.step.bar,
             false_alarm=one.step.false_alarm,
             alike=tuple((law_name(a), a.formula) for a in one.alike),
             kept=one.kept,

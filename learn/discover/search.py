@@ -1,12 +1,15 @@
 """What atoms gain on residuals, all atoms and many residuals at once (`evidence` has the equations)."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.discover.atoms import Atom
 from wrenchgap.learn.discover.evidence import Evidence
+from wrenchgap.learn.discover.settings import SETTINGS
 
 
 def gains_of(on: Evidence, targets: Array) -> tuple[Array, Array]:
@@ -75,6 +78,22 @@ class Step:
     def false_alarm(self) -> float:
         """Share of residuals of chance in which as much was found."""
         return float((1 + np.sum(self.chance >= self.gain)) / (1 + len(self.chance)))
+
+    @property
+    def bar(self) -> float:
+        """What chance gains in one of twenty residuals."""
+        return float(np.quantile(self.chance, 1.0 - SETTINGS.false_alarms))
+
+
+def gain_beside(on: Evidence, X: Array, others: Sequence[int]) -> float:
+    """What the columns (rows, P) of one law gain when other atoms are there, without its price."""
+    y = on.y
+    if others:
+        u, s, _ = np.linalg.svd(on.columns(others), full_matrices=False)
+        basis = u[:, s > 1e-6 * s.max()]
+        X, y = (m - basis @ (basis.T @ m) for m in (X, y))
+    alone = replace(on, atoms=(Atom("", "", ()),), of=(slice(0, X.shape[1]),), X=X)
+    return float(gains_of(alone, y[:, None])[0][0, 0])
 
 
 def step(on: Evidence, alike: float) -> Step:

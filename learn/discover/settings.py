@@ -20,6 +20,8 @@ class DiscoverySettings:
     gone: float = 0.5
     """Share of the energy above the sensors' noise that laws take off time that they were not fitted to; less is no
     law: what hides there has a memory, or a form that is not among the atoms."""
+    sure: float = 3.0
+    """Standard deviations that the coefficients of a law are from zero, fitted with everything that was named."""
     apart: float = 3.0
     """Standard errors by which the coefficient of one part of the flights may differ from that of the others."""
 

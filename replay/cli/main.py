@@ -23,14 +23,14 @@ from typer.core import TyperCommand, TyperGroup
 from wrenchgap._escaping import printable
 from wrenchgap._kernels import refused_setting, removed_kernels
 from wrenchgap._signals import interrupt_of
-from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, export, logs, model, view
+from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, discover, export, logs, model, view
 from wrenchgap.replay.cli.requests import flat_command
 from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
     *(analysis.check, analysis.inspect, model.calibrate, analysis.compare),
-    *(logs.predict, logs.ready, analysis.where, analysis.explain),
+    *(logs.predict, logs.ready, analysis.where, analysis.explain, discover.discover),
     *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
     *(model.effectiveness, model.write),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),

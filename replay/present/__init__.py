@@ -27,6 +27,7 @@ MODULES = {
     "Comparison": "comparison",
     "Counterfactual": "counterfactual",
     "Design": "design",
+    "Discovery": "discovery",
     "Effectiveness": "effectiveness",
     "Explanation": "explanation",
     "Export": "export",

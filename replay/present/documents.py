@@ -36,6 +36,7 @@ FIRST_VERSION = (
         "batch",
         "predict",
         "ready",
+        "discover",
         "write",
         "effectiveness",
     ),

@@ -23,6 +23,7 @@ from scripts.json_documents import (
     explanation,
     flights,
     health,
+    laws,
     models,
     summaries,
     written,
@@ -30,7 +31,7 @@ from scripts.json_documents import (
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.documents import schema as name_of
 
-MODULES = (changes, comparison, compensation, explanation, flights, health, models, summaries, written)
+MODULES = (changes, comparison, compensation, explanation, flights, health, laws, models, summaries, written)
 
 
 def schema(command: str, *, strict: bool = False) -> dict[str, Any]:

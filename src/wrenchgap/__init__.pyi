@@ -10,6 +10,7 @@ from .replay.api import compare as compare
 from .replay.api import compensator as compensator
 from .replay.api import counterfactual as counterfactual
 from .replay.api import design as design
+from .replay.api import discover as discover
 from .replay.api import explain as explain
 from .replay.api import inspect as inspect
 from .replay.api import learn_gp as learn_gp

@@ -5,6 +5,7 @@ loop closes at each step. Motors get commands; the laws of `Case` make thrust an
 The gyroscope's noise goes into the loop. What is logged are snapshots, as autopilots take them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,13 +38,17 @@ MODEL = model_file.loads(
 )
 
 
+Law = Callable[..., tuple[np.ndarray, np.ndarray]]
+
+
 @dataclass(frozen=True)
 class Case:
     """One flight. At the hover speed shares `thrust_linear` and `torque_linear` of thrust and torque go with w, the
     rest with w^2; `torque` is a factor of all torques, `blades` (4,) one of both for each rotor. Motors follow `delay`
     [s] later, with `lag` [s] upwards and downwards at hover, by the difference of speeds or, if `squared`, of squared
     speeds. `com` [m] is from O, `gusts` [m/s] rms push with `drag` [N s/m], `heading` [Nm] times sin(2 heading) turns
-    about z. `excited` is a share of +-8 rad/s^2 in all torques.
+    about z. `excited` is a share of +-8 rad/s^2 in all torques, `fast` a factor of the velocities then. `law` adds a
+    force and a torque in B (3,), (3,) at a time [s], position and velocity in E, attitude R_EB, body rate and thrusts.
     """
 
     name: str
@@ -65,6 +70,8 @@ class Case:
     heading: float = 0.0
     drag: float = 0.2
     imu_early: float = 0.0
+    fast: float = 1.0
+    law: Law | None = None
 
 
 def wanted(case, time):
@@ -77,7 +84,7 @@ def wanted(case, time):
         return np.sin(2 * np.pi * hz * time + phase).sum(axis=0) / np.sqrt(count)
 
     if case.excited:
-        velocity = np.stack([size * tones(0.05, 0.3, 4) for size in (1.5, 1.5, 0.6)], axis=1)
+        velocity = case.fast * np.stack([size * tones(0.05, 0.3, 4) for size in (1.5, 1.5, 0.6)], axis=1)
         yaw_rate = 1.5 * tones(0.05, 0.3, 3)
         turn = case.excited * np.stack([size * tones(0.4, 4.0, 8) for size in (8.0, 8.0, 2.0)], axis=1)
     return velocity, yaw_rate, turn
@@ -107,12 +114,12 @@ def fly(cases):
         sent = np.roll(sent, 1, axis=0)
         sent[0] = loop.command(state, seen, *(plan[k] for plan in plans))
         acting = sent[late, np.arange(count)]
-        slopes = plant.slopes(state, acting, wind, stir)
+        slopes = plant.slopes(state, acting, wind, stir, time[k])
         log["sent"][k], log["imu"][k] = sent[0], plant.felt(state, slopes)
         log["imu"][k, :, :3] = seen
         log["imu"][k, :, 3:] += ACCELEROMETER_NOISE * draws[k, :, 3:6]
         log["pose"][k] = np.concatenate((state[0], state[1], state[2].reshape(count, 9), state[3]), axis=1)
-        middle = plant.slopes(advanced(state, slopes, 0.5 * dt), acting, wind, stir)
+        middle = plant.slopes(advanced(state, slopes, 0.5 * dt), acting, wind, stir, time[k] + 0.5 * dt)
         state = advanced(state, middle, dt)
     return [logged(c, time, {key: values[:, f] for key, values in log.items()}) for f, c in enumerate(cases)]
 
@@ -157,10 +164,11 @@ class Plant:
         self.lag, self.squared = over("lag"), over("squared")[:, None]
         self.com, self.mass, self.gusts, self.heading = over("com"), MASS * over("mass"), over("gusts"), over("heading")
         self.drag = over("drag")[:, None]
+        self.laws = [(f, c.law) for f, c in enumerate(cases) if c.law is not None]
 
-    def slopes(self, state, sent, wind, stir):
+    def slopes(self, state, sent, wind, stir, time):
         """Of position and velocity [E], attitude, body rate, motors."""
-        _, velocity, R, omega, w = state
+        position, velocity, R, omega, w = state
         share = w / HOVER
         thrust = MASS * GRAVITY / 4 * self.blades * (self.linear * share + (1.0 - self.linear) * share**2)
         drag = KAPPA * MASS * GRAVITY / 4 * self.torque * self.blades
@@ -169,8 +177,13 @@ class Plant:
         x, y = thrust @ PLACES[:, 1] - self.com[:, 1] * total, -thrust @ PLACES[:, 0] + self.com[:, 0] * total
         yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
         torque = np.stack((x, y, -drag @ SPIN + self.heading * np.sin(2.0 * yaw)), axis=1) + INERTIA * stir
+        added = np.zeros((2, *torque.shape))
+        for f, law in self.laws:
+            added[:, f] = law(time, position[f], velocity[f], R[f], omega[f], thrust[f])
+        torque = torque + added[1]
         alpha = (torque - cross(omega, INERTIA * omega)) / INERTIA
-        acceleration = (R[:, :, 2] * total[:, None] + self.drag * (wind - velocity)) / self.mass[:, None]
+        force = R[:, :, 2] * total[:, None] + self.drag * (wind - velocity) + np.einsum("fij,fj->fi", R, added[0])
+        acceleration = force / self.mass[:, None]
         acceleration[:, 2] -= GRAVITY
         lag = np.where(sent > w, self.lag[:, :1], self.lag[:, 1:])
         spin = np.where(self.squared, (sent**2 - w**2) / (2.0 * HOVER), sent - w) / lag

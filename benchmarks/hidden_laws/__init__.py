@@ -1,0 +1,1 @@
+"""Laws that no catalogue has, hidden in flights of other engines, and flights without one, for `discover`."""

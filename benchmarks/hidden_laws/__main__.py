@@ -1,0 +1,115 @@
+"""Does `discover` find hidden laws, and nothing where none is?   python -m benchmarks.hidden_laws [--seed N]; then --page
+
+    laws      those of `laws`, on the quadrotor (seeds N, N + 1, ...) and on the hexarotor in MuJoCo
+    memory    what has a state of its own (`hidden_effects`: slosh, rope, ringing, resonance): no law is right
+    nothing   nothing, gusts, motors logged at 10 Hz, an IMU stamped early: no law is right
+
+Each flight lasts 40 s and is explained as a user would; laws are tested on a second flight. Seeds from 300 on were flown
+once; smaller ones were looked at while `discover` was made.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wrenchgap as wg
+from benchmarks import pages
+from benchmarks.hidden_effects import engine
+from benchmarks.hidden_laws.flights import MODELS, flown
+from benchmarks.hidden_laws.laws import LAWS
+from tests.independent import flown_quadrotor as quadrotor
+from wrenchgap.flight.flight import Flight
+
+DOCS = Path(__file__).parents[2] / "docs"
+KEPT, PAGE = DOCS / "hidden-laws.json", DOCS / "discover.md"
+MEMORY = ("slosh", "slung_load", "ringing", "resonance")
+NOTHING: dict[str, dict[str, float]] = {
+    "nothing": {"excited": 1.0},
+    "calm mission": {"excited": 0.15},
+    "gusts": {"excited": 0.15, "gusts": 0.5},
+    "strong gusts": {"excited": 1.0, "gusts": 1.0},
+    "hover in gusts": {"gusts": 0.7},
+    "motors at 10 Hz": {"excited": 0.3, "motor_hz": 10.0, "gusts": 0.3},
+    "IMU 4 ms early": {"excited": 1.0, "imu_early": 0.004},
+}
+
+
+def cases(seed: int) -> Iterator[tuple[str, str, str, list[Flight]]]:
+    """Kind, name, vehicle, and the flights: one to search, one to test on."""
+    for vehicle in MODELS:
+        for name, law in LAWS.items():
+            if vehicle in law.vehicles:
+                seed += 1
+                yield "law", name, vehicle, [flown(vehicle, name, 1.0, law.kind, s) for s in (seed, seed + 500)]
+    for name in MEMORY:
+        seed += 1
+        yield "memory", name, "hexarotor", [engine.fly(name, None, "train", 40.0, s)[0] for s in (seed, seed + 500)]
+    for name, how in NOTHING.items():
+        for _ in range(2):
+            seed += 1
+            both = [quadrotor.Case(f"{name}-{s}", seed=s, seconds=44.0, **how) for s in (seed, seed + 500)]  # type: ignore[arg-type]
+            yield "nothing", name, "quadrotor", quadrotor.fly(both)
+
+
+def judged(kind: str, name: str, vehicle: str, flights: list[Flight]) -> dict[str, Any]:
+    """What `discover` said of one case."""
+    model = MODELS[vehicle]()
+    train, test = wg.open_flights(flights, model)
+    found = wg.discover(train, model, validate=test)
+    said = [law.name for law in found.laws[:1]] + [n for law in found.laws[:1] for n, _ in law.alike]
+    right = kind == "law" and any(re.match(f"law_{p}", n) for p in LAWS[name].right for n in said)
+    values = found.laws[0].coefficients if right else ()
+    lead = max(values, key=lambda c: abs(c.value), default=None)
+    size = LAWS[name].size if kind == "law" else np.nan
+    return {
+        "kind": kind, "name": name, "vehicle": vehicle, "verdict": str(found.explanation.verdict),
+        "named": list(found.explanation.effects), "outcome": str(found.outcome), "right": right,
+        "formula": found.laws[0].formula if found.laws else "", "gone": found.gone, "laws": len(found.laws),
+        "off_sigma": None if lead is None else abs(abs(lead.value) - size) / max(lead.std, 1e-12),
+    }  # fmt: skip
+
+
+def rows(seed: int) -> Iterator[dict[str, Any]]:
+    """What was measured, as it comes."""
+    for case in cases(seed):
+        yield judged(*case)
+
+
+def table(found: list[dict[str, Any]], load: str) -> str:
+    """In Markdown: a row for each case with a law, then counts."""
+    lines = []
+    for r in found:
+        if r["kind"] == "law":
+            said = r["formula"] or {"nothing": f"named: {', '.join(r['named'])}"}.get(r["outcome"], "no law")
+            sigma = "" if r["off_sigma"] is None else f"{r['off_sigma']:.1f}"
+            lines.append(
+                (r["name"], r["vehicle"], "yes" if r["right"] else "no", said, f"{100 * r['gone']:.0f}", sigma)
+            )
+    for kind in ("memory", "nothing"):
+        own = [r for r in found if r["kind"] == kind]
+        wrong = [f"{r['name']}: {r['formula']}" for r in own if r["laws"]]
+        lines.append((f"{kind}, {len(own)} flights", "", f"{len(wrong)} false", "; ".join(wrong), "", ""))
+    return pages.markdown(("hidden", "vehicle", "right", "said", "gone, %", "off by, sigma"), lines, load)
+
+
+def main() -> None:
+    """Measure; with --page, renew the page from what was kept."""
+    parser = pages.options(__doc__)
+    parser.add_argument("--seed", type=int, default=300)
+    asked = parser.parse_args()
+    if asked.page:
+        kept = json.loads(KEPT.read_text(encoding="utf-8"))
+        pages.renew(PAGE, {"hidden-laws": table(kept, "")})
+        return
+    asked.json = asked.json or KEPT
+    pages.measure(asked, "hidden-laws", rows(asked.seed), table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""`discover`: laws, their search and its false alarms, and the file of a law.
+
+Nothing here is flown by the code that is tested: the quadrotor of `tests/independent` has laws of its own.
+"""
+
+import jsonschema
+import numpy as np
+import pytest
+from scripts.json_documents import schema
+
+import wrenchgap as wg
+from tests.independent import flown_quadrotor as engine
+from wrenchgap.flight import so3
+from wrenchgap.learn.discover.atoms import atoms, constants
+from wrenchgap.learn.discover.discover import Outcome
+from wrenchgap.learn.discover.evidence import surrogate_residuals
+from wrenchgap.learn.discover.law_file import evaluator, source
+from wrenchgap.learn.discover.quantities import unit_text
+from wrenchgap.learn.discover.residual import loaded
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.state import Commands, State
+from wrenchgap.replay.present.discovery import to_json
+from wrenchgap.replay.present.documents import document
+
+TILTING = model_file.load("tilt_hexarotor").vehicle
+QUADROTOR = engine.MODEL.vehicle
+
+
+def moving(vehicle, n=5):
+    """A state in motion, and what rotors do there."""
+    rng = np.random.default_rng(3)
+    arms, rotors = vehicle.geometry()
+    quat = so3.exp(rng.normal(0.0, 0.4, (n, 3)))
+    state = State(
+        np.linspace(1.0, 9.0, n),
+        rng.normal(size=(n, 3)),
+        quat,
+        2.0 * rng.normal(size=(n, 3)),
+        rng.normal(size=(n, 3)),
+        np.full(n, 15.0),
+    )
+    tilt = 0.3 * rng.normal(size=(n, len(arms))) * arms.tilts
+    commands = Commands(np.zeros((n, 6)), tilt, 600.0 + 50.0 * rng.normal(size=(n, len(rotors))))
+    return actuation(vehicle, commands), Context(vehicle, state), state
+
+
+def made(vehicle, name):
+    """The wrenches (N, 6) of an atom's terms at coefficients of one."""
+    act, context, _ = moving(vehicle)
+    rotors = np.hstack((np.einsum("nr,nrk->nk", act.thrust, act.normal_B), np.zeros((5, 3))))
+    atom = next(a for a in atoms(vehicle) if a.name == name)
+    return atom, evaluator(constants(vehicle, 15.0))([atom], act, rotors, context)[0], act, context
+
+
+def test_names_of_laws_are_different_and_say_what_python_takes():
+    for vehicle in (TILTING, QUADROTOR):
+        names = [a.name for a in atoms(vehicle)]
+        assert len(set(names)) == len(names) > 300
+        assert all(name.isidentifier() and name == name.lower() for name in names)
+
+
+def test_a_force_along_the_velocity_is_parallel_to_it_and_grows_with_its_power():
+    atom, (wrench,), _, context = made(TILTING, "force_v_speed_half")
+    v = context.velocity_through_air_B
+    speed = np.linalg.norm(v, axis=1)
+    assert np.allclose(wrench[:, :3], v * np.sqrt(speed)[:, None], rtol=1e-6)
+    assert np.allclose(wrench[:, 3:], np.cross(TILTING.body.com_B, wrench[:, :3]))
+    assert atom.terms[0].unit == "N s^1.5/m^1.5"  # newtons over (m/s)^1.5
+
+
+def test_a_share_of_all_thrusts_pushes_at_the_rotors():
+    _, (wrench,), act, context = made(TILTING, "rotors_t_i_v_2")
+    share = np.sum(context.velocity_through_air_B**2, axis=1)[:, None, None]
+    forces = act.thrust[:, :, None] * act.normal_B * share
+    assert np.allclose(wrench[:, :3], forces.sum(axis=1), rtol=1e-6)
+    assert np.allclose(wrench[:, 3:], np.cross(act.hub_B, forces).sum(axis=1), rtol=1e-6)
+
+
+def test_what_pulls_in_the_world_pulls_there_whatever_the_attitude():
+    _, terms, _, context = made(TILTING, "force_world")
+    for axis, wrench in enumerate(terms):
+        assert np.allclose(so3.rotate(context.state.quat_EB, wrench[:, :3]), np.eye(3)[axis], atol=1e-9)
+
+
+def test_the_wake_of_the_arms_beside():
+    _, (wrench,), act, _ = made(TILTING, "wake_cos")
+    arms, rotors = TILTING.geometry()
+    azimuth = np.arctan2(arms.position_B[:, 1], arms.position_B[:, 0])
+    expected = np.zeros((5, 3))
+    for i in range(len(rotors)):
+        for j in range(len(arms)):
+            apart = np.abs((azimuth[j] - azimuth[rotors.arm[i]] + np.pi) % (2 * np.pi) - np.pi)
+            if 0.1 < apart < 1.1:  # 60 degrees
+                other = act.thrust[:, np.flatnonzero(rotors.arm == j)[0]]
+                size = act.thrust[:, i] * other * np.cos(act.tilt[:, rotors.arm[i]] - act.tilt[:, j])
+                expected += size[:, None] * act.normal_B[:, i]
+    assert np.allclose(wrench[:, :3], expected)
+
+
+def test_a_law_that_needs_no_pose_says_so_and_one_that_does_says_that():
+    by_name = {a.name: a for a in atoms(TILTING)}
+    assert by_name["force_v"].needs("pose")
+    assert by_name["force_v"].needs("air")
+    assert not by_name["torque_w"].needs("pose")
+    assert by_name["tilt_rate_torque"].needs("rates")
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"),
+    [
+        ((1, 0, 0, 0), "N"),
+        ((1, -1, 1, 0), "N s/m"),
+        ((0, 0, 0, 0), "1"),
+        ((-1, 0, 0, 0), "1/N"),
+        ((1, 1, 2, 0), "N m s^2"),
+    ],
+)
+def test_units_are_written_as_engineers_write_them(unit, text):
+    assert unit_text(tuple(map(float, unit))) == text
+
+
+@pytest.mark.parametrize("vehicle", [TILTING, QUADROTOR])
+def test_every_law_is_a_file_that_passes_the_checks_of_own_effects(vehicle):
+    every = atoms(vehicle)
+    text = source(every, constants(vehicle, 15.0), [("v", -3.0, 3.0), ("time", 0.0, 40.0)])
+    assert len(loaded(text)) == len(every)
+    assert "np.clip(context.velocity_through_air_B, -3, 3)" in text
+
+
+def test_surrogates_have_the_spectrum_and_nothing_of_the_moment():
+    class Stretch:
+        dt_kept = 0.025
+
+        def __len__(self):
+            return 800
+
+    class Data:
+        records = (Stretch(),)
+
+    left = np.cumsum(np.random.default_rng(1).normal(size=(800, 6)), axis=0)
+    left -= left.mean(axis=0)
+    found = surrogate_residuals(Data(), left, 40, seed=0)
+    power = np.abs(np.fft.rfft(left, axis=0))
+    assert np.allclose(np.abs(np.fft.rfft(found, axis=0)), power[:, :, None], atol=1e-6 * power.max())
+    straight = [np.corrcoef(found[:, 0, k], left[:, 0])[0, 1] for k in range(40)]
+    assert np.median(np.abs(straight)) < 0.7
+
+
+def yaw_torque(t, position, velocity, R, omega, thrust):
+    return np.zeros(3), np.array([0.0, 0.0, 0.04 * np.sin(4.0 * np.arctan2(R[1, 0], R[0, 0]))])
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    cases = [
+        engine.Case(n, excited=1.0, seed=s, seconds=34.0, fast=2.0, law=yaw_torque) for n, s in (("a", 21), ("b", 22))
+    ]
+    return wg.open_flights(engine.fly(cases), engine.MODEL)
+
+
+@pytest.fixture(scope="module")
+def found(hidden):
+    return wg.discover(hidden[0], engine.MODEL, validate=hidden[1])
+
+
+def test_a_torque_that_turns_with_four_times_the_heading_is_found(found):
+    assert found.outcome is Outcome.LAW
+    law = found.laws[0]
+    assert law.name == "law_torque_z_heading4"
+    assert law.causes == ("heading",)
+    sine, cosine = law.coefficients
+    assert sine.value == pytest.approx(0.04, abs=3.0 * sine.std)
+    assert sine.std < 0.004
+    assert abs(cosine.value) < 0.004
+    assert law.false_alarm <= 0.05
+    assert law.gain > law.chance
+
+
+def test_most_of_what_was_left_goes_on_a_flight_that_was_not_fitted(found):
+    assert found.held_out == "flights that were not fitted"
+    assert found.gone > 0.8
+    assert found.rms_after[5] < 0.3 * found.rms_before[5]
+
+
+def test_the_file_of_a_law_is_an_effect_that_is_added(found, hidden):
+    from wrenchgap.plant import effects
+
+    with effects.registered(loaded(found.source)):
+        fitted = wg.add(engine.MODEL, ["law_torque_z_heading4", *found.explanation.effects], hidden[0])
+        errors = wg.compare(hidden[1], fitted, ahead=False).to_frame()
+    assert len(errors)
+    assert "law_torque_z_heading4" not in effects.catalogue()
+
+
+def test_the_document_is_what_the_schema_says(found):
+    made = document("discover", to_json(found))
+    jsonschema.validate(made, schema("discover", strict=True))
+    assert "sin 4 psi" in made["summary"][0]
+
+
+def test_a_flight_with_nothing_hidden_has_no_law():
+    flight = engine.fly([engine.Case("nothing", excited=1.0, seed=23, seconds=34.0, fast=2.0)])
+    found = wg.discover(wg.open_flights(flight, engine.MODEL), engine.MODEL)
+    assert found.outcome is not Outcome.LAW
+    assert not found.source
