@@ -1,18 +1,19 @@
-"""Does `discover` find hidden laws, and nothing where none is?   python -m benchmarks.hidden_laws [--seed N]; then --page
+"""Whether `discover` finds hidden laws, and nothing where none is: python -m benchmarks.hidden_laws; then --page.
 
     laws      those of `laws`, on the quadrotor (seeds N, N + 1, ...) and on the hexarotor in MuJoCo
     memory    what has a state of its own (`hidden_effects`: slosh, rope, ringing, resonance): no law is right
     nothing   nothing, gusts, motors logged at 10 Hz, an IMU stamped early: no law is right
 
-Each flight lasts 40 s and is explained as a user would; laws are tested on a second flight. Seeds from 300 on were flown
-once; smaller ones were looked at while `discover` was made.
+Each flight lasts 40 s and is explained as a user would; laws are tested on a second flight. Seeds from 300 on were
+flown once; smaller ones were looked at while `discover` was made.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ import numpy as np
 import wrenchgap as wg
 from benchmarks import pages
 from benchmarks.hidden_effects import engine
-from benchmarks.hidden_laws.flights import MODELS, flown
+from benchmarks.hidden_laws.flights import MODELS, flown, true_size
 from benchmarks.hidden_laws.laws import LAWS
 from tests.independent import flown_quadrotor as quadrotor
 from wrenchgap.flight.flight import Flight
@@ -40,21 +41,34 @@ NOTHING: dict[str, dict[str, float]] = {
 }
 
 
-def cases(seed: int) -> Iterator[tuple[str, str, str, list[Flight]]]:
-    """Kind, name, vehicle, and the flights: one to search, one to test on."""
+Case = tuple[str, str, str, Callable[[], list[Flight]]]
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Kind, name, vehicle, and what flies two flights: one to search, one to test on."""
     for vehicle in MODELS:
         for name, law in LAWS.items():
             if vehicle in law.vehicles:
                 seed += 1
-                yield "law", name, vehicle, [flown(vehicle, name, 1.0, law.kind, s) for s in (seed, seed + 500)]
+                yield "law", name, vehicle, partial(flights_of, name, vehicle, law.kind, seed)
     for name in MEMORY:
         seed += 1
-        yield "memory", name, "hexarotor", [engine.fly(name, None, "train", 40.0, s)[0] for s in (seed, seed + 500)]
+        yield "memory", name, "hexarotor", partial(remembering, name, seed)
     for name, how in NOTHING.items():
         for _ in range(2):
             seed += 1
             both = [quadrotor.Case(f"{name}-{s}", seed=s, seconds=44.0, **how) for s in (seed, seed + 500)]  # type: ignore[arg-type]
-            yield "nothing", name, "quadrotor", quadrotor.fly(both)
+            yield "nothing", f"{name} {seed}", "quadrotor", partial(quadrotor.fly, both)
+
+
+def flights_of(name: str, vehicle: str, kind: str, seed: int) -> list[Flight]:
+    """With a hidden law."""
+    return [flown(vehicle, name, 1.0, kind, s) for s in (seed, seed + 500)]
+
+
+def remembering(name: str, seed: int) -> list[Flight]:
+    """With what has a state of its own."""
+    return [engine.fly(name, None, "train", 40.0, s)[0] for s in (seed, seed + 500)]
 
 
 def judged(kind: str, name: str, vehicle: str, flights: list[Flight]) -> dict[str, Any]:
@@ -66,7 +80,7 @@ def judged(kind: str, name: str, vehicle: str, flights: list[Flight]) -> dict[st
     right = kind == "law" and any(re.match(f"law_{p}", n) for p in LAWS[name].right for n in said)
     values = found.laws[0].coefficients if right else ()
     lead = max(values, key=lambda c: abs(c.value), default=None)
-    size = LAWS[name].size if kind == "law" else np.nan
+    size = true_size(name, vehicle) if kind == "law" else np.nan
     return {
         "kind": kind, "name": name, "vehicle": vehicle, "verdict": str(found.explanation.verdict),
         "named": list(found.explanation.effects), "outcome": str(found.outcome), "right": right,
@@ -75,10 +89,12 @@ def judged(kind: str, name: str, vehicle: str, flights: list[Flight]) -> dict[st
     }  # fmt: skip
 
 
-def rows(seed: int) -> Iterator[dict[str, Any]]:
-    """What was measured, as it comes."""
-    for case in cases(seed):
-        yield judged(*case)
+def rows(seed: int, known: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """What was measured, as it comes; of `known` cases nothing."""
+    done = {(r["kind"], r["name"], r["vehicle"]) for r in known}
+    for *case, fly in cases(seed):
+        if tuple(case) not in done:
+            yield judged(*case, fly())
 
 
 def table(found: list[dict[str, Any]], load: str) -> str:
@@ -108,7 +124,8 @@ def main() -> None:
         pages.renew(PAGE, {"hidden-laws": table(kept, "")})
         return
     asked.json = asked.json or KEPT
-    pages.measure(asked, "hidden-laws", rows(asked.seed), table)
+    known = json.loads(asked.json.read_text(encoding="utf-8")) if asked.json.exists() else []
+    pages.measure(asked, "hidden-laws", rows(asked.seed, known), table, known)
 
 
 if __name__ == "__main__":

@@ -66,7 +66,8 @@ E_Z = np.array([0.0, 0.0, 1.0])
 def flown(vehicle: str, name: str, scale: float, kind: str, seed: int) -> Flight:
     """One flight, of `SECONDS`; `name` is a law, or "nothing"."""
     law = LAWS.get(name)
-    push = None if law is None else lambda view: law.push(view, scale * law.size)
+    size = 0.0 if law is None else scale * true_size(name, vehicle)
+    push = None if law is None else lambda view: law.push(view, size)
     if vehicle == "quadrotor":
         excited = {"excited": 1.0, "mission": 0.15, "low": 1.0}[kind]
         case = quadrotor.Case(
@@ -78,6 +79,12 @@ def flown(vehicle: str, name: str, scale: float, kind: str, seed: int) -> Flight
     fast = "fast" if kind == "excited" and name in FAST else trajectory
     flight = engine.fly("none", None, fast, 40.0, seed, crisp=True, also=() if push is None else (InMujoco(push),))[0]
     return replace(flight, name=f"{name}-{seed}")
+
+
+def true_size(name: str, vehicle: str) -> float:
+    """The coefficient of a law, where it is hidden at its usual size."""
+    law = LAWS[name]
+    return law.size * (law.on_hexarotor if vehicle == "hexarotor" else 1.0)
 
 
 FAST = ("thrust_speed2", "drag_1.5", "flapping", "pressure_point", "crosswind_yaw")

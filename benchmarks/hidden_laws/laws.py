@@ -47,13 +47,14 @@ Wrench = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class HiddenLaw:
-    """`push(view, size)`; `vehicles` that can show it; `kind` of flight that excites it."""
+    """`push(view, size)`; `vehicles` that can show it; `kind` of flight that excites it; a factor of its size."""
 
     push: Callable[[View, float], Wrench]
     size: float
     right: tuple[str, ...]
     vehicles: tuple[str, ...] = ("quadrotor", "hexarotor")
     kind: str = "excited"
+    on_hexarotor: float = 1.0
 
 
 def _thrust_with_speed(x: View, k: float) -> Wrench:
@@ -83,6 +84,7 @@ LAWS = {
         lambda x, k: (NONE, k * (x.T[:, None] * np.cross(x.n, x.v)).sum(axis=0)),
         0.004,
         ("flapping", "torque_e_z_cross_v.*"),
+        on_hexarotor=0.3,
     ),
     "pressure_point": HiddenLaw(lambda x, k: (NONE, k * np.array([0.0, 0.0, x.v[1]])), 0.03, ("torque_z_v_y$",)),
     "wake": HiddenLaw(_wake, 0.004, ("wake_cos",), ("hexarotor",)),

@@ -139,7 +139,7 @@ def what_next(
     if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
         out.append("next: give a longer flight")
     elif found.verdict is Verdict.UNKNOWN:
-        out.append(f"something is missing that the catalogue does not hold; next: wrenchgap where {logs} -m {model}")
+        out.append(f"no name of the catalogue is all of it; next: wrenchgap discover {logs} -m {model} -o law.py")
         out += [f"the named effects can be added all the same: {add}"] if found.effects else []
     elif found.effects:
         out.append(f"next: {add}")

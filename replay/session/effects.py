@@ -22,6 +22,7 @@ from wrenchgap.viewer.session import Report
 
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
+    from wrenchgap.learn.discover.discover import Discovery
 
 BY_HAND = "set by hand in the viewer"
 """How provenance in a model file says where such a value comes from."""
@@ -206,6 +207,19 @@ class SessionEffects:
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
         return worker_result(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
+
+    def discover(self, flight: str, known: Explanation | None, report: Report) -> Discovery:
+        """The law of what is left beside what `known` says, or a new search; looked for in its own process."""
+        from wrenchgap.replay import api
+
+        with self.working.lock:
+            model, opened = self.working.model, self.working.flight(flight)
+
+        def work(tell: Report) -> Discovery:
+            found = api.discover(opened, model, explanation=known, progress=tell)
+            return replace(found, explanation=replace(found.explanation, flights=()))
+
+        return worker_result(work, report)
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report, seconds: float = 30.0) -> Design:
         """The flight of so many `seconds` that separates these effects; searched for in its own process, for long."""

@@ -6,9 +6,9 @@ Nothing here is flown by the code that is tested: the quadrotor of `tests/indepe
 import jsonschema
 import numpy as np
 import pytest
-from scripts.json_documents import schema
 
 import wrenchgap as wg
+from scripts.json_documents import schema
 from tests.independent import flown_quadrotor as engine
 from wrenchgap.flight import so3
 from wrenchgap.learn.discover.atoms import atoms, constants

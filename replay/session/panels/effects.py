@@ -17,6 +17,7 @@ from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.panels.html import finer
+from wrenchgap.replay.session.panels.law import LawControls
 from wrenchgap.viewer.host import Host, download
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
@@ -25,6 +26,7 @@ from wrenchgap.viewer.session import Motion, Scene
 
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
+    from wrenchgap.plant import Model
 
 VERDICTS = {
     "effect": "this is missing",
@@ -51,6 +53,7 @@ class EffectsPanel(Panel):
         self._flight: str | None = None
         self.searches: dict[str, tuple[Explanation, str]] = {}
         """What was found to be missing, by flight, and on top of which model."""
+        self.searched: dict[str, Model] = {}
         self.designed: Design | None = None
         gui, connect = host.gui, host.connect
         with host.tab("Effects"):
@@ -63,6 +66,7 @@ class EffectsPanel(Panel):
                 hint = "Tries every effect of the catalogue on held-out time of this flight; the page stays usable."
                 self.work = JobControls(host, "Search", self._explain, hint)
                 self.found = gui.add_html("")
+                self.law = LawControls(host, effects, self._last)
                 self.choice = gui.add_dropdown("by name", ("-",))
                 self.put = connect(gui.add_button("Add effect"), lambda _: self.add(self.choice.value))
                 self.lacking = gui.add_html("")
@@ -116,6 +120,7 @@ class EffectsPanel(Panel):
         self.refit.visible = bool(installed)
         found = self.searches.get(scene.name)
         self.found.content = "" if found is None else self._search_html(*found)
+        self.law.forget()
         beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
         if beside:
             self._climb((), f"looking at {scene.name} ...")
@@ -152,6 +157,12 @@ class EffectsPanel(Panel):
             groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.separable],
         )
 
+    def _last(self) -> Explanation | None:
+        """What was found of the flight that is shown, if on top of the model as it stands, values and all."""
+        flight = self.host.scene.name
+        same = self.searched.get(flight) is self.effects.working.model
+        return self.searches[flight][0] if same and flight in self.searches else None
+
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""
         if any(n not in self.available for n in names):
@@ -175,9 +186,10 @@ class EffectsPanel(Panel):
         self.host.refresh()
 
     def _explain(self) -> None:
-        flight, model = self.host.scene.name, self.effects.working.name
+        flight, model, searched = self.host.scene.name, self.effects.working.name, self.effects.working.model
 
         def done(found: Explanation) -> None:
+            self.searched[flight] = searched
             self.searches[flight] = found, model
             self.opened(self.host.scene)
 
