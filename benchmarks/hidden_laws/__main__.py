@@ -25,6 +25,7 @@ from benchmarks.hidden_effects import engine
 from benchmarks.hidden_laws.flights import MODELS, flown, true_size
 from benchmarks.hidden_laws.laws import LAWS
 from tests.independent import flown_quadrotor as quadrotor
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -93,22 +94,28 @@ def rows(seed: int, known: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]
     """What was measured, as it comes; of `known` cases nothing."""
     done = {(r["kind"], r["name"], r["vehicle"]) for r in known}
     for *case, fly in cases(seed):
-        if tuple(case) not in done:
+        if tuple(case) in done:
+            continue
+        try:
             yield judged(*case, fly())
+        except UsageError as lost:  # the vehicle could not be flown with it
+            yield dict(zip(("kind", "name", "vehicle"), case, strict=True)) | {"lost": str(lost)}
 
 
 def table(found: list[dict[str, Any]], load: str) -> str:
     """In Markdown: a row for each case with a law, then counts."""
     lines = []
     for r in found:
-        if r["kind"] == "law":
+        if "lost" in r:
+            lines.append((r["name"], r["vehicle"], "", "the flight was lost", "", ""))
+        elif r["kind"] == "law":
             said = r["formula"] or {"nothing": f"named: {', '.join(r['named'])}"}.get(r["outcome"], "no law")
             sigma = "" if r["off_sigma"] is None else f"{r['off_sigma']:.1f}"
             lines.append(
                 (r["name"], r["vehicle"], "yes" if r["right"] else "no", said, f"{100 * r['gone']:.0f}", sigma)
             )
     for kind in ("memory", "nothing"):
-        own = [r for r in found if r["kind"] == kind]
+        own = [r for r in found if r["kind"] == kind and "lost" not in r]
         wrong = [f"{r['name']}: {r['formula']}" for r in own if r["laws"]]
         lines.append((f"{kind}, {len(own)} flights", "", f"{len(wrong)} false", "; ".join(wrong), "", ""))
     return pages.markdown(("hidden", "vehicle", "right", "said", "gone, %", "off by, sigma"), lines, load)

@@ -86,7 +86,9 @@ LAWS = {
         ("flapping", "torque_e_z_cross_v.*"),
         on_hexarotor=0.3,
     ),
-    "pressure_point": HiddenLaw(lambda x, k: (NONE, k * np.array([0.0, 0.0, x.v[1]])), 0.03, ("torque_z_v_y$",)),
+    "pressure_point": HiddenLaw(
+        lambda x, k: (NONE, k * np.array([0.0, 0.0, x.v[1]])), 0.03, ("torque_z_v_y$",), on_hexarotor=0.3
+    ),
     "wake": HiddenLaw(_wake, 0.004, ("wake_cos",), ("hexarotor",)),
     "tilt_rate": HiddenLaw(
         lambda x, k: (NONE, k * (x.alpha_rate[:, None] * x.axis).sum(axis=0)),
