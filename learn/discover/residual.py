@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -291,9 +292,8 @@ def listed(steps: Sequence[FoundAtom], others: int = 3) -> list[Atom]:
 def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
     """The effects of a file, which passes the checks that every user's own file has to."""
     with tempfile.TemporaryDirectory(prefix="wrenchgap-law-") as folder:
-        path = Path(folder) / "law.py"
-        path.write_text(source, encoding="utf-8")
-        return own_effects.load(path)
+        write_below(Path(folder), "law.py", source.encode())
+        return own_effects.load(Path(folder) / "law.py")
 
 
 def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut:

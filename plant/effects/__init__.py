@@ -89,7 +89,7 @@ def registered(found: Iterable[tuple[AnyEffect, Source]]) -> Iterator[None]:
     finally:
         _own.clear()
         _own.update(before)
-        catalogue.cache_clear()
+        _renew()
 
 
 def sources() -> dict[str, Source]:
