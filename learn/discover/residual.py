@@ -199,7 +199,7 @@ class Fitted:
         with effects.registered(self.effects):
             before = held_out(data, given, self.members, self.before, groups=quarter)
             after = held_out(data, given, [*self.members, *self.names], self.fit, groups=quarter)
-        return _compared(data, before, after, "quarters of the time in turn")
+        return _compared(data, before, after, "time that was not fitted, a quarter after the other")
 
     def on_flights(self, flights: Sequence[OpenFlight]) -> HeldOut:
         """On flights that were not fitted."""

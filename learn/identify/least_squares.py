@@ -287,7 +287,8 @@ class Problem:
         whole = np.asarray(count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse, dtype=np.float64)
         whole = whole + beyond_blocks(self.data, scores, np.asarray(inverse, dtype=np.float64), whole)
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
-        seconds = np.array([p.unit == "s" for _, p in self.parameters], dtype=bool)
+        late = ("commands", "sensor")  # where a time shifts something; elsewhere seconds are what units leave over
+        seconds = np.array([p.unit == "s" and find(name).place in late for name, p in self.parameters], dtype=bool)
         dt = max(r.dt for r in self.data.records)
         inexact = (MISFIT * point.x[: self.size]) ** 2 + seconds * dt**2 / 12.0
         return np.asarray(whole[: self.size, : self.size] + np.diag(inexact))

@@ -40,8 +40,8 @@ def summary(found: Discovery) -> list[str]:
     if not found.laws:
         return _without(found, named)
     out = [f"A law{'' if len(found.laws) == 1 else 's'} beside {named}: {'; '.join(map(written, found.laws))}."]
-    where = f"on {found.held_out}" if found.held_out else ""
-    out.append(f"{share(found.gone)} of the energy above the sensors' noise goes {where}.")
+    subject = "It takes" if len(found.laws) == 1 else "They take"
+    out.append(f"{subject} off {share(found.gone)} of the energy above the sensors' noise on {found.held_out}.")
     for law in found.laws:
         out += said_of(law)
     return out
@@ -83,8 +83,9 @@ def said_of(law: Law) -> list[str]:
     if law.resembles is not None and law.resembles[1] > 0.3:
         name, cosine = law.resembles
         out.append(f"Nearest in the catalogue: {name}, which predicts {share(cosine**2)} of it.")
-    feeds = "feeds energy into" if law.power > 0.0 else "takes energy out of"
-    out.append(f"On average it {feeds} the motion, {quantity(abs(law.power), 'W', 2)}.")
+    size = quantity(abs(law.power), "W", 2)
+    feeds = f"feeds {size} into the motion" if law.power > 0.0 else f"takes {size} out of the motion"
+    out.append(f"On average it {'does no work' if 0.4 < law.feeds < 0.6 else feeds}.")
     seen = [f"{WORDS.get(n, n)} {number(a, 2)} to {quantity(b, UNITS[n], 2)}" for n, a, b in law.seen]
     if seen:
         out.append(f"It was seen at {', '.join(seen)}; beyond that it is held, not extrapolated.")

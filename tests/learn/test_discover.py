@@ -194,6 +194,18 @@ def test_the_file_of_a_law_is_an_effect_that_is_added(found, hidden):
     assert "law_torque_z_heading4" not in effects.catalogue()
 
 
+def test_a_coefficient_in_seconds_is_no_time_that_stamps_blur(hidden):
+    """M = k T (e_z x v) has k in seconds: a sample's period over sqrt(12) is no error of it."""
+    from wrenchgap.plant import effects
+
+    laws = [a for a in atoms(QUADROTOR) if a.name == "torque_e_z_cross_v_thrust"]
+    assert laws[0].terms[0].unit == "s"
+    with effects.registered(loaded(source(laws, constants(QUADROTOR, 15.0), []))):
+        fitted = wg.add(engine.MODEL, ["law_torque_e_z_cross_v_thrust", "body_drag", "motor_lag"], hidden[0])
+    (law,) = [e for e in fitted.model.effects if e.name.startswith("law_")]
+    assert law.std[0] < 0.2 / engine.RATE / np.sqrt(12.0)
+
+
 def test_the_document_is_what_the_schema_says(found):
     made = document("discover", to_json(found))
     jsonschema.validate(made, schema("discover", strict=True))
