@@ -86,7 +86,8 @@ def judged(kind: str, name: str, vehicle: str, flights: list[Flight]) -> dict[st
     hidden = [law for law in found.laws if law.name != own]  # what is said of the hidden law
     said = [n for law in hidden[:1] for n in (law.name, *(n for n, _ in law.alike))]
     right = kind == "law" and any(re.match(f"law_{p}", n) for p in LAWS[name].right for n in said)
-    values = hidden[0].coefficients if right else ()
+    itself = right and any(re.match(f"law_{p}", hidden[0].name) for p in LAWS[name].right)
+    values = hidden[0].coefficients if itself else ()  # those of one that predicts the same are others
     lead = max(values, key=lambda c: abs(c.value), default=None)
     size = true_size(name, vehicle) if kind == "law" else np.nan
     return {
@@ -117,10 +118,9 @@ def table(found: list[dict[str, Any]], load: str) -> str:
             lines.append((r["name"], r["vehicle"], "", "the flight was lost", "", ""))
         elif r["kind"] == "law":
             said = r["formula"] or {"nothing": f"named: {', '.join(r['named'])}"}.get(r["outcome"], "no law")
+            right = "no" if not r["right"] else "in its class" if r["off_sigma"] is None else "yes"
             sigma = "" if r["off_sigma"] is None else f"{r['off_sigma']:.1f}"
-            lines.append(
-                (r["name"], r["vehicle"], "yes" if r["right"] else "no", said, f"{100 * r['gone']:.0f}", sigma)
-            )
+            lines.append((r["name"], r["vehicle"], right, said.replace("|", "\\|"), f"{100 * r['gone']:.0f}", sigma))
     for kind in ("memory", "nothing"):
         own = [r for r in found if r["kind"] == kind and "lost" not in r]
         wrong = [f"{r['name']}: {r['formula']}" for r in own if r["laws"]]
