@@ -20,18 +20,26 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.targets.quantities import acting_effects
 from wrenchgap.plant.vehicle import GRAVITY
 
-ROUNDS = 10
-"""Of the search for the largest margin: on 600 random demands of octorotors and hexarotors its largest share of a range
-was at most 4 % above the best (0 rounds, the pseudo-inverse: 69 %; 30: 1.3 %)."""
-CALM = 0.5
-"""Largest share of a range up to which the pseudo-inverse is taken: on arms that tilt the largest margin costs angle,
-27 deg in place of 20 deg rms for forces of 0.3 of the weight, which meets more of the wakes."""
-FAR = 10.0
-"""Times all thrusts at their largest: beyond that a demand is none."""
-ROUNDING = 1e-6
-"""[N, Nm]: what is below is no harm."""
-DEMANDS = 400
-"""Of the comparison of margins: their mean is known to a percentage point."""
+
+@dataclass(frozen=True)
+class AllocatorSettings:
+    """What the allocation decides by."""
+
+    rounds: int = 10
+    """Of the search for the largest margin: on 600 random demands of octorotors and hexarotors its largest share of a
+    range was at most 4 % above the best (0 rounds, the pseudo-inverse: 69 %; 30: 1.3 %)."""
+    calm: float = 0.5
+    """Largest share of a range up to which the pseudo-inverse is taken: on arms that tilt the largest margin costs
+    angle, 27 deg in place of 20 deg rms for forces of 0.3 of the weight, which meets more of the wakes."""
+    far: float = 10.0
+    """Times all thrusts at their largest: beyond that a demand is none."""
+    rounding: float = 1e-6
+    """[N, Nm]: what is below is no harm."""
+    demands: int = 400
+    """Of the comparison of margins: their mean is known to a percentage point."""
+
+
+SETTINGS = AllocatorSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +61,7 @@ class Allocator:
     `calm` 0 takes the largest margin everywhere.
     """
 
-    def __init__(self, problem: AllocationProblem, rounds: int = ROUNDS, calm: float = CALM) -> None:
+    def __init__(self, problem: AllocationProblem, rounds: int = SETTINGS.rounds, calm: float = SETTINGS.calm) -> None:
         self.problem, self.table = problem, table_of(problem, rounds, calm)
         self._room, self._memory, self._out = rooms(self.table)
         self.reset()
@@ -102,7 +110,7 @@ class Left:
     @property
     def worse(self) -> bool:
         """Whether the corrected allocation does harm by the model itself."""
-        return bool((self.corrected > self.nominal + ROUNDING).any())
+        return bool((self.corrected > self.nominal + SETTINGS.rounding).any())
 
 
 def left_by_model(model: Model, problem: AllocationProblem, count: int = 100, seed: int = 1) -> Left:
@@ -119,7 +127,7 @@ def left_by_model(model: Model, problem: AllocationProblem, count: int = 100, se
     return Left(off(Allocator(nominal, rounds=0)), off(Allocator(problem)))
 
 
-def margins(problem: AllocationProblem, count: int = DEMANDS, seed: int = 0) -> Margins:
+def margins(problem: AllocationProblem, count: int = SETTINGS.demands, seed: int = 0) -> Margins:
     """Margins of demands that lie evenly between hover and the end of the vehicle's reach, in directions of chance.
 
     Directions are even in shares of what all thrusts together make on each axis.
@@ -147,7 +155,7 @@ def margins(problem: AllocationProblem, count: int = DEMANDS, seed: int = 0) -> 
     return Margins(best, plain, spare)
 
 
-def table_of(problem: AllocationProblem, rounds: int = ROUNDS, calm: float = CALM) -> AllocationTable:
+def table_of(problem: AllocationProblem, rounds: int = SETTINGS.rounds, calm: float = SETTINGS.calm) -> AllocationTable:
     """Constants of the allocation; raises ModelError for a vehicle that cannot hover within its limits as flown."""
     p = problem
     arms, rotors = p.vehicle.geometry()
@@ -178,7 +186,7 @@ def table_of(problem: AllocationProblem, rounds: int = ROUNDS, calm: float = CAL
         share=p.share,
         least=rotors.c_f * rotors.speed_min**2,
         most=rotors.c_f * rotors.speed_max**2,
-        far=FAR * p.authority,
+        far=SETTINGS.far * p.authority,
         rounds=rounds,
         calm=calm,
     )

@@ -6,7 +6,7 @@ x_g along its direction at rest and y_g across it, about the centre of mass as f
     W = offset + sum_g (wrench_g,0 x_g + wrench_g,1 y_g),    low_g <= x_g <= high_g, y_g = 0     arms that do not tilt
                                                              hypot(x_g, y_g) <= high_g           arms that do
 
-the straight line of least squares through what the model makes of `SAMPLES` commands about hover (statistical
+the straight line of least squares through what the model makes of `FLOWN.samples` commands about hover (statistical
 linearisation: Gelb, "Applied optimal estimation", 1974, chapter 6): of effects that are linear in these thrusts, their
 own law; of wakes, which an arm meets only when it tilts, what they are on average in flight. Commands are those of the
 nominal allocation for forces and torques of chance, and as much again that nominally makes no wrench. Limits are those
@@ -29,11 +29,22 @@ from wrenchgap.plant.targets.quantities import acting_effects, still_wrench
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com
 
-SAMPLES = 300
-"""Commands of the fit: ten for each of the unknowns of twelve rotors on six arms that tilt, or more."""
-FORCE, TORQUE, BESIDE = 0.3, 0.05, 0.1
-"""Of the commands: largest force from hover, of the weight; torque, of what all thrusts together make; standard
-deviation of what makes no wrench, of the mean thrust of a group. What careful flights do."""
+
+@dataclass(frozen=True)
+class FlownCommands:
+    """Commands about hover of which the straight line is the best: what careful flights ask for."""
+
+    samples: int = 300
+    """Ten for each of the unknowns of twelve rotors on six arms that tilt, or more."""
+    force: float = 0.3
+    """Largest force from hover, of the weight."""
+    torque: float = 0.05
+    """Largest torque, of what all thrusts together make."""
+    beside: float = 0.1
+    """Standard deviation of what makes no wrench, of the mean thrust of a group."""
+
+
+FLOWN = FlownCommands()
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +121,8 @@ def allocation_problem(model: Model, *, nominal: bool = False) -> AllocationProb
 
 
 def demands(nominal: AllocationProblem, count: int, rng: np.random.Generator) -> Array:
-    """Wrenches (count, 6) about hover, of chance, as a careful flight asks for them (`FORCE`, `TORQUE`)."""
-    size = np.concatenate((np.full(3, FORCE * nominal.hover[2]), TORQUE * nominal.authority[3:]))
+    """Wrenches (count, 6) about hover, of chance, as a careful flight asks for them (`FLOWN.force`, `FLOWN.torque`)."""
+    size = np.concatenate((np.full(3, FLOWN.force * nominal.hover[2]), FLOWN.torque * nominal.authority[3:]))
     return np.asarray(nominal.hover + rng.uniform(-1.0, 1.0, (count, 6)) * size)
 
 
@@ -132,14 +143,14 @@ def _as_flown(nominal: AllocationProblem, effects: list[ModelEffect], seed: int 
     inverse = np.linalg.pinv(p.directions.T @ p.flat, rcond=RANK) @ p.directions.T
     mean = inverse @ p.hover
     beside = np.eye(len(used)) - inverse @ p.flat
-    chance = rng.normal(size=(SAMPLES, len(used))) * used * BESIDE * p.hover[2] / len(p.high)
-    off = ((demands(p, SAMPLES, rng) - p.hover) @ inverse.T + chance @ beside.T) * used
-    asked = (mean + off * _within(p, mean, off)[:, None]).reshape(SAMPLES, -1, 2)
+    chance = rng.normal(size=(FLOWN.samples, len(used))) * used * FLOWN.beside * p.hover[2] / len(p.high)
+    off = ((demands(p, FLOWN.samples, rng) - p.hover) @ inverse.T + chance @ beside.T) * used
+    asked = (mean + off * _within(p, mean, off)[:, None]).reshape(FLOWN.samples, -1, 2)
     thrust = np.where(p.tilts, np.hypot(asked[:, :, 0], asked[:, :, 1]), asked[:, :, 0])
-    tilt = np.zeros((SAMPLES, len(arms)))
+    tilt = np.zeros((FLOWN.samples, len(arms)))
     tilt[:, p.arm[p.tilts]] = np.arctan2(asked[:, p.tilts, 1], asked[:, p.tilts, 0])
     made = made_by_model(p, effects, p.share * thrust[:, p.group], tilt)
-    known = np.column_stack((np.ones(SAMPLES), asked.reshape(SAMPLES, -1)[:, used]))
+    known = np.column_stack((np.ones(FLOWN.samples), asked.reshape(FLOWN.samples, -1)[:, used]))
     law = np.linalg.lstsq(known, made, rcond=None)[0]
     flat = np.zeros_like(p.flat)
     flat[:, used] = law[1:].T

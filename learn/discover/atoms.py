@@ -26,22 +26,14 @@ from wrenchgap.learn.discover.quantities import (
     RATE,
     SECOND,
     SPEED,
+    TORQUE,
     Unit,
-    added,
     causes,
     needed,
-    scaled,
-    unit_text,
 )
+from wrenchgap.learn.discover.settings import SETTINGS
 from wrenchgap.plant.effects.effect import weight_scale
 from wrenchgap.plant.vehicle import Vehicle
-
-SMALL = 0.03
-"""What a typical law makes: this share of the weight, and of the weight at the vehicle's span as a torque."""
-ALONE = 0.1
-"""What a law of one rotor alone makes: this share of its thrust in hover."""
-TORQUE: Unit = (1.0, 1.0, 0.0, 0.0)
-"""Newton metres."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +83,7 @@ class Factor:
 
 def times(a: Factor, b: Factor) -> Factor:
     """The product of two functions."""
-    unit = added(a.unit, b.unit)
+    unit = a.unit * b.unit
     return Factor(
         f"{a.code} * {b.code}", f"{a.symbol} {b.symbol}", unit, a.typical * b.typical, a.price + b.price + 0.5
     )
@@ -99,7 +91,7 @@ def times(a: Factor, b: Factor) -> Factor:
 
 def power(of: Factor, p: float) -> Factor:
     """A power of a function."""
-    unit = scaled(of.unit, p)
+    unit = of.unit**p
     return Factor(f"{of.code} ** {p:g}", f"{of.symbol}^{p:g}", unit, of.typical**p, of.price + (p not in (1, 2)))
 
 
@@ -131,7 +123,7 @@ VELOCITY = Direction("v", "v", SPEED, 3.0)
 TURNING = Direction("omega", "omega", RATE)
 ACROSS = Direction("np.cross(np.array([0.0, 0.0, 1.0]), v)", "e_z x v", SPEED, 2.0)
 LEVELLING = Direction("np.cross(np.array([0.0, 0.0, 1.0]), up)", "e_z x up", ONE, 0.3)
-CORIOLIS = Direction("np.cross(omega, v)", "omega x v", added(RATE, SPEED), 2.0)
+CORIOLIS = Direction("np.cross(omega, v)", "omega x v", RATE * SPEED, 2.0)
 GYROSCOPIC = Direction("np.cross(omega, np.array([0.0, 0.0, 1.0]))", "omega x e_z", RATE)
 
 
@@ -166,11 +158,11 @@ class _Library:
     def term(self, kind: str, direction: Direction, factor: Factor) -> Term:
         size = self.weight * (1.0 if kind == "force" else self.span)
         made = NEWTON if kind == "force" else TORQUE
-        unit = added(made, scaled(added(direction.unit, factor.unit), -1.0))
+        unit = made / (direction.unit * factor.unit)
         code = f"({direction.code}) * ({factor.code})"
         whole = f"force_at(com, {code})" if kind == "force" else f"pure_torque({code})"
         symbol = " ".join(s for s in (factor.symbol, direction.symbol) if s)
-        return Term(whole, symbol, unit_text(unit), SMALL * size / (direction.typical * factor.typical))
+        return Term(whole, symbol, str(unit), SETTINGS.small * size / (direction.typical * factor.typical))
 
     def vectors(self) -> Iterator[Atom]:
         """Along vectors that turn with what makes them."""
@@ -229,7 +221,7 @@ class _Library:
     def shares(self) -> Iterator[Atom]:
         """Shares of all that rotors make."""
         for f in (SPEED_OF, power(SPEED_OF, 2), V[2], power(V[2], 2), CHARGE, TIME, power(TIME, 2), LOW):
-            term = Term(f"wrench_B * ({f.code})", f"{f.symbol} W", _over(f.unit), SMALL / f.typical)
+            term = Term(f"wrench_B * ({f.code})", f"{f.symbol} W", str(ONE / f.unit), SETTINGS.small / f.typical)
             yield Atom(f"share_{_word(f.symbol)}", f"W_added = k {f.symbol} W_rotors", (term,), f.price)
 
     def rotors(self) -> Iterator[Atom]:
@@ -240,17 +232,17 @@ class _Library:
         scales = [each, power(each, 2)]
         scales += [times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], CHARGE, TIME, LOW)]
         for f in scales:
-            unit, size, word = _minus(NEWTON, f.unit), hover / f.typical, _word(f.symbol)
-            every = Term(_forces(f"n * ({f.code})[:, :, None]"), f"sum_i {f.symbol} n_i", unit, SMALL * size)
+            unit, size, word = str(NEWTON / f.unit), hover / f.typical, _word(f.symbol)
+            every = Term(_forces(f"n * ({f.code})[:, :, None]"), f"sum_i {f.symbol} n_i", unit, SETTINGS.small * size)
             yield Atom(f"rotors_{word}", f"W = k {every.symbol} at r_i", (every,), f.price)
             for i in range(count):
                 code = f"force_at(r[:, {i}], n[:, {i}] * ({f.code})[:, {i}:{i + 1}])"
-                one = Term(code, f"{f.symbol} n_i", unit, ALONE * size)
+                one = Term(code, f"{f.symbol} n_i", unit, SETTINGS.alone * size)
                 yield Atom(f"rotor{i + 1}_{word}", f"W = k {one.symbol} at r_i, i = {i + 1}", (one,), 2.0 + f.price)
-        lever = SMALL * self.weight * self.span / count
+        lever = SETTINGS.small * self.weight * self.span / count
         for f in (each, power(each, 2), times(each, SPEED_OF), times(each, CHARGE)):
             code = _torques(f"n * (spin * ({f.code}))[:, :, None]")
-            term = Term(code, f"sum_i s_i {f.symbol} n_i", _minus(TORQUE, f.unit), lever / f.typical)
+            term = Term(code, f"sum_i s_i {f.symbol} n_i", str(TORQUE / f.unit), lever / f.typical)
             yield Atom(f"spins_{_word(f.symbol)}", f"M = k {term.symbol}", (term,), f.price)
         moving, across = times(each, Factor("1.0", "", SPEED, 2.0)), "np.cross(n, np.cross(n, v[:, None]))"
         for name, code, said, made in (
@@ -258,8 +250,8 @@ class _Library:
             ("flapping_spin", _torques(f"{across} * (spin * T)[:, :, None]"), "s_i n_i x (n_i x v)", TORQUE),
             ("hub_drag", _forces(f"{across} * T[:, :, None]"), "n_i x (n_i x v) at r_i", NEWTON),
         ):
-            size = lever if made is TORQUE else SMALL * hover
-            term = Term(code, f"sum_i T_i {said}", _minus(made, moving.unit), size / moving.typical)
+            size = lever if made is TORQUE else SETTINGS.small * hover
+            term = Term(code, f"sum_i T_i {said}", str(made / moving.unit), size / moving.typical)
             yield Atom(name, f"{'M' if made is TORQUE else 'W'} = k {term.symbol}", (term,), 0.5)
 
     def arms(self) -> Iterator[Atom]:
@@ -270,18 +262,18 @@ class _Library:
         for name, direction, said in (("across", f"np.cross({own}, n)", "a_i x n_i"), ("along", own, "a_i")):
             for begins, f in (("arm_bend", power(each, 2)), ("arm_pull", each)):
                 code = _forces(f"({direction}) * ({f.code})[:, :, None]")
-                term = Term(code, f"sum_i {f.symbol} {said}", _minus(NEWTON, f.unit), SMALL * hover / f.typical)
+                term = Term(code, f"sum_i {f.symbol} {said}", str(NEWTON / f.unit), SETTINGS.small * hover / f.typical)
                 yield Atom(f"{begins}_{name}", f"W = k {term.symbol} at r_i", (term,), 1.0)
         if not arms.tilts.any():
             return
-        lever, squared = SMALL * self.weight * self.span / len(arms), scaled(RATE, 2.0)
+        lever, squared = SETTINGS.small * self.weight * self.span / len(arms), RATE**2.0
         for name, code, said, unit in (
             ("tilt_rate_torque", "alpha_dot", "d alpha_i/dt", RATE),
             ("tilt_acceleration_torque", "alpha_ddot", "d2 alpha_i/dt2", squared),
             ("tilt_rate_drag", "alpha_dot * np.abs(alpha_dot)", "|d alpha_i/dt| d alpha_i/dt", squared),
             ("tilt_sine_torque", "np.sin(alpha)", "sin alpha_i", ONE),
         ):
-            term = Term(_torques(f"axis * ({code})[:, :, None]"), f"sum_i {said} a_i", _minus(TORQUE, unit), lever)
+            term = Term(_torques(f"axis * ({code})[:, :, None]"), f"sum_i {said} a_i", str(TORQUE / unit), lever)
             yield Atom(name, f"M = k {term.symbol}", (term,), 0.5)
         yield from self.wakes()
 
@@ -297,7 +289,7 @@ class _Library:
                 for side in ("left", "right")
             ]
             code = _forces(f"n * ({' + '.join(parts)})[:, :, None]")
-            term = Term(code, f"sum_ij T_i T_j {symbol} n_i", "1/N", SMALL / hover)
+            term = Term(code, f"sum_ij T_i T_j {symbol} n_i", "1/N", SETTINGS.small / hover)
             yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j beside i", (term,), 1.0)
 
 
@@ -322,14 +314,6 @@ def _forces(code: str) -> str:
 def _torques(code: str) -> str:
     """The wrench of torques (N, X, 3)."""
     return f"pure_torque(np.sum({code}, axis=1))"
-
-
-def _minus(made: Unit, unit: Unit) -> str:
-    return unit_text(added(made, scaled(unit, -1.0)))
-
-
-def _over(unit: Unit) -> str:
-    return unit_text(scaled(unit, -1.0))
 
 
 WORDS = (

@@ -28,6 +28,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record, thinned
 from wrenchgap.learn.discover.atoms import Atom, Term
 from wrenchgap.learn.discover.law_file import evaluator
+from wrenchgap.learn.discover.settings import SETTINGS
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import Scorer
@@ -37,22 +38,13 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Actuation
 from wrenchgap.plant.wrench_model import WrenchModel, about_com, actuator_rates
 
-AT_ONCE = 60
-"""Columns that are transformed at once."""
-NULLS = 99
-"""Residuals of chance that are searched: with 99, the 95 % quantile is the fifth largest."""
-LEAST_SHIFT = 4.0
-"""Shortest shift in time [s]: longer than a vehicle's own motion remembers."""
-ALIKE = 0.995
-"""Correlation from which on one atom is the same as one before it."""
-
 
 @dataclass(frozen=True)
 class Evidence:
     """What atoms and the residual say, whitened, named effects projected out: rows are coefficients of axes and bands.
 
     `X` (rows, columns) of `atoms`, of which atom a has the columns `of[a]`; `y` (rows,) the residual; `nulls` (rows,
-    NULLS). `cell` (rows,) numbers axis and band, `moment` (rows,) the block of time and `flight` (rows,) its flight;
+    N). `cell` (rows,) numbers axis and band, `moment` (rows,) the block of time and `flight` (rows,) its flight;
     `count` (cells,) are coefficients that count, `floor` (cells,) the sensors' share of the variance.
     """
 
@@ -82,7 +74,7 @@ class Evidence:
         """The same when one atom is a law, and `left` (K, 6) is what it leaves in time."""
         u, s, _ = np.linalg.svd(self.columns([atom]), full_matrices=False)
         basis = u[:, s > 1e-6 * s.max()]
-        nulls = whitening(surrogate_residuals(whitening.data, left, NULLS, seed))
+        nulls = whitening(surrogate_residuals(whitening.data, left, SETTINGS.nulls, seed))
         X, y, nulls = (m - basis @ (basis.T @ m) for m in (self.X, self.y, nulls))
         return distinct(replace(self, X=X.astype(np.float32), y=y, nulls=nulls))
 
@@ -132,7 +124,7 @@ def evidence(
 ) -> Evidence:
     """Put together what flights say of atoms; `left` (K, 6) is what the model leaves in time."""
     data = whitening.data
-    nulls = whitening(surrogate_residuals(data, left, NULLS, seed))
+    nulls = whitening(surrogate_residuals(data, left, SETTINGS.nulls, seed))
     chunks, every = [], []
     for some, block in _chunked(responses(data, model, atoms, numbers), atoms):
         chunks.append(whitening(block).astype(np.float32))
@@ -179,13 +171,13 @@ class Whitening:
         return np.ascontiguousarray(scaled.reshape(-1, coefficients.shape[2]))
 
 
-def _chunked(parts: Iterator[Array], atoms: Sequence[Atom]) -> Iterator[tuple[list[Atom], Array]]:
+def _chunked(parts: Iterator[Array], atoms: Sequence[Atom], most: int = 60) -> Iterator[tuple[list[Atom], Array]]:
     waiting: list[Array] = []
     names: list[Atom] = []
     for atom, part in zip(atoms, parts, strict=True):
         waiting.append(part)
         names.append(atom)
-        if sum(p.shape[2] for p in waiting) >= AT_ONCE:
+        if sum(p.shape[2] for p in waiting) >= most:
             yield names, np.concatenate(waiting, axis=2)
             waiting, names = [], []
     if waiting:
@@ -226,7 +218,7 @@ def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Ar
     for record, end in zip(data.records, ends, strict=True):
         own = np.nan_to_num(left[end - len(record) : end])
         n = len(record)
-        least = min(round(LEAST_SHIFT / record.dt_kept), n // 3)
+        least = min(round(SETTINGS.least_shift / record.dt_kept), n // 3)
         spectrum = np.fft.rfft(own, axis=0)
         for k in range(count):
             if k % 2 == 0 and n > 6:
@@ -251,7 +243,7 @@ def distinct(found: Evidence) -> Evidence:
             continue
         if columns.shape[1] == 1:
             unit = columns[:, 0] / size
-            if seen and np.abs(np.stack(seen) @ unit).max() > ALIKE:
+            if seen and np.abs(np.stack(seen) @ unit).max() > SETTINGS.same:
                 continue
             seen.append(unit)
         kept.append(k)

@@ -1,23 +1,52 @@
 """What a law may be made of: quantities of a flight, as the lines of Python that an effect file of the law has.
 
 Every line is written once, here: the search evaluates it on the flights, the file of a law found contains it. N
-samples; vectors in B unless their name ends in _E. `unit` are powers of newton, metre, second and volt, so that the
-unit of a coefficient follows from what it multiplies, and a law with a wrong unit cannot be written.
+samples; vectors in B unless their name ends in _E. `unit` is its unit, so that the unit
+of a coefficient follows from what it multiplies, and a law with a wrong unit cannot be written.
 """
+
+from __future__ import annotations
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-Unit = tuple[float, float, float, float]
 
-ONE: Unit = (0.0, 0.0, 0.0, 0.0)
-NEWTON: Unit = (1.0, 0.0, 0.0, 0.0)
-METRE: Unit = (0.0, 1.0, 0.0, 0.0)
-SECOND: Unit = (0.0, 0.0, 1.0, 0.0)
-SPEED: Unit = (0.0, 1.0, -1.0, 0.0)
-RATE: Unit = (0.0, 0.0, -1.0, 0.0)
-SYMBOLS = ("N", "m", "s", "V")
+@dataclass(frozen=True)
+class Unit:
+    """Powers of newton, metre, second and volt."""
+
+    N: float = 0.0
+    m: float = 0.0
+    s: float = 0.0
+    V: float = 0.0
+
+    def __mul__(self, other: Unit) -> Unit:
+        return Unit(self.N + other.N, self.m + other.m, self.s + other.s, self.V + other.V)
+
+    def __pow__(self, p: float) -> Unit:
+        return Unit(p * self.N, p * self.m, p * self.s, p * self.V)
+
+    def __truediv__(self, other: Unit) -> Unit:
+        return self * other**-1.0
+
+    def __str__(self) -> str:
+        """Such as "N s^1.5/m^1.5"; "1" for a pure number."""
+
+        def powers(sign: float) -> list[str]:
+            there = [(symbol, sign * p) for symbol, p in vars(self).items() if sign * p > 0.0]
+            return [symbol if p == 1.0 else f"{symbol}^{p:g}" for symbol, p in there]
+
+        return "/".join([" ".join(powers(1.0)) or "1", *powers(-1.0)])
+
+
+ONE = Unit()
+NEWTON = Unit(N=1.0)
+TORQUE = Unit(N=1.0, m=1.0)
+METRE = Unit(m=1.0)
+SECOND = Unit(s=1.0)
+SPEED = Unit(m=1.0, s=-1.0)
+RATE = Unit(s=-1.0)
 
 
 @dataclass(frozen=True)
@@ -89,24 +118,3 @@ def causes(codes: Iterable[str]) -> tuple[str, ...]:
     """What laws of these expressions depend on, in words."""
     found = {n for code in codes for n in _NAME.findall(code) if n in LINES}
     return tuple(dict.fromkeys(LINES[n].cause for n in LINES if n in found and LINES[n].cause))
-
-
-def added(a: Unit, b: Unit) -> Unit:
-    """Powers of a product."""
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
-
-
-def scaled(unit: Unit, by: float) -> Unit:
-    """Of a power."""
-    return (by * unit[0], by * unit[1], by * unit[2], by * unit[3])
-
-
-def unit_text(unit: Unit) -> str:
-    """Such as "N s^1.5/m^1.5"; "1" for a pure number."""
-
-    def powers(sign: float) -> str:
-        parts = [(s, sign * p) for s, p in zip(SYMBOLS, unit, strict=True) if sign * p > 0.0]
-        return " ".join(s if p == 1.0 else f"{s}^{p:g}" for s, p in parts)
-
-    over, under = powers(1.0), powers(-1.0)
-    return (over or "1") + (f"/{under.replace(' ', '/')}" if under else "") if over or under else "1"

@@ -30,10 +30,6 @@ from wrenchgap.learn.posterior.single_effects import uncertain
 from wrenchgap.plant import effects, own_effects
 from wrenchgap.plant.model import Model
 
-QUARTERS = 4
-FEWEST = 6
-"""Blocks of time below which a part of the flights has no coefficient of its own."""
-
 
 @dataclass(frozen=True)
 class FoundAtom:
@@ -156,7 +152,7 @@ class Residual:
             parts = [(f"third {f + 1}", third == f) for f in range(3)]
         out = []
         for label, keep in parts:
-            if len(np.unique(on.moment[keep])) >= FEWEST:
+            if len(np.unique(on.moment[keep])) >= SETTINGS.fewest:
                 theta, covariance = coefficients(X[keep], on.y[keep], on.moment[keep])
                 scale = terms[lead].scale
                 out.append((label, float(theta[lead] * scale), float(np.sqrt(covariance[lead, lead]) * scale)))
@@ -195,7 +191,7 @@ class Fitted:
     def on_time(self) -> HeldOut:
         """On quarters of the time in turn."""
         data, given = self.on.data, self.on.given
-        quarter = (QUARTERS * np.arange(len(data.block)) // len(data.block)).astype(np.intp)
+        quarter = (SETTINGS.quarters * np.arange(len(data.block)) // len(data.block)).astype(np.intp)
         with effects.registered(self.effects):
             before = held_out(data, given, self.members, self.before, groups=quarter)
             after = held_out(data, given, [*self.members, *self.names], self.fit, groups=quarter)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.compensate.allocator import ROUNDING
+from wrenchgap.compensate.allocator import SETTINGS
 from wrenchgap.replay.export.allocation import AllocationExport
 from wrenchgap.replay.present.numbers import number, share
 from wrenchgap.replay.present.tables import Line, Part
@@ -28,7 +28,7 @@ def sentences(made: AllocationExport) -> list[str]:
 def left(made: AllocationExport) -> str:
     """What the model leaves of demands, in one sentence."""
     nominal, corrected = (
-        " and ".join(f"{number(v, 2) if v > ROUNDING else 0} {u}" for v, u in zip(x, ("N", "Nm"), strict=True))
+        " and ".join(f"{number(v, 2) if v > SETTINGS.rounding else 0} {u}" for v, u in zip(x, ("N", "Nm"), strict=True))
         for x in (made.left.nominal, made.left.corrected)
     )
     return f"By the model, the nominal allocation is off by {nominal} rms, the corrected one by {corrected}."

@@ -15,7 +15,7 @@ from wrenchgap.learn.discover.atoms import atoms, constants
 from wrenchgap.learn.discover.discover import Outcome
 from wrenchgap.learn.discover.evidence import surrogate_residuals
 from wrenchgap.learn.discover.law_file import evaluator, source
-from wrenchgap.learn.discover.quantities import unit_text
+from wrenchgap.learn.discover.quantities import Unit
 from wrenchgap.learn.discover.residual import loaded
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
@@ -118,7 +118,7 @@ def test_a_law_that_needs_no_pose_says_so_and_one_that_does_says_that():
     ],
 )
 def test_units_are_written_as_engineers_write_them(unit, text):
-    assert unit_text(tuple(map(float, unit))) == text
+    assert str(Unit(*unit)) == text
 
 
 @pytest.mark.parametrize("vehicle", [TILTING, QUADROTOR])

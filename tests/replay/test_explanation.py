@@ -309,10 +309,10 @@ def test_the_flight_that_separates_is_designed_for_the_logs_as_they_were_read(gr
 
 def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named, nothing):
     look, add = commands(what_next(swinging(named), NAME, ["a.mcap"]))
-    assert look[:2] == ["where", "a.mcap"]
+    assert look[:2] == ["discover", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
     (only,) = commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), NAME, ["a.mcap"]))
-    assert only[0] == "where"
+    assert only[0] == "discover"
 
 
 def test_what_could_not_be_tried_is_listed_by_reason(named):

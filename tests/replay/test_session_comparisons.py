@@ -80,4 +80,4 @@ def test_what_was_found_on_another_model_is_not_added(session):
 def test_one_flight_is_compared_with_nothing(logs):
     only = LogSession(open_flights([logs.train], MODEL), MODEL)
     assert only.comparisons is None
-    assert len(only.capabilities.panels) == 4
+    assert len(only.capabilities.panels) == 5
