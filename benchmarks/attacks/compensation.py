@@ -123,6 +123,28 @@ def _corrupted(folder: Path) -> Outcome:
     )
 
 
+def _allocated(folder: Path) -> Outcome:
+    """An exported allocation, into whose memory something else writes."""
+    model = _with("tilt_hexarotor", com_offset=OFFSET, rotor_thrust=[-0.2] + 11 * [0.0])
+    wg.export_allocation(model, folder / "allocation")
+    vehicle, compiler = model.vehicle, shutil.which("gcc") or shutil.which("cc")
+    assert compiler, "no C compiler"
+    _, rotors = vehicle.geometry()
+    most = float((rotors.c_f * rotors.speed_max**2).max())
+    words = [f"-DHOVER={vehicle.body.mass * GRAVITY!r}", f"-DTHRUST_MAX={most!r}", f"-I{folder / 'allocation'}"]
+    sources = [str(Path(__file__).with_name("allocation.c")), str(folder / "allocation" / "wrenchgap_allocation.c")]
+    subprocess.run([compiler, *FLAGS, *words, "-o", str(folder / "hammer"), *sources, "-lm"], check=True)
+    done = subprocess.run([str(folder / "hammer"), "200000"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        return Outcome(False, done.stderr[-300:])
+    largest, wrong, off = map(float, done.stdout.split())
+    return Outcome(
+        largest <= 1.0 + 1e-9 and wrong == 0.0 and off < 1e-3,
+        f"200,000 periods: thrusts {largest:.6f} of their limit at most, {wrong:.0f} numbers not finite or negative; "
+        f"hover behind a demand that no vehicle can make is made to {off:.1g} N and Nm",
+    )
+
+
 def _c(precision: str) -> Callable[[Path], Outcome]:
     """Every case as C, half of the `DRAWS` in all."""
 
@@ -255,4 +277,9 @@ ATTACKS = (
         _corrupted,
     ),
     Attack("the same in Python, by `step`", BOUND, _python, slow=True),
+    Attack(
+        "the exported allocation: demands that no controller should make, its memory overwritten, under sanitisers",
+        "thrusts within the rotors' limits, finite; an ordinary demand behind an odd one is made",
+        _allocated,
+    ),
 )

@@ -113,6 +113,7 @@ def evaluator(numbers: Mapping[str, str]) -> Callable[..., list[list[Array]]]:
         wanted = {n for a in some for n in a.lines}
         for name in (n for n in LINES if n in wanted):
             here[name] = eval(compiled[name], here)
-        return [[np.asarray(eval(t.code, here)) for t in a.terms] for a in some]
+        with np.errstate(all="ignore"):  # what is no number is no law of these flights
+            return [[np.asarray(eval(t.code, here)) for t in a.terms] for a in some]
 
     return values

@@ -88,7 +88,7 @@ class Residual:
     def steps(self) -> tuple[FoundAtom, ...]:
         """Atoms that gain more than chance, one after the other, each on what the last leaves."""
         on, left, found = self.first, self.left, []
-        for k in range(SETTINGS.most):
+        for k in range(SETTINGS.most if on.atoms else 0):
             one = step(on, SETTINGS.alike)
             if one.false_alarm > SETTINGS.false_alarms:
                 break
@@ -309,7 +309,9 @@ def _centred(data: Dataset, left: Array) -> Array:
 
 
 def _power(data: Dataset, made: Array) -> Array:
-    """F . v + M . omega (K,) [W] of wrenches (K, 6)."""
+    """F . v + M . omega (K,) [W] of wrenches (K, 6); not a number where the velocity is not known."""
+    if not all(r.has_pose for r in data.records):
+        return np.full(len(made), np.nan)
     states = [r.state_kept for r in data.records]
     velocity = np.concatenate([so3.rotate_inverse(s.quat_EB, s.velocity_E) for s in states])
     return np.asarray(np.sum(made * np.hstack((velocity, np.concatenate([s.omega_B for s in states]))), axis=1))

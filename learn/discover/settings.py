@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DiscoverySettings:
-    """When a law is one. What half and twice of each does is measured: docs/discover.md."""
+    """When a law is one. What half and twice of each does was not measured yet."""
 
     small: float = 0.03
     """What a typical law makes: this share of the weight, and of the weight at the vehicle's span as a torque. Sizes of
@@ -38,7 +38,8 @@ class DiscoverySettings:
     sure: float = 3.0
     """Standard deviations that the coefficients of a law are from zero, fitted with everything that was named."""
     apart: float = 3.0
-    """Standard errors by which the coefficient of one part of the flights may differ from that of the others."""
+    """Standard errors by which the coefficient of one part of the flights may differ from the mean, besides half of
+    that: laws are not exact, and parts are short."""
 
 
 SETTINGS = DiscoverySettings()

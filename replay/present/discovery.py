@@ -83,9 +83,10 @@ def said_of(law: Law) -> list[str]:
     if law.resembles is not None and law.resembles[1] > 0.3:
         name, cosine = law.resembles
         out.append(f"Nearest in the catalogue: {name}, which predicts {share(cosine**2)} of it.")
-    size = quantity(abs(law.power), "W", 2)
-    feeds = f"feeds {size} into the motion" if law.power > 0.0 else f"takes {size} out of the motion"
-    out.append(f"On average it {'does no work' if 0.4 < law.feeds < 0.6 else feeds}.")
+    if np.isfinite(law.power):
+        size = quantity(abs(law.power), "W", 2)
+        feeds = f"feeds {size} into the motion" if law.power > 0.0 else f"takes {size} out of the motion"
+        out.append(f"On average it {'does no work' if 0.4 < law.feeds < 0.6 else feeds}.")
     seen = [f"{WORDS.get(n, n)} {number(a, 2)} to {quantity(b, UNITS[n], 2)}" for n, a, b in law.seen]
     if seen:
         out.append(f"It was seen at {', '.join(seen)}; beyond that it is held, not extrapolated.")

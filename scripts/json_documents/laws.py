@@ -61,8 +61,8 @@ class FoundLaw(TypedDict):
     """Share of halves of the time in which it is found again."""
     parts: list[LawPart]
     resembles: NearestEffect | None
-    power: float
-    """That it feeds into the motion on average [W]."""
+    power: Number
+    """That it feeds into the motion on average [W]; null where the velocity is not known."""
     feeds: float
     """Share of the time in which it does."""
     seen: list[SeenRange]

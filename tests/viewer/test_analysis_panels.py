@@ -112,6 +112,16 @@ def test_the_page_says_whether_to_fly_and_not_of_another_flight(page, work):
     assert panel.answer.content == ""
 
 
+def test_the_page_looks_for_a_law_of_what_no_name_explains(page, work):
+    panel = panel_of(page, EffectsPanel)
+    assert panel.law.last() is None  # nothing was searched for on top of this model
+    work(panel.law.work)
+    assert "Nothing is left for a law" in panel.law.answer.content
+    assert not panel.law.save.visible
+    page.open("test")
+    assert panel.law.answer.content == ""
+
+
 def test_allocation_is_that_of_the_model_as_it_stands_and_can_be_downloaded(page, work):
     panel = panel_of(page, AllocationPanel)
     assert not panel.get.visible
