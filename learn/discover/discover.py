@@ -10,7 +10,7 @@ fitted       the laws as effects of their own, with what was named, as `add` fit
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from wrenchgap.flight.flight import Array
@@ -87,12 +87,14 @@ def discover(
         left = explanation.rms_after
         return Discovery(Outcome.NOTHING, explanation, (), (), (), left, left, data.noise, 0.0, 0.0, "", 0, "")
     tell(0.6, "laws on the wrench as it is")
-    if data.answering:
-        found = _laws(data.unanswering(), model, explanation, validation)
-        if found.outcome is Outcome.LAW:
-            return found
-        tell(0.8, "laws on what commands did not answer")
-    return _laws(data, model, explanation, validation)
+    if not data.answering:
+        return _laws(data, model, explanation, validation)
+    free = _laws(data.unanswering(), model, explanation, validation)
+    if free.outcome is Outcome.LAW:
+        return free
+    tell(0.8, "laws on what commands did not answer")
+    found = _laws(data, model, explanation, validation)
+    return found if found.laws else replace(found, rejected=tuple(dict.fromkeys((*free.rejected, *found.rejected))))
 
 
 def _laws(data: Dataset, model: Model, explanation: Explanation, validation: Sequence[OpenFlight]) -> Discovery:

@@ -48,7 +48,7 @@ def summary(found: Discovery) -> list[str]:
 
 
 def _without(found: Discovery, named: str) -> list[str]:
-    out = [f"No law: this log carries none for what {named} leave{'s' if named == 'no effect' else ''}."]
+    out = [f"No law: this log carries none for what {named} leave{'s' if len(found.explanation.effects) < 2 else ''}."]
     if found.depends:
         out.append(
             f"What is left depends on {' and '.join(found.depends)}: regressions on that take off "
