@@ -1,5 +1,6 @@
 """What hides behind "not in the catalogue": the law, how sure it is, what is like it, and what to do with it."""
 
+import shlex
 from typing import Any
 
 import numpy as np
@@ -93,15 +94,17 @@ def said_of(law: Law) -> list[str]:
     return out
 
 
-def what_next(found: Discovery, model: str, logs: list[str], file: str | None) -> list[str]:
+def what_next(found: Discovery, model: str, logs: list[str], file: str | None) -> list[Line]:
     """Commands that use the law."""
     if not found.laws or file is None:
         return []
-    names, first = ",".join(law.name for law in found.laws), found.laws[0]
-    out = [f"wrenchgap add {names} -m {model} --from {' '.join(logs)} --effects {file} -o fitted.toml"]
+    model, file, first = shlex.quote(model), shlex.quote(file), found.laws[0]
+    names = " ".join([*found.explanation.effects, *(law.name for law in found.laws)])
+    out = [f"next: wrenchgap add {names} -m {model} --from {shlex.join(logs)} --effects {file} -o fitted.toml"]
     if first.alike:
-        out.append(f"wrenchgap design {first.name} {first.alike[0][0]} -m {model} --effects {file} -o separating.csv")
-    return out
+        pair = f"{first.name} {first.alike[0][0]}"
+        out.append(f"to separate them: wrenchgap design {pair} -m {model} --effects {file} -o separate.toml")
+    return [Line(text) for text in out]
 
 
 def _laws(found: Discovery) -> Table:

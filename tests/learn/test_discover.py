@@ -3,6 +3,8 @@
 Nothing here is flown by the code that is tested: the quadrotor of `tests/independent` has laws of its own.
 """
 
+import shlex
+
 import jsonschema
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects.effect import Context
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.replay.present.discovery import to_json
+from wrenchgap.replay.present.discovery import to_json, what_next
 from wrenchgap.replay.present.documents import document
 
 TILTING = model_file.load("tilt_hexarotor").vehicle
@@ -217,3 +219,12 @@ def test_a_flight_with_nothing_hidden_has_no_law():
     found = wg.discover(wg.open_flights(flight, engine.MODEL), engine.MODEL)
     assert found.outcome is not Outcome.LAW
     assert not found.source
+
+
+def test_the_next_command_adds_what_was_named_with_the_law_and_quotes_what_users_call_things(found):
+    (line, *_) = what_next(found, "my model.toml", ["a; b.mcap"], "law.py")
+    words = shlex.split(line.text)
+    names = words[words.index("add") + 1 : words.index("-m")]
+    assert names == [*found.explanation.effects, *(law.name for law in found.laws)]
+    assert "my model.toml" in words
+    assert "a; b.mcap" in words
