@@ -82,7 +82,7 @@ def flown(vehicle: str, name: str, scale: float, kind: str, seed: int) -> Flight
 
 
 def true_size(name: str, vehicle: str) -> float:
-    """The coefficient of a law, where it is hidden at its usual size."""
+    """The size of a law's coefficient where it is hidden at its usual size."""
     law = LAWS[name]
     return law.size * (law.on_hexarotor if vehicle == "hexarotor" else 1.0)
 

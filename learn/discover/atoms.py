@@ -2,12 +2,12 @@
 
     F = sum_j k_j d_j phi_j,    or a torque, or a share of what rotors make
 
-d is a direction: the velocity, a body axis, a direction fixed in E, the thrust of a rotor, the axis of an arm; phi is
-from a short list of powers, products, sines of small multiples of an angle, and the ground's 1/(1 + h^2/l^2).
-A law with several coefficients (a sine and a cosine, a spring and where its end is) is one law. Sources of the forms:
-Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed); Leishman, "Principles of Helicopter Aerodynamics", 2nd ed.
-(rotors in translation, near the ground and in each other's wake); Etkin, "Dynamics of Atmospheric Flight", 1972
-(derivatives of force and moment by velocities and rates).
+d is a direction: the velocity of O through the air, a body axis, an axis of E, the thrust of a rotor, the axis of an
+arm; phi is from a short list of powers, products, sines of small multiples of an angle, and 1/(1 + h^2/l^2) near the
+ground. Forces act at the centre of mass or at the rotors. A law with several coefficients (a sine and a cosine, a
+spring and where its end is) is one law. Sources of the forms: Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed);
+Leishman, "Principles of Helicopter Aerodynamics", 2nd ed. (rotors in translation, near the ground and in each other's
+wake); Etkin, "Dynamics of Atmospheric Flight", 1972 (derivatives of force and moment by velocities and rates).
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.learn.discover.quantities import (
-    LINES,
     METRE,
     NEWTON,
     ONE,
+    QUANTITIES,
     RATE,
     SECOND,
     SPEED,
@@ -32,6 +32,7 @@ from wrenchgap.learn.discover.quantities import (
     needed,
 )
 from wrenchgap.learn.discover.settings import SETTINGS
+from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import weight_scale
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -57,7 +58,7 @@ class Atom:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Names of the quantities (`quantities.LINES`) that it needs."""
+        """Names of the quantities (`quantities.QUANTITIES`) that it needs."""
         return needed(t.code for t in self.terms)
 
     @property
@@ -67,7 +68,7 @@ class Atom:
 
     def needs(self, what: str) -> bool:
         """Whether one of its quantities needs a pose, moving air, a voltage, rotors, tilts or rates."""
-        return any(getattr(LINES[name], what) for name in self.lines)
+        return any(getattr(QUANTITIES[name], what) for name in self.lines)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Direction:
 PLAIN = Factor("1.0", "")
 SPEED_OF = Factor("speed", "|v|", SPEED, 3.0)
 LOW = Factor("low", "1/(1 + h^2/l^2)", ONE, 0.5, 1.0)
-CHARGE = Factor("charge", "(V^2/V0^2 - 1)", ONE, 0.2)
+VOLTAGE = Factor("voltage_excess", "(V^2/V0^2 - 1)", ONE, 0.2)
 TIME = Factor("time", "t", SECOND, 60.0)
 V = [Factor(f"v[:, {i}:{i + 1}]", f"v_{a}", SPEED, 2.0) for i, a in enumerate("xyz")]
 OMEGA = [Factor(f"omega[:, {i}:{i + 1}]", f"omega_{a}", RATE) for i, a in enumerate("xyz")]
@@ -136,7 +137,7 @@ class _Library:
     """`span` [m] is the length that torques and heights are compared with."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle, self.weight, self.span = vehicle, weight_scale(vehicle), span_of(vehicle)
+        self.vehicle, self.weight, self.span = vehicle, weight_scale(vehicle), span(vehicle)
         self.thrust = Factor("thrust", "|F|", NEWTON, self.weight)
 
     def all(self) -> Iterator[Atom]:
@@ -169,7 +170,7 @@ class _Library:
         thrust, speed = self.thrust, SPEED_OF
         scales = {
             "": PLAIN, "_speed_half": power(speed, 0.5), "_speed": speed, "_speed2": power(speed, 2),
-            "_thrust": thrust, "_thrust_speed": times(thrust, speed), "_low": LOW, "_charge": CHARGE, "_time": TIME,
+            "_thrust": thrust, "_thrust_speed": times(thrust, speed), "_low": LOW, "_voltage": VOLTAGE, "_time": TIME,
             "_rate": Factor("rate", "|omega|", RATE), "_thrust_half": power(thrust, 0.5),
         }  # fmt: skip
         for kind, directions in (
@@ -188,7 +189,7 @@ class _Library:
             *(power(x, 2) for x in signed), *(times(x, power(SPEED_OF, 0.5)) for x in V), *products,
             *(times(x, self.thrust) for x in signed), *UP, *(times(x, LOW) for x in UP),
             *(times(a, b) for a, b in itertools.combinations(UP, 2)), SPEED_OF, power(SPEED_OF, 2), self.thrust,
-            power(self.thrust, 2), LOW, CHARGE, TIME, power(TIME, 2),
+            power(self.thrust, 2), LOW, VOLTAGE, TIME, power(TIME, 2),
         ]  # fmt: skip
         for kind, axis in itertools.product(("force", "torque"), AXES):
             for f in factors:
@@ -201,7 +202,7 @@ class _Library:
 
     def fixed_in_the_world(self) -> Iterator[Atom]:
         """Along directions of E: what pulls there whatever the attitude, and a spring."""
-        world = [Direction(n, s) for n, s in (("north", "x_E"), ("west", "y_E"), ("up", "z_E"))]
+        world = [Direction(n, s) for n, s in (("x_E", "x_E"), ("y_E", "y_E"), ("up", "z_E"))]
         for kind in ("force", "torque"):
             terms = tuple(self.term(kind, d, PLAIN) for d in world)
             letter = "F" if kind == "force" else "M"
@@ -214,13 +215,13 @@ class _Library:
         magnet = [Direction(f"np.cross({a.code}, {d.code})", f"{a.symbol} x {d.symbol}") for a in AXES for d in world]
         terms = tuple(self.term("torque", d, PLAIN) for d in magnet)
         yield Atom("torque_dipole", "M = sum_ij k_ij e_i x j_E, a magnet in a field", terms, 4.0)
-        spring = Direction("place", "p", METRE, 1.0)
+        spring = Direction("position", "p", METRE, 1.0)
         terms = (self.term("force", spring, PLAIN), *(self.term("force", d, PLAIN) for d in world))
         yield Atom("force_spring", "F = k1 p + k2 x_E + k3 y_E + k4 z_E", terms, 2.0)
 
     def shares(self) -> Iterator[Atom]:
         """Shares of all that rotors make."""
-        for f in (SPEED_OF, power(SPEED_OF, 2), V[2], power(V[2], 2), CHARGE, TIME, power(TIME, 2), LOW):
+        for f in (SPEED_OF, power(SPEED_OF, 2), V[2], power(V[2], 2), VOLTAGE, TIME, power(TIME, 2), LOW):
             term = Term(f"wrench_B * ({f.code})", f"{f.symbol} W", str(ONE / f.unit), SETTINGS.small / f.typical)
             yield Atom(f"share_{_word(f.symbol)}", f"W_added = k {f.symbol} W_rotors", (term,), f.price)
 
@@ -230,7 +231,7 @@ class _Library:
         hover = self.weight / count
         each = Factor("T", "T_i", NEWTON, hover)
         scales = [each, power(each, 2)]
-        scales += [times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], CHARGE, TIME, LOW)]
+        scales += [times(each, f) for f in (SPEED_OF, power(SPEED_OF, 2), V[2], VOLTAGE, TIME, LOW)]
         for f in scales:
             unit, size, word = str(NEWTON / f.unit), hover / f.typical, _word(f.symbol)
             every = Term(_forces(f"n * ({f.code})[:, :, None]"), f"sum_i {f.symbol} n_i", unit, SETTINGS.small * size)
@@ -240,7 +241,7 @@ class _Library:
                 one = Term(code, f"{f.symbol} n_i", unit, SETTINGS.alone * size)
                 yield Atom(f"rotor{i + 1}_{word}", f"W = k {one.symbol} at r_i, i = {i + 1}", (one,), 2.0 + f.price)
         lever = SETTINGS.small * self.weight * self.span / count
-        for f in (each, power(each, 2), times(each, SPEED_OF), times(each, CHARGE)):
+        for f in (each, power(each, 2), times(each, SPEED_OF), times(each, VOLTAGE)):
             code = _torques(f"n * (spin * ({f.code}))[:, :, None]")
             term = Term(code, f"sum_i s_i {f.symbol} n_i", str(TORQUE / f.unit), lever / f.typical)
             yield Atom(f"spins_{_word(f.symbol)}", f"M = k {term.symbol}", (term,), f.price)
@@ -293,17 +294,9 @@ class _Library:
             yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j beside i", (term,), 1.0)
 
 
-def span_of(vehicle: Vehicle) -> float:
-    """A length of the vehicle [m]: the mean distance of its rotors from its middle, or three radii of gyration."""
-    if vehicle.arms is not None:
-        return float(np.round(np.mean(np.linalg.norm(vehicle.arms.position_B, axis=1)), 3))
-    body = vehicle.body
-    return float(np.round(np.sqrt(1.5 * np.trace(body.inertia) / body.mass), 3))
-
-
 def constants(vehicle: Vehicle, volts: float) -> dict[str, str]:
     """The numbers that the lines of quantities use, as the file of a law states them."""
-    return {"SPAN": f"{span_of(vehicle):.6g}", "VOLTS": f"{volts:.6g}"}
+    return {"SPAN": f"{span(vehicle):.6g}", "VOLTS": f"{volts:.6g}"}
 
 
 def _forces(code: str) -> str:
@@ -317,7 +310,7 @@ def _torques(code: str) -> str:
 
 
 WORDS = (
-    ("1/(1 + h^2/l^2)", "low"), ("(V^2/V0^2 - 1)", "charge"), ("|", "_"), ("^0.5", "_half"), ("^", ""),
+    ("1/(1 + h^2/l^2)", "low"), ("(V^2/V0^2 - 1)", "voltage"), ("|", "_"), ("^0.5", "_half"), ("^", ""),
     (" x ", "_cross_"), (" ", "_"), ("omega", "w"), (".", "_"),
 )  # fmt: skip
 

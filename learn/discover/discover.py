@@ -40,11 +40,11 @@ class Discovery(Result):
     """What is said of what the catalogue leaves.
 
     `rms_before`, `rms_after` (6,) are of what the named effects leave, and of what the laws leave, on time or flights
-    that the laws were not fitted to, `held_out` says which; `noise` (6,) is the sensors'. `gone` is the share of the
-    energy above that noise which the laws take off, `process` what regressions on all logged quantities take off it.
-    `rejected` are formulas that were found and did not hold. `depends` are the quantities on which what is left depends
-    (`learn.diagnose.relevance`). `source` is the effect
-    file of the laws, and of those that predict the same as the first.
+    that the laws were not fitted to, `held_out` says which; `noise` (6,) is the sensors'. `energy_reduction` is the
+    share of the energy above that noise which the laws take off, `regression_reduction` that of the residual's variance
+    which regressions on all logged quantities take off. `rejected` are formulas that were found and did not hold,
+    `depends` the quantities on which what is left depends (`learn.diagnose.relevance`), of `tried` laws. `source` is
+    the effect file of the laws, and of those that predict the same.
     """
 
     outcome: Outcome
@@ -55,8 +55,8 @@ class Discovery(Result):
     rms_before: Array
     rms_after: Array
     noise: Array
-    gone: float
-    process: float
+    energy_reduction: float
+    regression_reduction: float
     held_out: str
     tried: int
     source: str
@@ -111,7 +111,7 @@ def _result(on: Residual, steps: Sequence[FoundAtom], fitted: Fitted, tested: He
     """The verdict: a law that was found and holds, and takes off much of what is left."""
     depends = on.explanation.depends
     chosen = tuple(g.label for g in depends.chosen) if depends is not None else ()
-    good = fitted.steps if tested.gone >= SETTINGS.gone else ()
+    good = fitted.steps if tested.energy_reduction >= SETTINGS.energy_reduction else ()
     return Discovery(
         outcome=Outcome.LAW if good else Outcome.DEPENDS if chosen or steps else Outcome.NOTHING,
         explanation=on.explanation,
@@ -121,8 +121,8 @@ def _result(on: Residual, steps: Sequence[FoundAtom], fitted: Fitted, tested: He
         rms_before=tested.before,
         rms_after=tested.after,
         noise=on.data.noise,
-        gone=tested.gone,
-        process=float(depends.explained) if depends is not None else 0.0,
+        energy_reduction=tested.energy_reduction,
+        regression_reduction=float(depends.explained) if depends is not None else 0.0,
         held_out=tested.where,
         tried=len(on.first.atoms),
         source=fitted.source if good else "",

@@ -80,7 +80,10 @@ class Evidence:
 
 
 def responses(data: Dataset, model: Model, atoms: Sequence[Atom], numbers: dict[str, str]) -> Iterator[Array]:
-    """Measured wrenches (K, 6, terms) that the atoms would make on these flights at coefficients of one scale."""
+    """Measured wrenches (K, 6, terms), about the nominal centre of mass, that atoms make at their typical coefficients.
+
+    Effects of the model on mass properties and sensors are left out: of the second order here, and in the fit.
+    """
     values = evaluator(numbers)
     acting = WrenchModel(model.vehicle, model.effects)
     parts = [_rotor_side(r, acting) for r in data.records]
@@ -254,10 +257,10 @@ def distinct(found: Evidence) -> Evidence:
     return replace(found, atoms=names, of=_slices(names), X=found.X[:, columns.astype(int)])
 
 
-SEEN = ("speed", "rate", "height", "thrust", "time", "charge")
-"""Quantities of one number of which it is said where they were seen."""
-HELD = ("v", "omega", "height", "time", "charge", "thrust")
-"""Quantities that a law's file holds where they were seen."""
+REPORTED = ("speed", "rate", "height", "thrust", "time", "voltage_excess")
+"""Quantities of one number whose flown range is told."""
+CLIPPED = ("v", "omega", "height", "time", "voltage_excess", "thrust")
+"""Quantities that a law's file holds within the range that was flown."""
 
 
 def ranges(
@@ -265,7 +268,7 @@ def ranges(
     model: Model,
     some: Sequence[Atom],
     numbers: dict[str, str],
-    of: Sequence[str] = SEEN,
+    of: Sequence[str] = REPORTED,
     tail: float = 0.01,
 ) -> tuple[tuple[str, float, float], ...]:
     """Ranges of quantities that laws use, but for a share `tail` at both ends, over components, on these flights."""

@@ -1,6 +1,7 @@
-"""A law as an effect of its own: the Python file that `--effects` reads, and the effect itself.
+"""A law as an effect of its own: the Python file that `--effects` reads, and the values that the search asks for.
 
-What the search evaluates is this file, so that what was found is what is added, simulated, compensated and exported.
+Both are made of the same lines (`quantities`) and expressions (`atoms`), so that what was found is what is added,
+simulated, compensated and exported.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from wrenchgap.flight import rotate_inverse
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.discover.atoms import Atom
-from wrenchgap.learn.discover.quantities import LINES
+from wrenchgap.learn.discover.quantities import QUANTITIES
 from wrenchgap.plant.effects.effect import force_at, pure_torque
 
 HEAD = '''"""A law that `wrenchgap discover` found: use it as an effect of your own, with --effects FILE.py.
@@ -27,17 +28,7 @@ import numpy as np
 
 from wrenchgap.flight import rotate_inverse
 from wrenchgap.plant import Parameter, WrenchEffect
-
-
-def force_at(point, force):
-    """Wrench (..., 6) about O of a force (..., 3) [N] at a point [m] of B."""
-    return np.concatenate((force, np.cross(point, force)), axis=-1)
-
-
-def pure_torque(torque):
-    """Wrench (..., 6) of a torque (..., 3) [Nm]."""
-    return np.concatenate((np.zeros_like(torque), torque), axis=-1)
-
+from wrenchgap.plant.effects.effect import force_at, pure_torque
 '''
 
 CLASS = '''
@@ -93,7 +84,7 @@ def _class(atom: Atom, limits: Mapping[str, str]) -> str:
 
 
 def _held(name: str, limits: Mapping[str, str]) -> str:
-    code = LINES[name].code
+    code = QUANTITIES[name].code
     return f"np.clip({code}, {limits[name]})" if name in limits else code
 
 
@@ -106,12 +97,12 @@ def evaluator(numbers: Mapping[str, str]) -> Callable[..., list[list[Array]]]:
         "pure_torque": pure_torque,
     }
     space |= {name: eval(value, {}) for name, value in numbers.items()}
-    compiled = {name: compile(q.code, f"<{name}>", "eval") for name, q in LINES.items()}
+    compiled = {name: compile(q.code, f"<{name}>", "eval") for name, q in QUANTITIES.items()}
 
     def values(some: Sequence[Atom], actuation: Any, wrench_B: Array, context: Any) -> list[list[Array]]:
         here = space | {"actuation": actuation, "wrench_B": wrench_B, "context": context}
         wanted = {n for a in some for n in a.lines}
-        for name in (n for n in LINES if n in wanted):
+        for name in (n for n in QUANTITIES if n in wanted):
             here[name] = eval(compiled[name], here)
         with np.errstate(all="ignore"):  # what is no number is no law of these flights
             return [[np.asarray(eval(t.code, here)) for t in a.terms] for a in some]

@@ -1,8 +1,8 @@
 """What a law may be made of: quantities of a flight, as the lines of Python that an effect file of the law has.
 
-Every line is written once, here: the search evaluates it on the flights, the file of a law found contains it. N
-samples; vectors in B unless their name ends in _E. `unit` is its unit, so that the unit
-of a coefficient follows from what it multiplies, and a law with a wrong unit cannot be written.
+Every line is written once, here: the search evaluates it on the flights, the file of a law contains it. N samples;
+vectors (N, 3) in B: `x_E`, `y_E`, `up` are the axes of E and `position` is the place of O in E, turned into B. A tensor
+of rotors is (N, R), of arms (N, A).
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ RATE = Unit(s=-1.0)
 
 @dataclass(frozen=True)
 class Quantity:
-    """One line: `code`, the value of a name. `cause` says in words what a law that uses it depends on."""
+    """One line: `code`, the value of a name. `cause` says in words what a law that uses it depends on; the others say
+    what a log must have.
+    """  # noqa: D205
 
     code: str
-    unit: Unit = ONE
     cause: str = ""
     pose: bool = False
     air: bool = False
@@ -64,31 +65,35 @@ class Quantity:
     rates: bool = False
 
 
-LINES = {
-    "com": Quantity("context.vehicle.body.com_B", METRE),
+QUANTITIES = {
+    "com": Quantity("context.vehicle.body.com_B"),
     "quat": Quantity("context.state.quat_EB", pose=True),
-    "v": Quantity("context.velocity_through_air_B", SPEED, "velocity", pose=True, air=True),
-    "speed": Quantity("(1e-12 + np.sum(v * v, axis=1, keepdims=True)) ** 0.5", SPEED, "velocity"),
-    "omega": Quantity("context.state.omega_B", RATE, "body rates"),
-    "rate": Quantity("(1e-12 + np.sum(omega * omega, axis=1, keepdims=True)) ** 0.5", RATE, "body rates"),
-    "north": Quantity("rotate_inverse(quat, np.array([1.0, 0.0, 0.0]))", cause="heading"),
-    "west": Quantity("rotate_inverse(quat, np.array([0.0, 1.0, 0.0]))", cause="heading"),
+    "v": Quantity("context.velocity_through_air_B", cause="velocity", pose=True, air=True),
+    "speed": Quantity("(1e-12 + np.sum(v * v, axis=1, keepdims=True)) ** 0.5", cause="velocity"),
+    "omega": Quantity("context.state.omega_B", cause="body rates"),
+    "rate": Quantity("(1e-12 + np.sum(omega * omega, axis=1, keepdims=True)) ** 0.5", cause="body rates"),
+    "x_E": Quantity("rotate_inverse(quat, np.array([1.0, 0.0, 0.0]))", cause="attitude and heading"),
+    "y_E": Quantity("rotate_inverse(quat, np.array([0.0, 1.0, 0.0]))", cause="attitude and heading"),
     "up": Quantity("rotate_inverse(quat, np.array([0.0, 0.0, 1.0]))", cause="attitude"),
-    "place": Quantity("rotate_inverse(quat, context.state.position_E)", METRE, "position", pose=True),
-    "height": Quantity("context.state.position_E[:, 2:]", METRE, "height", pose=True),
+    "position": Quantity("rotate_inverse(quat, context.state.position_E)", cause="position", pose=True),
+    "height": Quantity("context.state.position_E[:, 2:]", cause="height", pose=True),
     "low": Quantity("1.0 / (1.0 + (height / SPAN) ** 2)", cause="height"),
     "heading": Quantity("2.0 * np.arctan2(quat[:, 3:], quat[:, :1])", cause="heading"),
-    "time": Quantity("context.state.time[:, None]", SECOND, "time"),
-    "charge": Quantity("(context.state.voltage[:, None] / VOLTS) ** 2 - 1.0", cause="battery voltage", voltage=True),
-    "thrust": Quantity("(1e-12 + np.sum(wrench_B[:, :3] ** 2, axis=1, keepdims=True)) ** 0.5", NEWTON, "thrust"),
-    "T": Quantity("actuation.thrust", NEWTON, "thrust of rotors", rotors=True),
+    "time": Quantity("context.state.time[:, None]", cause="time"),
+    "voltage_excess": Quantity(
+        "(context.state.voltage[:, None] / VOLTS) ** 2 - 1.0", cause="battery voltage", voltage=True
+    ),
+    "thrust": Quantity("(1e-12 + np.sum(wrench_B[:, :3] ** 2, axis=1, keepdims=True)) ** 0.5", cause="thrust"),
+    "T": Quantity("actuation.thrust", cause="thrust of rotors", rotors=True),
     "n": Quantity("actuation.normal_B", rotors=True),
-    "r": Quantity("actuation.hub_B", METRE, rotors=True),
+    "r": Quantity("actuation.hub_B", rotors=True),
     "spin": Quantity("context.vehicle.rotors.spin", rotors=True),
     "arm": Quantity("context.vehicle.rotors.arm", rotors=True),
     "alpha": Quantity("actuation.tilt", cause="tilt of the arms", rotors=True, tilt=True),
-    "alpha_dot": Quantity("actuation.tilt_rate", RATE, "tilt rates of the arms", rotors=True, tilt=True, rates=True),
-    "alpha_ddot": Quantity("actuation.tilt_acceleration", RATE, "tilt rates", rotors=True, tilt=True, rates=True),
+    "alpha_dot": Quantity("actuation.tilt_rate", cause="tilt rates of the arms", rotors=True, tilt=True, rates=True),
+    "alpha_ddot": Quantity(
+        "actuation.tilt_acceleration", cause="tilt rates of the arms", rotors=True, tilt=True, rates=True
+    ),
     "axis": Quantity("context.vehicle.arms.axis_B", rotors=True),
     "azimuth": Quantity("np.arctan2(context.vehicle.arms.position_B[:, 1], context.vehicle.arms.position_B[:, 0])"),
     "around": Quantity("np.argsort(azimuth)"),
@@ -104,17 +109,17 @@ _NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
 
 def needed(codes: Iterable[str]) -> tuple[str, ...]:
-    """Names of the quantities that these expressions use, themselves or through others, in the order of `LINES`."""
+    """Names of the quantities that these expressions use, themselves or through others, in the order of the table."""
     found: set[str] = set()
     waiting = list(codes)
     while waiting:
-        new = {n for n in _NAME.findall(waiting.pop()) if n in LINES} - found
+        new = {n for n in _NAME.findall(waiting.pop()) if n in QUANTITIES} - found
         found |= new
-        waiting += [LINES[n].code for n in new]
-    return tuple(n for n in LINES if n in found)
+        waiting += [QUANTITIES[n].code for n in new]
+    return tuple(n for n in QUANTITIES if n in found)
 
 
 def causes(codes: Iterable[str]) -> tuple[str, ...]:
     """What laws of these expressions depend on, in words."""
-    found = {n for code in codes for n in _NAME.findall(code) if n in LINES}
-    return tuple(dict.fromkeys(LINES[n].cause for n in LINES if n in found and LINES[n].cause))
+    found = {n for code in codes for n in _NAME.findall(code) if n in QUANTITIES}
+    return tuple(dict.fromkeys(QUANTITIES[n].cause for n in QUANTITIES if n in found and QUANTITIES[n].cause))

@@ -20,7 +20,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
 from wrenchgap.learn.discover.atoms import Atom, atoms, constants
-from wrenchgap.learn.discover.evidence import HELD, Evidence, Whitening, evidence, possible, ranges, responses
+from wrenchgap.learn.discover.evidence import CLIPPED, Evidence, Whitening, evidence, possible, ranges, responses
 from wrenchgap.learn.discover.search import Step, best_on, coefficients, gain_beside, step
 from wrenchgap.learn.discover.settings import SETTINGS
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
@@ -34,15 +34,15 @@ from wrenchgap.plant.model import Model
 @dataclass(frozen=True)
 class FoundAtom:
     """An atom that gains more than chance. `parts` are its leading coefficient on parts of the flights, each with a
-    standard error; `kept` is the share of halves of the time in which it or one of `alike` is found again; `driven`
-    says that it follows what is left, and does not make it.
+    standard error; `stability` is the share of halves of the time in which it or one of `equivalents` is found again;
+    `driven` says that it follows what is left, and does not make it.
     """  # noqa: D205
 
     step: Step
     atom: Atom
-    alike: tuple[Atom, ...]
+    equivalents: tuple[Atom, ...]
     parts: tuple[tuple[str, float, float], ...]
-    kept: float
+    stability: float
     driven: bool
 
     @property
@@ -60,11 +60,11 @@ class FoundAtom:
         """Whether it is found again, makes and does not follow what is left, and parts agree on its coefficient."""
         values = np.array([[value, std] for _, value, std in self.parts])
         if len(values) < 2:
-            return self.kept >= SETTINGS.kept and not self.driven
+            return self.stability >= SETTINGS.stability and not self.driven
         weight = 1.0 / np.maximum(values[:, 1], 1e-300) ** 2
         mean = float(values[:, 0] @ weight / weight.sum())
         agree = np.abs(values[:, 0] - mean) < SETTINGS.apart * values[:, 1] + 0.5 * abs(mean)
-        return bool(np.all(agree)) and self.kept >= SETTINGS.kept and not self.driven
+        return bool(np.all(agree)) and self.stability >= SETTINGS.stability and not self.driven
 
 
 def law_name(atom: Atom) -> str:
@@ -89,8 +89,8 @@ class Residual:
         """Atoms that gain more than chance, one after the other, each on what the last leaves."""
         on, left, found = self.first, self.left, []
         for k in range(SETTINGS.most if on.atoms else 0):
-            one = step(on, SETTINGS.alike)
-            if one.false_alarm > SETTINGS.false_alarms:
+            one = step(on, SETTINGS.equivalent)
+            if one.p_value > SETTINGS.p_value:
                 break
             found.append(self.described(one, on))
             atom = on.atoms[one.atom]
@@ -110,7 +110,7 @@ class Residual:
         kept = list(found)
         for one in found:
             others = [at(f) for f in kept if f is not one]
-            if others and gain_beside(self.first, self.first.columns([at(one)]), others) <= one.step.bar:
+            if others and gain_beside(self.first, self.first.columns([at(one)]), others) <= one.step.null_quantile:
                 kept.remove(one)
         return tuple(kept)
 
@@ -120,7 +120,7 @@ class Residual:
 
     def described(self, one: Step, on: Evidence) -> FoundAtom:
         """What halves and parts of the flights say of the best atom."""
-        near = {one.atom, *one.alike}
+        near = {one.atom, *one.equivalents}
         moments = np.unique(on.moment // 2)
         rng = np.random.default_rng(0)
         halves = [rng.permutation(moments)[: max(1, len(moments) // 2)] for _ in range(SETTINGS.halves)]
@@ -128,7 +128,7 @@ class Residual:
         atom = on.atoms[one.atom]
         parts = self._parts(on, one.atom)
         return FoundAtom(
-            one, atom, tuple(on.atoms[k] for k in one.alike), parts, again / SETTINGS.halves, self.driven(atom)
+            one, atom, tuple(on.atoms[k] for k in one.equivalents), parts, again / SETTINGS.halves, self.driven(atom)
         )
 
     def driven(self, atom: Atom) -> bool:
@@ -167,7 +167,7 @@ class HeldOut:
 
     before: Array
     after: Array
-    gone: float
+    energy_reduction: float
     where: str
 
 
@@ -186,7 +186,7 @@ class Fitted:
 
     def _file(self) -> str:
         on, laws = self.on, listed(self.steps)
-        return law_file.source(laws, on.numbers, ranges(on.data, on.model, laws, on.numbers, HELD, 0.0))
+        return law_file.source(laws, on.numbers, ranges(on.data, on.model, laws, on.numbers, CLIPPED, 0.0))
 
     def on_time(self) -> HeldOut:
         """On quarters of the time in turn."""
@@ -210,7 +210,7 @@ class Fitted:
         found = next(e for e in self.fit.effects if e.name == one.name)
         std = np.zeros_like(found.theta) if found.std is None else found.std
         made = self.on.made([one.atom]) @ (found.theta / np.array([t.scale for t in one.atom.terms]))
-        power = _power(self.on.data, made)
+        power = _power(self.on.data, made, self.on.given.vehicle.body.com_B)
         return Law(
             name=one.name,
             formula=one.formula,
@@ -220,15 +220,15 @@ class Fitted:
             ),
             causes=one.atom.causes,
             gain=one.step.gain,
-            chance=one.step.bar,
-            false_alarm=one.step.false_alarm,
-            alike=tuple((law_name(a), a.formula) for a in one.alike),
-            kept=one.kept,
+            null_quantile=one.step.null_quantile,
+            p_value=one.step.p_value,
+            equivalents=tuple((law_name(a), a.formula) for a in one.equivalents),
+            stability=one.stability,
             parts=one.parts,
-            resembles=self._nearest(made),
-            power=float(np.mean(power)),
-            feeds=float(np.mean(power > 0.0)),
-            seen=ranges(self.on.data, self.on.model, [one.atom], self.on.numbers),
+            nearest=self._nearest(made),
+            mean_power=float(np.mean(power)),
+            feeding_share=float(np.mean(power > 0.0)),
+            flown_ranges=ranges(self.on.data, self.on.model, [one.atom], self.on.numbers),
         )
 
     def _nearest(self, made: Array) -> tuple[str, float] | None:
@@ -254,12 +254,13 @@ class Coefficient:
 class Law:
     """One law: `name` of its effect and `formula`, with its `coefficients`; what it depends on (`causes`).
 
-    `false_alarm` is the share of residuals of chance in which as much was found; `gain` [nats] and what chance gains
-    (`chance`, its 95 % quantile). `alike` are names and formulas that predict the same on these flights. `kept` is the
-    share of halves of the time in which it, or one of those, is found again; `parts` are its leading coefficient on
-    parts of the flights, each with a standard error. `resembles` is the effect of the catalogue nearest to it, with the
-    cosine between what both predict. `power` [W] is what it feeds into the motion on average, `feeds` the share of the
-    time in which it does. `seen` are the ranges (1 to 99 %) of its quantities on these flights.
+    `p_value` is the share of residuals of chance in which as much was found; `gain` [nats] and what chance gains
+    (`null_quantile`, its 95 % quantile). `equivalents` are names and formulas that predict the same on these flights.
+    `stability` is the share of halves of the time in which it, or one of those, is found again; `parts` are its leading
+    coefficient on parts of the flights, each with a standard error. `nearest` is the effect of the catalogue nearest to
+    it, with the cosine between what both predict. `mean_power` [W] is F . v + M . omega on average, positive where it
+    feeds the motion, and `feeding_share` the share of the time in which it does. `flown_ranges` are the ranges (1 to
+    99 %) of its quantities on these flights.
     """
 
     name: str
@@ -267,21 +268,21 @@ class Law:
     coefficients: tuple[Coefficient, ...]
     causes: tuple[str, ...]
     gain: float
-    chance: float
-    false_alarm: float
-    alike: tuple[tuple[str, str], ...]
-    kept: float
+    null_quantile: float
+    p_value: float
+    equivalents: tuple[tuple[str, str], ...]
+    stability: float
     parts: tuple[tuple[str, float, float], ...]
-    resembles: tuple[str, float] | None
-    power: float
-    feeds: float
-    seen: tuple[tuple[str, float, float], ...]
+    nearest: tuple[str, float] | None
+    mean_power: float
+    feeding_share: float
+    flown_ranges: tuple[tuple[str, float, float], ...]
 
 
 def listed(steps: Sequence[FoundAtom], others: int = 3) -> list[Atom]:
     """Atoms that a file has: the laws, and a few that predict the same as each."""
     found = [s.atom for s in steps]
-    found += [a for s in steps for a in s.alike[:others]]
+    found += [a for s in steps for a in s.equivalents[:others]]
     return list({a.name: a for a in found}.values())
 
 
@@ -308,13 +309,16 @@ def _centred(data: Dataset, left: Array) -> Array:
     return np.asarray(data.remaining(out))
 
 
-def _power(data: Dataset, made: Array) -> Array:
-    """F . v + M . omega (K,) [W] of wrenches (K, 6); not a number where the velocity is not known."""
+def _power(data: Dataset, made: Array, com_B: Array) -> Array:
+    """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass, v its velocity over ground; not a number
+    where that is not known.
+    """  # noqa: D205
     if not all(r.has_pose for r in data.records):
         return np.full(len(made), np.nan)
     states = [r.state_kept for r in data.records]
+    omega = np.concatenate([s.omega_B for s in states])
     velocity = np.concatenate([so3.rotate_inverse(s.quat_EB, s.velocity_E) for s in states])
-    return np.asarray(np.sum(made * np.hstack((velocity, np.concatenate([s.omega_B for s in states]))), axis=1))
+    return np.asarray(np.sum(made * np.hstack((velocity + np.cross(omega, com_B), omega)), axis=1))
 
 
 def _volts(data: Dataset) -> float:

@@ -13,76 +13,58 @@ from wrenchgap.learn.discover.settings import SETTINGS
 
 
 def gains_of(on: Evidence, targets: Array) -> tuple[Array, Array]:
-    """What atoms (A,) gain on each of some targets (rows, N): gains (A, N), and weights of all columns (P, N)."""
+    """What atoms (A,) gain on each of some targets (rows, N): gains (A, N), and weights of all columns (P, N).
+
+    Cells count alike at first, then by what is left in them; atoms with as many columns are worked out at once.
+    """
     cells = len(on.count)
-    order = np.argsort(on.cell, kind="stable")
-    cuts = np.searchsorted(on.cell[order], np.arange(cells + 1))
-    P, N = on.X.shape[1], targets.shape[1]
-    b, power = np.zeros((cells, P, N)), np.zeros((cells, N))
-    grams = [np.zeros((cells, s.stop - s.start, s.stop - s.start)) for s in on.of]
-    squares = np.zeros((cells, P))
-    for c in range(cells):
-        rows = order[cuts[c] : cuts[c + 1]]
-        if not len(rows):
-            continue
-        x, t = on.X[rows].astype(np.float64), targets[rows]
-        b[c], power[c], squares[c] = x.T @ t, (t**2).sum(axis=0), (x**2).sum(axis=0)
-        for k, s in enumerate(on.of):
-            if s.stop - s.start > 1:
-                grams[k][c] = x[:, s].T @ x[:, s]
-            else:
-                grams[k][c] = squares[c, s]
-    size = np.maximum(np.bincount(on.cell, minlength=cells), 1)
-    gains, theta = np.empty((len(on.atoms), N)), np.empty((P, N))
-    floor = on.floor[:, None]
-    before = np.maximum(power / size[:, None], floor)
-    single = np.array([k for k, s in enumerate(on.of) if s.stop - s.start == 1])
-    many = [k for k, s in enumerate(on.of) if s.stop - s.start > 1]
-    if len(single):
-        cols = np.array([on.of[k].start for k in single])
-        B, G = b[:, cols], squares[:, cols]
-        weight = np.ones((cells, 1, 1))
+    rows = [np.flatnonzero(on.cell == c) for c in range(cells)]
+    size = np.array([max(len(own), 1) for own in rows])[:, None]
+    power = np.stack([(targets[own] ** 2).sum(axis=0) for own in rows]) / size
+    before = np.maximum(power, on.floor[:, None])
+    gains, theta = np.empty((len(on.atoms), targets.shape[1])), np.empty((on.X.shape[1], targets.shape[1]))
+    widths = np.array([own.stop - own.start for own in on.of])
+    for width in np.unique(widths):
+        some = np.flatnonzero(widths == width)
+        columns = np.array([on.of[k].start for k in some])[:, None] + np.arange(width)
+        parts = [on.X[own][:, columns].astype(np.float64) for own in rows]
+        gram = np.stack([np.einsum("rai,raj->aij", x, x) for x in parts]) / size[:, :, None, None]
+        cross = np.stack([np.tensordot(x, targets[own], (0, 0)) for x, own in zip(parts, rows, strict=True)])
+        cross /= size[:, :, None, None]
+        weight = np.broadcast_to(size[:, None], (cells, len(some), targets.shape[1]))
         for _ in range(2):
-            t = (weight * B).sum(axis=0) / np.maximum((weight * G[:, :, None]).sum(axis=0), 1e-12)
-            left = (power[:, None] - 2.0 * t * B + t**2 * G[:, :, None]) / size[:, None, None]
-            left = np.maximum(left, floor[:, :, None])
-            weight = 1.0 / np.maximum(left, 1e-3)
-        gains[single] = 0.5 * np.einsum("c,cpn->pn", on.count, np.log(before[:, None] / left))
-        theta[cols] = t
-    for k in many:
-        s, G = on.of[k], grams[k]
-        B = b[:, s]
-        weight = np.ones((cells, N))
-        for _ in range(2):
-            whole = np.einsum("cn,cij->nij", weight, G)
-            whole += 1e-9 * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(G.shape[1])
-            t = np.linalg.solve(whole, np.einsum("cn,cin->ni", weight, B)[:, :, None])[:, :, 0].T
-            left = (power - 2.0 * np.einsum("in,cin->cn", t, B) + np.einsum("in,cij,jn->cn", t, G, t)) / size[:, None]
-            left = np.maximum(left, floor)
-            weight = 1.0 / np.maximum(left, 1e-3)
-        gains[k] = 0.5 * on.count @ np.log(before / left)
-        theta[s] = t
+            whole = np.einsum("can,caij->anij", weight, gram)
+            whole += 1e-9 * np.trace(whole, axis1=2, axis2=3)[:, :, None, None] * np.eye(width) + 1e-12 * np.eye(width)
+            t = np.linalg.solve(whole, np.einsum("can,cain->ani", weight, cross)[..., None])[..., 0]
+            left = power[:, None] - 2.0 * np.einsum("ani,cain->can", t, cross)
+            left += np.einsum("ani,caij,anj->can", t, gram, t, optimize=True)
+            left = np.maximum(left, on.floor[:, None, None])
+            weight = size[:, None] / np.maximum(left, 1e-3)
+        gains[some] = 0.5 * np.einsum("c,can->an", on.count, np.log(before[:, None] / left))
+        theta[columns] = t.transpose(0, 2, 1)
     return gains - np.array([a.price for a in on.atoms])[:, None], theta
 
 
 @dataclass(frozen=True)
 class Step:
-    """The atom that gains most: its number, what it gains, what chance gains (N,), and those that are alike."""
+    """The atom that gains most: its number, what it gains, the largest gains on the residuals of chance (N,), and the
+    atoms that predict the same.
+    """  # noqa: D205
 
     atom: int
     gain: float
-    chance: Array
-    alike: tuple[int, ...]
+    null_gains: Array
+    equivalents: tuple[int, ...]
 
     @property
-    def false_alarm(self) -> float:
+    def p_value(self) -> float:
         """Share of residuals of chance in which as much was found."""
-        return float((1 + np.sum(self.chance >= self.gain)) / (1 + len(self.chance)))
+        return float((1 + np.sum(self.null_gains >= self.gain)) / (1 + len(self.null_gains)))
 
     @property
-    def bar(self) -> float:
+    def null_quantile(self) -> float:
         """What chance gains in one of twenty residuals."""
-        return float(np.quantile(self.chance, 1.0 - SETTINGS.false_alarms))
+        return float(np.quantile(self.null_gains, 1.0 - SETTINGS.p_value))
 
 
 def gain_beside(on: Evidence, X: Array, others: Sequence[int]) -> float:
@@ -96,13 +78,13 @@ def gain_beside(on: Evidence, X: Array, others: Sequence[int]) -> float:
     return float(gains_of(alone, y[:, None])[0][0, 0])
 
 
-def step(on: Evidence, alike: float) -> Step:
-    """Search the residual, and the residuals of chance; atoms at most `alike` nats behind the best are like it."""
+def step(on: Evidence, equivalent: float) -> Step:
+    """Search the residual, and the residuals of chance; what is at most `equivalent` nats behind predicts the same."""
     gains = gains_of(on, on.y[:, None])[0][:, 0]
-    chance = gains_of(on, on.nulls)[0].max(axis=0)
+    null_gains = gains_of(on, on.nulls)[0].max(axis=0)
     order = np.argsort(-gains)
-    near = tuple(int(k) for k in order[1:] if gains[k] > gains[order[0]] - alike)
-    return Step(int(order[0]), float(gains[order[0]]), chance, near)
+    near = tuple(int(k) for k in order[1:] if gains[k] > gains[order[0]] - equivalent)
+    return Step(int(order[0]), float(gains[order[0]]), null_gains, near)
 
 
 def best_on(on: Evidence, keep: NDArray[np.bool_]) -> int:

@@ -12,7 +12,7 @@ class DiscoverySettings:
     coefficients follow from it; a hundred times as much is their limit."""
     alone: float = 0.1
     """The same of a law of one rotor alone, as a share of its thrust in hover."""
-    false_alarms: float = 0.05
+    p_value: float = 0.05
     """Share of residuals of chance in which as much is found as in the true one, up to which a law is one."""
     nulls: int = 99
     """Residuals of chance that are searched: with 99, the 95 % quantile is the fifth largest."""
@@ -22,9 +22,9 @@ class DiscoverySettings:
     """Correlation of two atoms from which on the second is not tried."""
     most: int = 3
     """Laws in a row, each on what the last left."""
-    alike: float = 3.0
+    equivalent: float = 3.0
     """Nats behind the best atom up to which another predicts the same."""
-    kept: float = 0.8
+    stability: float = 0.8
     """Share of halves of the time in which the law, or one like it, is found again."""
     halves: int = 10
     """Such halves."""
@@ -32,7 +32,7 @@ class DiscoverySettings:
     """Blocks of time below which a part of the flights has no coefficient of its own."""
     quarters: int = 4
     """Parts of the time, one after the other, that are held out where no flight is."""
-    gone: float = 0.5
+    energy_reduction: float = 0.5
     """Share of the energy above the sensors' noise that laws take off time that they were not fitted to; less is no
     law: what hides there has a memory, or a form that is not among the atoms."""
     sure: float = 3.0

@@ -12,8 +12,8 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, table
 
-UNITS = {"speed": "m/s", "rate": "rad/s", "height": "m", "thrust": "N", "time": "s", "charge": ""}
-WORDS = {"rate": "body rate", "charge": "(V/V0)^2 - 1"}
+UNITS = {"speed": "m/s", "rate": "rad/s", "height": "m", "thrust": "N", "time": "s", "voltage_excess": ""}
+WORDS = {"rate": "body rate", "voltage_excess": "(V/V0)^2 - 1"}
 LEGEND = (
     "chance: share of residuals that have nothing to do with the flights in which as much was found; found again: in "
     "so many halves of the time; left: rms on time that the law was not fitted to"
@@ -42,7 +42,9 @@ def summary(found: Discovery) -> list[str]:
         return _without(found, named)
     out = [f"A law{'' if len(found.laws) == 1 else 's'} beside {named}: {'; '.join(map(written, found.laws))}."]
     subject = "It takes" if len(found.laws) == 1 else "They take"
-    out.append(f"{subject} off {share(found.gone)} of the energy above the sensors' noise on {found.held_out}.")
+    out.append(
+        f"{subject} off {share(found.energy_reduction)} of the energy above the sensors' noise on {found.held_out}."
+    )
     for law in found.laws:
         out += said_of(law)
     return out
@@ -53,7 +55,7 @@ def _without(found: Discovery, named: str) -> list[str]:
     if found.depends:
         out.append(
             f"What is left depends on {' and '.join(found.depends)}: regressions on that take off "
-            f"{share(found.process)} of it on held-out time."
+            f"{share(found.regression_reduction)} of it on held-out time."
         )
     out.append(f"{found.tried} laws were tried; chance finds as much in more than one residual of twenty.")
     if found.rejected:
@@ -66,31 +68,30 @@ def _without(found: Discovery, named: str) -> list[str]:
 
 def written(law: Law) -> str:
     """A law with its numbers."""
-    values = ", ".join(
-        f"k{j if len(law.coefficients) > 1 else ''} = {number(c.value)} +- {number(c.std, 2)} {c.unit}".rstrip(" 1")
-        for j, c in enumerate(law.coefficients, 1)
-    )
+    several = len(law.coefficients) > 1
+    each = (f"{number(c.value)} +- {number(c.std, 2)} {c.unit}".removesuffix(" 1") for c in law.coefficients)
+    values = ", ".join(f"k{j if several else ''} = {value}" for j, value in enumerate(each, 1))
     return f"{law.formula}, {values}"
 
 
 def said_of(law: Law) -> list[str]:
     """Chance, aliases, the nearest effect, energy, range."""
     causes = f" It depends on {' and '.join(law.causes)}." if law.causes else ""
-    out = [f"{law.name}: chance finds as much in {share(law.false_alarm)} of residuals at most.{causes}"]
-    if law.alike:
-        others = "; ".join(formula for _, formula in law.alike[:3])
-        more = f" and {len(law.alike) - 3} more" if len(law.alike) > 3 else ""
+    out = [f"{law.name}: chance finds as much in {share(law.p_value)} of residuals at most.{causes}"]
+    if law.equivalents:
+        others = "; ".join(formula for _, formula in law.equivalents[:3])
+        more = f" and {len(law.equivalents) - 3} more" if len(law.equivalents) > 3 else ""
         out.append(f"These flights cannot tell it from {others}{more}.")
-    if law.resembles is not None and law.resembles[1] > 0.3:
-        name, cosine = law.resembles
+    if law.nearest is not None and law.nearest[1] > 0.3:
+        name, cosine = law.nearest
         out.append(f"Nearest in the catalogue: {name}, which predicts {share(cosine**2)} of it.")
-    if np.isfinite(law.power):
-        size = quantity(abs(law.power), "W", 2)
-        feeds = f"feeds {size} into the motion" if law.power > 0.0 else f"takes {size} out of the motion"
-        out.append(f"On average it {'does no work' if 0.4 < law.feeds < 0.6 else feeds}.")
-    seen = [f"{WORDS.get(n, n)} {number(a, 2)} to {quantity(b, UNITS[n], 2)}" for n, a, b in law.seen]
+    if np.isfinite(law.mean_power):
+        size = quantity(abs(law.mean_power), "W", 2)
+        feeds = f"feeds {size} into the motion" if law.mean_power > 0.0 else f"takes {size} out of the motion"
+        out.append(f"On average it {'does no work' if 0.4 < law.feeding_share < 0.6 else feeds}.")
+    seen = [f"{WORDS.get(n, n)} {number(a, 2)} to {quantity(b, UNITS[n], 2)}" for n, a, b in law.flown_ranges]
     if seen:
-        out.append(f"It was seen at {', '.join(seen)}; beyond that it is held, not extrapolated.")
+        out.append(f"It was seen at {', '.join(seen)}; beyond that its quantities are held, not extrapolated.")
     return out
 
 
@@ -101,8 +102,8 @@ def what_next(found: Discovery, model: str, logs: list[str], file: str | None) -
     model, file, first = shlex.quote(model), shlex.quote(file), found.laws[0]
     names = " ".join([*found.explanation.effects, *(law.name for law in found.laws)])
     out = [f"next: wrenchgap add {names} -m {model} --from {shlex.join(logs)} --effects {file} -o fitted.toml"]
-    if first.alike:
-        pair = f"{first.name} {first.alike[0][0]}"
+    if first.equivalents:
+        pair = f"{first.name} {first.equivalents[0][0]}"
         out.append(f"to separate them: wrenchgap design {pair} -m {model} --effects {file} -o separate.toml")
     return [Line(text) for text in out]
 
@@ -111,7 +112,7 @@ def _laws(found: Discovery) -> Table:
     rows = []
     for law in found.laws:
         for k, c in enumerate(law.coefficients):
-            own = (law.name, share(law.false_alarm), share(law.kept)) if k == 0 else ("", "", "")
+            own = (law.name, share(law.p_value), share(law.stability)) if k == 0 else ("", "", "")
             rows.append((own[0], c.symbol, number(c.value), number(c.std, 2), c.unit, *own[1:]))
     return table("laws", ("law", "times", "coefficient", "+-", "unit", "chance", "found again"), rows, left=2)
 
@@ -128,16 +129,30 @@ def to_json(found: Discovery) -> dict[str, Any]:
     """The body of the `discover` schema."""
     laws = [
         {
-            **{k: v for k, v in vars(law).items() if k not in ("coefficients", "alike", "parts", "resembles", "seen")},
+            **{
+                k: v
+                for k, v in vars(law).items()
+                if k not in ("coefficients", "equivalents", "parts", "nearest", "flown_ranges")
+            },
             "coefficients": [vars(c) for c in law.coefficients],
-            "alike": [{"name": n, "formula": f} for n, f in law.alike],
+            "equivalents": [{"name": n, "formula": f} for n, f in law.equivalents],
             "parts": [{"part": n, "value": v, "std": s} for n, v, s in law.parts],
-            "resembles": None if law.resembles is None else {"name": law.resembles[0], "cosine": law.resembles[1]},
-            "seen": [{"quantity": n, "low": a, "high": b} for n, a, b in law.seen],
+            "nearest": None if law.nearest is None else {"name": law.nearest[0], "cosine": law.nearest[1]},
+            "flown_ranges": [{"quantity": n, "low": a, "high": b} for n, a, b in law.flown_ranges],
         }
         for law in found.laws
     ]
-    kept = ("rejected", "depends", "rms_before", "rms_after", "noise", "gone", "process", "held_out", "tried")
+    kept = (
+        "rejected",
+        "depends",
+        "rms_before",
+        "rms_after",
+        "noise",
+        "energy_reduction",
+        "regression_reduction",
+        "held_out",
+        "tried",
+    )
     body = {name: getattr(found, name) for name in kept}
     named = {"verdict": found.explanation.verdict, "effects": found.explanation.effects}
     return {"summary": summary(found), "outcome": found.outcome, **named, "laws": laws, **body}

@@ -51,21 +51,21 @@ class FoundLaw(TypedDict):
     coefficients: list[LawCoefficient]
     gain: float
     """[nats]"""
-    chance: float
+    null_quantile: float
     """What chance gains in one residual of twenty."""
-    false_alarm: float
+    p_value: float
     """Share of residuals of chance in which as much was found."""
-    alike: list[LikeLaw]
+    equivalents: list[LikeLaw]
     """What predicts the same on these flights."""
-    kept: float
+    stability: float
     """Share of halves of the time in which it is found again."""
     parts: list[LawPart]
-    resembles: NearestEffect | None
-    power: Number
+    nearest: NearestEffect | None
+    mean_power: Number
     """That it feeds into the motion on average [W]; null where the velocity is not known."""
-    feeds: float
+    feeding_share: float
     """Share of the time in which it does."""
-    seen: list[SeenRange]
+    flown_ranges: list[SeenRange]
     """1 to 99 % of its quantities on these flights."""
 
 
@@ -85,10 +85,10 @@ class Discover(Document):
     """That named effects leave on held-out time."""
     rms_after: Six
     noise: Six
-    gone: float
+    energy_reduction: float
     """Share of the energy above the sensors' noise that the laws take off held-out time."""
-    process: float
-    """The same of regressions on all logged quantities."""
+    regression_reduction: float
+    """Share of the variance that regressions on all logged quantities take off."""
     held_out: str
     tried: int
     """Laws that were tried."""

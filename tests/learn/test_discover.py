@@ -4,6 +4,8 @@ Nothing here is flown by the code that is tested: the quadrotor of `tests/indepe
 """
 
 import shlex
+from dataclasses import replace
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -176,13 +178,13 @@ def test_a_torque_that_turns_with_four_times_the_heading_is_found(found):
     assert sine.value == pytest.approx(0.04, abs=3.0 * sine.std)
     assert sine.std < 0.004
     assert abs(cosine.value) < 0.004
-    assert law.false_alarm <= 0.05
-    assert law.gain > law.chance
+    assert law.p_value <= 0.05
+    assert law.gain > law.null_quantile
 
 
 def test_most_of_what_was_left_goes_on_a_flight_that_was_not_fitted(found):
     assert found.held_out == "flights that were not fitted"
-    assert found.gone > 0.8
+    assert found.energy_reduction > 0.8
     assert found.rms_after[5] < 0.3 * found.rms_before[5]
 
 
@@ -228,3 +230,59 @@ def test_the_next_command_adds_what_was_named_with_the_law_and_quotes_what_users
     assert names == [*found.explanation.effects, *(law.name for law in found.laws)]
     assert "my model.toml" in words
     assert "a; b.mcap" in words
+
+
+def test_every_coefficient_has_the_unit_that_makes_newtons():
+    """In other units of force, length, time and voltage every law makes the same wrench: dimensional analysis."""
+    for vehicle in (TILTING, QUADROTOR):
+        every = atoms(vehicle)
+        scales = {"N": 3.0, "m": 0.7, "s": 1.9, "V": 1.3}
+        first, second = (terms_in(vehicle, every, by) for by in ({}, scales))
+        for atom, one, other in zip(every, first, second, strict=True):
+            for term, a, b in zip(atom.terms, one, other, strict=True):
+                k = np.prod([scales[symbol] ** p for symbol, p in powers_of(term.unit)])
+                newtons = np.repeat([scales["N"], scales["N"] * scales["m"]], 3)
+                assert np.allclose(k * b, newtons * a, rtol=1e-6, atol=1e-9 * np.abs(a).max()), atom.name
+
+
+def powers_of(unit):
+    """Symbols and powers of a unit as it is written: "N s^1.5/m^1.5"."""
+    over, *under = unit.split("/")
+    for sign, parts in ((1.0, over.split()), (-1.0, under)):
+        for part in parts:
+            symbol, _, p = part.partition("^")
+            if symbol != "1":
+                yield symbol, sign * float(p or 1.0)
+
+
+def terms_in(vehicle, every, by):
+    """The wrenches of all terms, everything measured in units that are so many times smaller."""
+    N, m, s, volt = (by.get(symbol, 1.0) for symbol in ("N", "m", "s", "V"))
+    act, context, state = moving(vehicle)
+    thrust = N * act.thrust
+    actuation = SimpleNamespace(
+        thrust=thrust,
+        normal_B=act.normal_B,
+        hub_B=m * act.hub_B,
+        tilt=act.tilt,
+        tilt_rate=np.cos(act.tilt) / s,
+        tilt_acceleration=np.sin(3.0 * act.tilt) / s**2,
+    )
+    moved = replace(
+        state,
+        time=s * state.time,
+        position_E=m * state.position_E,
+        velocity_E=m / s * state.velocity_E,
+        omega_B=state.omega_B / s,
+        voltage=volt * np.linspace(14.0, 16.0, len(state.time)),
+    )
+    arms, rotors = vehicle.geometry()
+    measured = SimpleNamespace(
+        body=SimpleNamespace(com_B=m * np.array([0.01, -0.02, 0.03])),
+        rotors=rotors,
+        arms=SimpleNamespace(position_B=m * arms.position_B, axis_B=arms.axis_B),
+    )
+    seen = SimpleNamespace(vehicle=measured, state=moved, velocity_through_air_B=m / s * context.velocity_through_air_B)
+    wrench = np.hstack((N * np.sin(np.arange(15.0)).reshape(5, 3), N * m * np.cos(np.arange(15.0)).reshape(5, 3)))
+    numbers = {"SPAN": repr(m * 0.3), "VOLTS": repr(volt * 15.0)}
+    return evaluator(numbers)(every, actuation, wrench, seen)
