@@ -3,22 +3,12 @@
  * limit THRUST_MAX, how many commands were not finite or negative, and the largest |made - asked| of ordinary demands
  * [N, Nm] that follow a demand at once. */
 #include "wrenchgap_allocation.h"
+#include "uniform.h"
 
 #include <float.h>
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-static uint64_t seed = 1;
-
-static double uniform(void) /* 0 to 1: xorshift64* */
-{
-    seed ^= seed >> 12;
-    seed ^= seed << 25;
-    seed ^= seed >> 27;
-    return (double)(seed * 2685821657736338717ULL >> 11) / 9007199254740992.0;
-}
 
 static wga_real demand(void)
 {

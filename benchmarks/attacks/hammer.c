@@ -6,23 +6,14 @@
  *
  * and to standard error every thousandth command, for Python to allocate. */
 #include "wrenchgap_compensator.h"
+#include "uniform.h"
 
 #include <float.h>
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 static const double authority[6] = AUTHORITY, most[6] = CORRECTION_MAX, hover = HOVER;
-static uint64_t seed = 1;
-
-static double uniform(void) /* 0 to 1: xorshift64* */
-{
-    seed ^= seed >> 12;
-    seed ^= seed << 25;
-    seed ^= seed >> 27;
-    return (double)(seed * 2685821657736338717ULL >> 11) / 9007199254740992.0;
-}
 
 static wg_real nasty(double usual, int kind)
 {

@@ -13,6 +13,7 @@ from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.allocation_problem import allocation_problem
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import with_values
+from wrenchgap.plant.effectiveness import effectiveness
 from wrenchgap.plant.reader import BOUNDS
 from wrenchgap.plant.simulation.flight_computer import Allocating, Compensating
 from wrenchgap.replay.compensation import compensators as compensating
@@ -86,12 +87,20 @@ def believed_vehicle(model: Model, believed: Model) -> Vehicle:
 def corrected_allocation(model: Model, flown: Model) -> Allocator:
     """The corrected allocation of another model of the vehicle, with its effects.
 
-    Raises ModelError for a model of another vehicle, without rotors, or of one that cannot hover as flown.
+    Raises ModelError for a model of another vehicle, without rotors, of one that cannot hover as flown, and of one
+    whose allocation is the nominal one.
     """
     if flown.vehicle.name != model.vehicle.name:
         raise ModelError(
             f"{flown.name}: is a model of {flown.vehicle.name}, expected one of {model.vehicle.name}; its allocation "
             "asks other rotors"
+        )
+    found = effectiveness(flown)
+    if not found.matrix.by:
+        left = f" ({', '.join(found.left_out)}: left out, at a limit of what is plausible)" if found.left_out else ""
+        raise ModelError(
+            f"{flown.name}: no effect of it changes what rotors make{left}, so that its allocation is the nominal one; "
+            "fit what `wrenchgap explain` names, all together, with `wrenchgap add`"
         )
     return Allocator(allocation_problem(flown))
 

@@ -102,6 +102,7 @@ CASES = {
     "design mass tether HEXA -o x.toml --unmeasured force_w": "--unmeasured: 'force_w' is no axis",
     "counterfactual LOG HEXA --gp @some.gp --lead 0.05 -o out.mcap": "--lead | without physics | wrenchgap add",
     "counterfactual LOG HEXA --lead 0.05 -o out.mcap": "--lead 0.05 | --gp",
+    "counterfactual LOG HEXA --allocation tilt_hexarotor -o out.mcap": "is the nominal one | wrenchgap add",
     "counterfactual @no_pose.mcap HEXA --json out.json": "no topic plays the role 'odometry' | --topic odometry=",
     "counterfactual @no_reference.mcap HEXA --json out.json": "no topic plays the role 'reference'",
     "counterfactual LOG HEXA --start 50 --json out.json": "can be re-simulated within 0.0",

@@ -297,7 +297,7 @@ def test_the_corrected_allocation_takes_the_attitude_error_of_the_rotors_away():
 def test_with_a_compensator_and_another_allocation_each_is_flown_alone_too():
     mismatch = LinearMismatch(("torque_x",), np.array([0.1]), np.zeros((1, 6)), np.array([1e-3]))
     r = record(fly(), duration=2.0)
-    asked = asked_change(MODEL, period=r.dt, allocation=MODEL)
+    asked = Change(allocating=Allocator(allocation_problem(MODEL)))
     result = counterfactual(r, MODEL, replace(asked, compensator=Compensator(mismatch, Settings(dt=r.dt))))
     assert list(result.baselines) == ["compensated, allocated nominally"]
     errors = [*result.tracking.values(), *result.baselines.values()]
