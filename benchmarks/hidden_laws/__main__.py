@@ -134,11 +134,12 @@ def counts(found: list[dict[str, Any]]) -> str:
     unknown = [r for r in laws if r["verdict"] == "unknown"]
     false = [f"{r['name']}: {r['formula']}" for r in none if r["laws"]]
     most = beta.ppf(0.975, len(false) + 1, len(none) - len(false))
+    searched = sum(not r["summary"][0].startswith("Nothing is left") for r in none)  # the others have no rest
     off = [abs(r["value"] - r["true"]) / r["std"] for r in laws if r["value"] is not None]
     return (
         f"Right: {sum(r['right'] for r in laws)} of {len(laws)}, {sum(r['right'] for r in unknown)} of {len(unknown)} "
         f"where `explain` says unknown. False: {len(false)} in {len(none)} flights without a law (95 % interval up to "
-        f"{100 * most:.0f} %){'; '.join(['', *false])}. Coefficients within one standard deviation: "
+        f"{100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to search. Coefficients within one standard deviation: "
         f"{sum(x < 1.0 for x in off)} of {len(off)}, within a third of one {sum(x < 1 / 3 for x in off)}."
     )
 
