@@ -140,7 +140,8 @@ def counts(found: list[dict[str, Any]]) -> str:
         f"Right: {sum(r['right'] for r in laws)} of {len(laws)}, {sum(r['right'] for r in unknown)} of {len(unknown)} "
         f"where `explain` says unknown. False: {len(false)} in {len(none)} flights without a law (95 % interval up to "
         f"{100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to search. "
-        f"Coefficients within one standard deviation: {sum(x < 1.0 for x in off)} of {len(off)}, within a third of one {sum(x < 1 / 3 for x in off)}."
+        f"Coefficients within one standard deviation: {sum(x < 1.0 for x in off)} of {len(off)}, "
+        f"within a third of one {sum(x < 1 / 3 for x in off)}."
     )
 
 
