@@ -1,6 +1,7 @@
 """The paper's experiments: the plant, the judges and the page. The experiments themselves take minutes."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -139,14 +140,15 @@ def test_rows_that_are_missing_are_kept_one_by_one(experiment, monkeypatch):
 
 
 def test_corrected_steps_are_judged_beside_the_uncompensated():
+    rest = [0.1] * (len(VARIANTS) - 3)
     found = {
         "0": {
             name: {"lost": 0.0, "late": late, "swing": 0.001}
-            for name, late in zip(VARIANTS, (0.3, 0.1, 0.01), strict=True)
+            for name, late in zip(VARIANTS, (0.3, 0.1, 0.01, *rest), strict=True)
         },
         "1": {
             name: {"lost": 0.0, "late": late, "swing": 0.03}
-            for name, late in zip(VARIANTS, (0.2, 0.22, 0.01), strict=True)
+            for name, late in zip(VARIANTS, (0.2, 0.22, 0.01, *rest), strict=True)
         },
     }
     found["1"][COMBINED] = {"lost": 1.0, "late": float("inf"), "swing": float("inf")}
@@ -162,6 +164,20 @@ def test_effects_process_and_observer_are_one_object(known):
     made = m.ALL_TOGETHER.build(known)
     assert made.feedforward.physics is not None
     assert made.bandwidth_hz == pytest.approx(known.gp(physics=True, guarded=True).provenance.observer_hz)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.06])
+def test_indi_given_the_lag_of_a_vehicle_expects_all_of_it_and_a_constant_besides(known, lag, monkeypatch):
+    """Behind a first-order lag alone, of a ramp, the torque is lag x slope short; a disturbance comes on top."""
+    record, dt, slope, push = known.flights[0].records[0], known.flights[0].records[0].dt_kept, 0.2, 0.03
+    ramp = np.zeros((len(record), 6))
+    ramp[:, 3] = slope * dt * np.arange(len(record))
+    measured = ramp.copy()
+    measured[:, 3] += push - slope * lag
+    asked = replace(record, measured=measured)
+    monkeypatch.setattr(m, "nominal", lambda known, record: ramp)
+    expected = m._increments(known, asked, 16.0, lag)
+    np.testing.assert_allclose(expected[-1], [push - slope * lag, 0.0, 0.0], atol=1e-9)
 
 
 def test_indi_and_l1_fly_with_the_cut_offs_that_other_vehicles_chose():

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.compensate import INDI, L1, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.flight.filters import butterworth, filtered, steady_state
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
@@ -144,10 +145,10 @@ def nominal(known: Knowledge, record: Record) -> Array:
     return Predictor("nominal", known.model.wrench_model).predict(record, known.model.vehicle.body)
 
 
-def _observed(known: Knowledge, record: Record) -> Array:
+def _observed(known: Knowledge, record: Record, hz: float = OBSERVER_HZ) -> Array:
     """What an observer would know at each sample: the mismatch so far, through its first-order low-pass."""
     z = (record.measured - nominal(known, record))[:, 3:]
-    late, _ = first_order(z, 1.0 / (2.0 * np.pi * OBSERVER_HZ), record.dt_kept, None)
+    late, _ = first_order(z, 1.0 / (2.0 * np.pi * hz), record.dt_kept, None)
     return late
 
 
@@ -186,20 +187,34 @@ ALL_TOGETHER = Method(
 """The same on top of what `explain` names."""
 
 
-def _by_feedback(law: str, build: Callable[[Knowledge, float], Any]) -> Method:
+def _increments(known: Knowledge, record: Record, hz: float, lag: float = 0.0) -> Array:
+    """What INDI expects, A_o W_cmd + H (W_meas - A_o W_cmd), less the command (`compensate.feedback`)."""
+    command = nominal(known, record)[:, 3:]
+    made, _ = first_order(command, lag, record.dt_kept, None)
+    z, section = record.measured[:, 3:] - made, butterworth(hz, 1.0 / record.dt_kept)
+    return made + filtered(section[:3], section[3:], z, np.outer(steady_state(section), z[0])) - command
+
+
+def _logged_lag(known: Knowledge) -> float:
+    """Of the training log [s], as the combination is told."""
+    return known.gp(guarded=True).provenance.observer_lag
+
+
+def _by_feedback(law: str, build: Callable[[Knowledge, float], Any], predict: Callable[..., Array]) -> Method:
     hz = CUTOFFS_HZ[law]
-    return Method(f"{law}, {hz:g} Hz", lambda known: build(known, hz))
+    return Method(f"{law}, {hz:g} Hz", lambda known: build(known, hz), lambda known, record: predict(known, record, hz))
 
 
 FEEDBACK = (
     _by_feedback(
         "INDI, told the lag",
-        lambda known, hz: INDI(known.model.vehicle, known.dt, hz, lag=known.gp(guarded=True).provenance.observer_lag),
+        lambda known, hz: INDI(known.model.vehicle, known.dt, hz, lag=_logged_lag(known)),
+        lambda known, record, hz: _increments(known, record, hz, _logged_lag(known)),
     ),
-    _by_feedback("INDI, told no lag", lambda known, hz: INDI(known.model.vehicle, known.dt, hz)),
-    _by_feedback("L1", lambda known, hz: L1(known.model.vehicle, known.dt, hz)),
+    _by_feedback("INDI, told no lag", lambda known, hz: INDI(known.model.vehicle, known.dt, hz), _increments),
+    _by_feedback("L1", lambda known, hz: L1(known.model.vehicle, known.dt, hz), _observed),
 )
-"""What others fly; the lag is that of the training log, as for the combination."""
+"""What others fly. L1 finds the mismatch within a period, so that what it expects is an observer's of its cut-off."""
 
 EVERYWHERE = (PD, INTEGRAL, CONSTANT, LINEAR, OBSERVER, PHYSICS, GP, BOTH)
 """The rows of every table."""

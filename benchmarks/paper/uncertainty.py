@@ -133,12 +133,13 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
 
 
 def missing(kept: dict[str, Any], report: Report, keep: Keep) -> None:
-    """The vehicles that have not flown with a corrected smooth training, each kept at once."""
+    """The flights after smooth training or by feedback that the results lack, each vehicle kept at once."""
     flown = kept.setdefault("corrected", {})
     for number in range(VEHICLES):
-        if str(number) not in flown:
+        before = flown.get(str(number), {})
+        if set(corrected.VARIANTS) - set(before):
             report(number / VEHICLES, f"vehicle {number}")
-            flown[str(number)] = corrected.one(number, TRAINING, LENGTH, MOMENT, LATE)
+            flown[str(number)] = corrected.one(number, TRAINING, LENGTH, MOMENT, LATE, before)
             keep(kept)
 
 
