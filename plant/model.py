@@ -35,6 +35,8 @@ class Model:
         Versions of the model, oldest first.
     notes
         Remarks on the file, for the user.
+    shifts
+        What is added to the stamps of a role [s], in logs of this vehicle.
     unmeasured
         Axes that the IMU does not measure (`flight.unmeasured`).
     cutoff_hz
@@ -53,6 +55,7 @@ class Model:
     controller: ControllerGains = field(default_factory=ControllerGains)
     sensors: SensorNoise = field(default_factory=SensorNoise)
     topics: Mapping[str, str] = field(default_factory=dict)
+    shifts: Mapping[str, float] = field(default_factory=dict)
     path: Path | None = None
     text: str = ""
     history: tuple[Version, ...] = ()

@@ -14,7 +14,7 @@ from wrenchgap.flight.errors import FitError, LogError, UsageError, WrenchgapErr
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
-from wrenchgap.flight.unmeasured import Why, axis_names, sentence
+from wrenchgap.flight.unmeasured import Why, sentence
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
@@ -301,7 +301,7 @@ def open_flights(
     """
     options = (options or ReadOptions()).changed(**more)
     found: list[OpenFlight] = []
-    absent = axis_names([*axis_names(options.unmeasured), *model.unmeasured])
+    absent = options.unmeasured_axes(model)
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
     declared |= {} if options.budget is None else {"budget": options.budget}
     repeats = Repeats()
@@ -310,8 +310,9 @@ def open_flights(
         if len(logs) > 1:
             repeats.refuse(raw, "" if isinstance(log, Flight) else str(log))
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
-        moved = flight.shifted(raw, options.shifts or {})
-        found.append(opened(moved, model, options, rate_hz=rate_hz, incomplete=incomplete, gate=gate))
+        found.append(
+            opened(options.shifted(raw, model), model, options, rate_hz=rate_hz, incomplete=incomplete, gate=gate)
+        )
     return distinct(found)
 
 

@@ -13,10 +13,13 @@ import numpy as np
 
 from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.compared_signals import shifted
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
+from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import with_reading
 
 Interval = tuple[float, float]
 Between = Interval | Sequence[Interval] | None
@@ -85,7 +88,7 @@ class ReadOptions:
     topics
         Which topic plays a role, by role, in place of the model file's: `{"imu": "/my/imu"}`.
     shifts
-        What is added to the stamps of a role [s], by role.
+        What is added to the stamps of a role [s], by role, in place of the model file's.
     cutoff_hz
         Cut-off of the low-pass [Hz] that commanded and measured wrench both pass; by default the model file's, else 8.
     between
@@ -128,6 +131,21 @@ class ReadOptions:
         """The cut-off [Hz] that holds for a model."""
         of_model = None if model is None else model.cutoff_hz
         return next(hz for hz in (self.cutoff_hz, of_model, CUTOFF_HZ) if hz is not None)
+
+    def unmeasured_axes(self, model: Model | None = None) -> tuple[str, ...]:
+        """The axes that the options and a model say were not measured. Raises UsageError for what is no axis."""
+        return axis_names([*axis_names(self.unmeasured), *(() if model is None else model.unmeasured)])
+
+    def shifted(self, flight: Flight, model: Model | None = None) -> Flight:
+        """The flight with its stamps moved as the options and a model say; the model's only where none moved them."""
+        asked, default = self.shifts or {}, {} if model is None else model.shifts
+        said = {role for role, series in flight.series().items() if {role, series.topic} & asked.keys()}
+        still = flight.series().keys() - said - flight.shifts.keys()
+        return shifted(flight, {**{role: by for role, by in default.items() if role in still}, **asked})
+
+    def recorded_in(self, model: Model) -> Model:
+        """The model with these topics, shifts, cut-off and unmeasured axes, so that they need not be said again."""
+        return with_reading(model, self.topics or {}, self.shifts or {}, self.cutoff_hz, self.unmeasured)
 
     def to_json(self) -> dict[str, Any]:
         """The options by name; the budget where there is one."""

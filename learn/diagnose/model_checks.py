@@ -9,7 +9,6 @@ from wrenchgap import flight
 from wrenchgap.flight.check import Check, TimeLeftOut, accepted_names
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
-from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.opening import OpenFlight, checks_against
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.data.read_options import ReadOptions
@@ -37,13 +36,12 @@ class LogReport(Result):
 def inspect(path: str | Path, model: Model | None = None, options: ReadOptions | None = None) -> LogReport:
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, options = Path(path), options or ReadOptions()
-    moves = dict(options.shifts or {})
-    absent = axis_names([*axis_names(options.unmeasured), *(model.unmeasured if model is not None else ())])
+    absent = options.unmeasured_axes(model)
     accept = accepted_names(options.accept)
     preferred = None if model is None else model.topics
     asked: dict[str, Any] = {"unmeasured": absent, "accept": accept, "budget": options.budget}
     seen = flight.inspect(path, options.topics, preferred, **asked)
-    moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
+    moved = None if seen.flight is None else options.shifted(seen.flight, model)
     against: tuple[Check, ...] = ()
     opened: OpenFlight | None = None
     if model is not None:
@@ -57,4 +55,5 @@ def inspect(path: str | Path, model: Model | None = None, options: ReadOptions |
     alone = () if seen.flight is None else seen.flight.left_out
     left = alone if opened is None else tuple(n for n in opened.notes if isinstance(n, TimeLeftOut))
     phases = () if opened is None else opened.phases
+    moves = {} if moved is None else moved.shifts
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)

@@ -17,7 +17,6 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection, inspected
 from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
-from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.opening import checks_against
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
@@ -116,7 +115,7 @@ def check(
 
 def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth:
     """The health of one log."""
-    absent = axis_names([*axis_names(options.unmeasured), *(() if model is None else model.unmeasured)])
+    absent = options.unmeasured_axes(model)
     preferred = None if model is None else model.topics
     log, assignment = assigned(path, options.topics, preferred, options.budget)
     names = [name for topic, table in log.tables.items() for name in (topic, *table.columns)]

@@ -7,7 +7,14 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.reading import loads
-from wrenchgap.plant.model_file.writing import changed_since, content_hash, dumps, next_version, tool_version
+from wrenchgap.plant.model_file.writing import (
+    changed_since,
+    content_hash,
+    dumps,
+    next_version,
+    tool_version,
+    with_reading,
+)
 from wrenchgap.plant.reader import text_of
 
 __all__ = [
@@ -22,6 +29,7 @@ __all__ = [
     "save",
     "shipped_models",
     "tool_version",
+    "with_reading",
 ]
 
 _SHIPPED = Path(__file__).parents[2] / "models"

@@ -4,7 +4,7 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -203,6 +203,12 @@ class BetweenFlightsTable(Table):
     torque: SizeVector
 
 
+ShiftedRole = Annotated[
+    Literal["imu", "odometry", "reference", "battery"], expected("a role: imu, odometry, reference or battery")
+]
+Shift = Annotated[Number, Field(ge=-10.0, le=10.0), expected("seconds, at most 10 either way")]
+
+
 class ModelTable(Table):
     """The whole file. The tables [controller] and [sensors] have the fields of their dataclasses as keys."""
 
@@ -211,6 +217,7 @@ class ModelTable(Table):
     controller: dict[str, Any] = Field({})
     sensors: dict[str, Any] = Field({})
     topics: dict[str, Text] = Field({})
+    shifts: dict[ShiftedRole, Shift] = Field({})
     command: CommandTable | None = None
     unmeasured: Axes = ()
     cutoff_hz: Positive | None = None
@@ -237,6 +244,7 @@ def loads(text: str, folder: Path | None = None) -> Model:
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
+        shifts={**table.shifts},
         command=None if table.command is None else table.command.curve(),
         unmeasured=table.unmeasured,
         cutoff_hz=table.cutoff_hz,

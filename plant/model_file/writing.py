@@ -13,7 +13,7 @@ import numpy as np
 import tomlkit
 
 from wrenchgap._escaping import storable
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.history import BY_HAND, GIVEN, Trial, Version
 from wrenchgap.plant.model import Model
@@ -159,9 +159,30 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
         document[key] = {k: list(x) if isinstance(x, tuple | np.ndarray) else x for k, x in values.items()}
     if model.command is not None:
         document["command"] = tomlkit.item(table_of(model.command))
-    if model.topics:
-        document["topics"] = dict(model.topics)
+    for key, by_role in (("topics", model.topics), ("shifts", model.shifts)):
+        if by_role:
+            document[key] = dict(by_role)
     return document
+
+
+def with_reading(
+    model: Model,
+    topics: Mapping[str, str],
+    shifts: Mapping[str, float],
+    cutoff_hz: float | None = None,
+    unmeasured: Sequence[str] = (),
+) -> Model:
+    """The model with how logs of its vehicle are read, in its text too, beside or in place of what it said before."""
+    said: dict[str, Any] = {"topics": {**model.topics, **topics}, "shifts": {**model.shifts, **shifts}}
+    said |= {"cutoff_hz": cutoff_hz or model.cutoff_hz}
+    said |= {"unmeasured": tuple(axis for axis in AXES if axis in (*model.unmeasured, *unmeasured))}
+    document = tomlkit.parse(model.text or tomlkit.dumps(_skeleton(model)))
+    for key, value in said.items():
+        if isinstance(value, dict) and key in document:
+            document[key].update(value)
+        elif value:
+            document[key] = list(value) if isinstance(value, tuple) else value
+    return replace(model, **said, text=tomlkit.dumps(document))
 
 
 def next_version(

@@ -23,18 +23,18 @@ from typer.core import TyperCommand, TyperGroup
 from wrenchgap._escaping import printable
 from wrenchgap._kernels import refused_setting, removed_kernels
 from wrenchgap._signals import interrupt_of
-from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, discover, export, logs, model, view
+from wrenchgap.replay.cli.commands import analysis, batch, compensation, demo, export, flights, logs, model, view
 from wrenchgap.replay.cli.requests import flat_command
 from wrenchgap.replay.cli.values import usage_error
 
 NAME = "wrenchgap"
 COMMANDS = (
-    *(analysis.check, analysis.inspect, model.calibrate, analysis.compare),
-    *(logs.predict, logs.ready, analysis.where, analysis.explain, discover.discover),
+    *(logs.check, logs.inspect, model.calibrate, analysis.compare),
+    *(flights.predict, flights.ready, analysis.where, analysis.explain, analysis.discover),
     *(analysis.changed, analysis.trend, model.add, model.remove, model.history),
     *(model.effectiveness, model.write),
     *(compensation.learn, analysis.report, compensation.replay, compensation.counterfactual, export.export),
-    *(logs.design, logs.simulate, logs.convert, view.view, demo.demo),
+    *(flights.design, flights.simulate, logs.convert, view.view, demo.demo),
 )
 """In the order of the help; `GROUPS` of further ones follow."""
 GROUPS = {

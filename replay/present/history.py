@@ -51,7 +51,7 @@ def words(version: Version, changed: Changes) -> str:
     if version.parent == "":
         return f"{version.command}: {', '.join(version.names) or 'no effects'}"
     if version.date:
-        return ", ".join(parts) or "nothing"
+        return ", ".join(parts) or "no effect"
     return f"{version.command}: {', '.join(parts) or 'the vehicle'}"
 
 

@@ -66,6 +66,9 @@ class Log(TypedDict):
 
 class Inspect(Document):
     logs: list[Log]
+    model: NotRequired[str]
+    """With `-o`: the model that says how these logs were read."""
+    model_version: NotRequired[int]
 
 
 class Played(TypedDict):

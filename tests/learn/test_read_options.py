@@ -9,7 +9,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap import open_flights
-from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.data import read_options
 from wrenchgap.learn.data.read_options import ReadOptions, intervals, times_outside
 from wrenchgap.plant import model_file
@@ -37,6 +37,50 @@ def test_the_cut_off_is_the_options_else_the_model_files_else_8_hz(logs, tmp_pat
     again = model_file.load(model_file.save(replace(slow, text=""), tmp_path / "slow.toml").path)
     for model, asked, used in ((usual, None, 8.0), (slow, None, 5.0), (again, None, 5.0), (slow, 6.0, 6.0)):
         assert open_flights(logs.test, model, cutoff_hz=asked)[0].records[0].cutoff_hz == used
+
+
+def test_a_model_file_shifts_stamps_unless_an_option_or_an_earlier_reading_did(logs, tmp_path):
+    """Times of the odometry against those in the log: -4 ms by the file, +1 ms by the option, each once."""
+    usual = model_file.load("tilt_hexarotor")
+    late = model_file.load(
+        model_file.save(ReadOptions(shifts={"odometry": -0.004}).recorded_in(usual), tmp_path / "late.toml").path
+    )
+    again = model_file.load(model_file.save(replace(late, text=""), tmp_path / "again.toml").path)
+    raw = wg.flight.load(logs.test)
+    first = raw.odometry.time[0]
+    for model, asked, moved in (
+        (usual, {}, 0.0),
+        (late, {}, -0.004),
+        (again, {}, -0.004),
+        (late, {"odometry": 0.001}, 0.001),
+    ):
+        once = open_flights(logs.test, model, shifts=asked)[0].flight
+        assert once.odometry.time[0] - first == pytest.approx(moved, abs=1e-9)
+        assert once.imu.time[0] == raw.imu.time[0]
+        twice = open_flights(once, model)[0].flight
+        assert twice.odometry.time[0] == once.odometry.time[0]
+    by_topic = ReadOptions(shifts={raw.odometry.topic: 0.001}).shifted(raw, late)
+    assert by_topic.odometry.time[0] - first == pytest.approx(0.001, abs=1e-9)
+
+
+@pytest.mark.parametrize(("line", "expected"), [("rotors = 0.1", "a role"), ("imu = 100.0", "seconds, at most 10")])
+def test_a_shift_of_a_model_file_that_is_none_is_refused(line, expected):
+    text = model_file.load("tilt_hexarotor").text
+    with pytest.raises(ModelError, match=expected):
+        model_file.loads(text + f"\n[shifts]\n{line}\n")
+
+
+def test_what_was_said_of_reading_is_kept_beside_what_the_file_says_and_its_comments():
+    text = model_file.load("tilt_hexarotor").text.replace("schema = 1", 'schema = 1\nunmeasured = ["torque_z"]', 1)
+    usual = model_file.loads(text.replace('odometry = "/odometry"', 'odometry = "/odometry" # of 2025', 1))
+    asked = ReadOptions(topics={"imu": "/imu:frd"}, cutoff_hz=5.0, unmeasured=("force_x",))
+    kept = asked.recorded_in(usual)
+    read = model_file.loads(kept.text)
+    for model in (kept, read):
+        assert model.topics == {**usual.topics, "imu": "/imu:frd"}
+        assert (model.cutoff_hz, model.unmeasured, model.shifts) == (5.0, ("force_x", "torque_z"), {})
+    assert "# of 2025" in kept.text
+    assert usual.vehicle.body.mass == read.vehicle.body.mass
 
 
 def test_options_read_back_from_their_json():

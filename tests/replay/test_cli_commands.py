@@ -160,6 +160,28 @@ def test_inspect_reports_roles_and_checks_against_the_model(logs, result_of):
         assert {t["topic"] for t in log["topics"]} >= {"/imu", "/command/wrench", "/odometry"}
 
 
+def test_inspect_keeps_in_a_model_how_it_read(logs, result_of, run):
+    result = result_of(
+        "inspect", logs.test, "-m", MODEL, "--shift", "odometry=-0.004", "--cutoff", "6", "-o", "kept.toml"
+    )
+    assert (result["model"], result["model_version"]) == ("kept.toml", 2)
+    result = result_of("compare", logs.test, "-m", "kept.toml")
+    assert (result["inputs"][0]["shift_s"], result["cutoff_hz"]) == ({"odometry": -0.004}, 6.0)
+    for said, expected in (
+        ((), "and what to keep"),
+        (("--cutoff", "6", "-o", "kept.toml"), "kept.toml: exists already"),
+    ):
+        done = run("inspect", logs.test, "-m", MODEL, "-o", "other.toml", *said)
+        assert done.exit_code == 2
+        assert expected in done.output
+
+
+def test_inspect_keeps_nothing_where_a_check_is_bad(logs, run, tmp_path):
+    done = run("inspect", logs.test, "-m", MODEL, "--topic", "imu=/imu:frd", "-o", "kept.toml")
+    assert done.exit_code == 3
+    assert not (tmp_path / "kept.toml").exists()
+
+
 def test_inspect_notices_the_wrong_vehicle(logs, run, tmp_path):
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     (tmp_path / "heavy.toml").write_text(text.replace("mass = 4.0 ", "mass = 5.0 "), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`wrenchgap check`, `inspect`, `compare`, `where`, `explain`, `report`, `changed`, `trend`: what logs say."""
+"""`wrenchgap compare`, `where`, `explain`, `discover`, `report`, `changed`, `trend`: what flights say of models."""
 
 from __future__ import annotations
 
@@ -9,80 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
+from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.identify.trend import Trend
     from wrenchgap.plant.model import Model
-
-
-def check(
-    logs: o.Logs,
-    model: o.OptionalModel = None,
-    figure: o.Figure = None,
-    page: o.Page = None,
-    *,
-    reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
-    run: DetailedRun,
-) -> None:
-    """What to look at first, without a mass and without a model: one screen about a vehicle and its logs.
-
-    Flight phases, motor balance, saturation, vibration, battery, estimator, rates, and what the log can answer. Several
-    logs stand side by side, with the parameters of the autopilot that differ. MODEL, if given, says where the rotors
-    are and which topics play the roles.
-
-    Example: `wrenchgap check flight.ulg`
-    """
-    from wrenchgap._lazy import uncollected
-
-    with uncollected():
-        from wrenchgap.replay import api_flights
-
-    run.claim({"--figure": figure, "--page": page}, *logs, model)
-    known = None if model is None else run.model(model)
-    with run.progress("checking") as report:
-        found = api_flights.check(logs, known, reading.options, progress=report)
-    run.inputs[:0] = [
-        {"role": "log", "file": str(log.inspection.path), "sha256": log.inspection.content_hash} for log in found.logs
-    ]
-    run.result(found)
-    run.save("check", found, figure=figure, page=page)
-
-
-def inspect(
-    logs: o.Logs,
-    model: o.OptionalModel = None,
-    *,
-    reading: Annotated[o.Reading, Omit("between")],
-    run: DetailedRun,
-) -> None:
-    """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
-
-    Each check that fails says what to do. With a model, its mass, rotors and actuation are checked as well. Then the
-    delays between the topics and, with a model, of the response behind its commands (docs/timing.md).
-
-    The exit code is 3 where a check is bad and not accepted, so that a script does not go on.
-
-    Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
-    """
-    from wrenchgap._lazy import uncollected
-
-    with uncollected():
-        from wrenchgap.learn.diagnose import model_checks
-
-    run.claim({}, *logs)
-    known = None if model is None else run.model(model)
-    bodies = []
-    for path in logs:
-        seen = model_checks.inspect(path, known, reading.options)
-        run.result(seen)
-        bodies.append(seen.to_json())
-    run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
-    run.write("inspect", {"logs": bodies})
-    found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]
-    if any(check["level"] == "bad" and not check["accepted"] for check in found):
-        raise typer.Exit(FOUND_BAD)
 
 
 def compare(
@@ -186,6 +118,48 @@ def explain(
     run.show(*what_next(found, model, [str(p) for p in logs], *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
     run.save("explain", found)
+
+
+def discover(
+    logs: o.Logs,
+    model: o.ModelOption,
+    validate: o.Validate = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Effect file of the law to write (.py).")
+    ] = None,
+    figure: o.Figure = None,
+    *,
+    reading: o.Reading,
+    run: DetailedRun,
+) -> None:
+    """Find the law of what `explain` cannot name, or say that these logs carry none.
+
+    Hundreds of laws (powers of velocity, rates, thrust, height, time, angles; along body axes, fixed directions, rotors
+    and arms) are tried on what the named effects leave. A law must beat what chance finds in residuals that have
+    nothing to do with the flights, be found again in halves of the time, and predict time or flights (--validate) that
+    it was not fitted to. The file written is an effect of your own: add, simulate and export it with --effects.
+
+    Example: `wrenchgap discover train.mcap -m tilt_hexarotor --validate test.mcap -o law.py`
+    """
+    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.discovery import what_next
+
+    run.claim({"--output": output, "--figure": figure}, *logs, *(validate or ()), model)
+    if output is not None and output.suffix != ".py":
+        raise usage_error(f"--output {output}: the law is a Python file; expected a name that ends in .py")
+    base = run.model(model)
+    with run.progress("discovering") as report:
+        flights, tests = run.open(reading.options, logs, base, validate)
+        found = api.discover(flights, base, validate=tests, progress=report)
+    run.result(found)
+    if output is not None and found.source:
+        with atomic(output) as partial:
+            partial.write_text(found.source, encoding="utf-8")
+    written = output if found.source else None
+    run.show(*what_next(found, model, [str(p) for p in logs], None if written is None else str(written)))
+    run.notes([*base.notes, *(note for f in tests for note in f.notes)])
+    run.save("discover", found, figure=figure, **({} if written is None else {"law": written}))
 
 
 def report(
