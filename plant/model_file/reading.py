@@ -4,11 +4,12 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from wrenchgap.flight.compared_signals import SHIFTABLE
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant import reader
 from wrenchgap.plant.controller import ControllerGains, default_gains
@@ -203,9 +204,7 @@ class BetweenFlightsTable(Table):
     torque: SizeVector
 
 
-ShiftedRole = Annotated[
-    Literal["imu", "odometry", "reference", "battery"], expected("a role: imu, odometry, reference or battery")
-]
+ShiftedRole = Annotated[str, Field(pattern=f"^({'|'.join(SHIFTABLE)})$"), expected(f"a role: {', '.join(SHIFTABLE)}")]
 Shift = Annotated[Number, Field(ge=-10.0, le=10.0), expected("seconds, at most 10 either way")]
 
 
@@ -244,7 +243,7 @@ def loads(text: str, folder: Path | None = None) -> Model:
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
-        shifts={**table.shifts},
+        shifts=table.shifts,
         command=None if table.command is None else table.command.curve(),
         unmeasured=table.unmeasured,
         cutoff_hz=table.cutoff_hz,
