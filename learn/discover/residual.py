@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.atomic import write_below
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
@@ -162,12 +162,13 @@ class Residual:
 @dataclass(frozen=True)
 class HeldOut:
     """Rms (6,) of what is left without and with the laws where they were not fitted, the share of the energy above the
-    sensors' noise that they take off, and where that was.
+    sensors' noise that they take off the `axes` on which they act, and where that was.
     """  # noqa: D205
 
     before: Array
     after: Array
     energy_reduction: float
+    axes: tuple[str, ...]
     where: str
 
 
@@ -295,9 +296,12 @@ def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
 
 def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut:
     before, after = (_centred(data, x) for x in (before, after))
-    scale, noise = data.weights**2, np.nan_to_num(data.noise) ** 2
+    noise = np.nan_to_num(data.noise) ** 2
+    acts = np.mean((after - before) ** 2, axis=0) > noise  # other axes may hold what these laws do not speak of
+    scale = np.where(acts, data.weights**2, 0.0)
     excess = [float(np.maximum(np.mean(x**2, axis=0) - noise, 0.0) @ scale) for x in (before, after)]
-    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / max(excess[0], 1e-300), where)
+    axes = tuple(axis for axis, acting in zip(AXES, acts, strict=True) if acting)
+    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / max(excess[0], 1e-300), axes, where)
 
 
 def _centred(data: Dataset, left: Array) -> Array:

@@ -33,8 +33,8 @@ class DiscoverySettings:
     quarters: int = 4
     """Parts of the time, one after the other, that are held out where no flight is."""
     energy_reduction: float = 0.5
-    """Share of the energy above the sensors' noise that laws take off time that they were not fitted to; less is no
-    law: what hides there has a memory, or a form that is not among the atoms."""
+    """Share of the energy above the sensors' noise that laws take off the axes on which they act, in time that they
+    were not fitted to; less is no law: what hides there has a memory, or a form that is not among the atoms."""
     sure: float = 3.0
     """Standard deviations that the coefficients of a law are from zero, fitted with everything that was named."""
     apart: float = 3.0

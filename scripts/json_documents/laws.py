@@ -86,7 +86,9 @@ class Discover(Document):
     rms_after: Six
     noise: Six
     energy_reduction: float
-    """Share of the energy above the sensors' noise that the laws take off held-out time."""
+    """Share of the energy above the sensors' noise that the laws take off `axes` on held-out time."""
+    axes: list[str]
+    """On which the laws make more than the sensors' noise."""
     regression_reduction: float
     """Share of the variance that regressions on all logged quantities take off."""
     held_out: str
