@@ -255,13 +255,13 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
     if alike > 0.9 and not 0.75 < ratio < 1.33:
         mend = option(flight, f"{vector}*{factor(1.0 / slope)}", *parts)
         return Check(name, "bad", f"{said}: another unit or scale", mend)
-    high = ratio**2 / slope if slope else np.inf
+    high = ratio / alike if alike else np.inf
     if 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor or rms(truth) <= 2.0 * ATTITUDE.still_rate:
         between = f"{slope:.2f}" if alike > 0.995 else f"{slope:.2f} to {high:.2f}, by the noise of either"
         return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")
-    if slope <= 0.0:
+    if slope <= 0.0 or ratio == 0.0:  # the second: so small that its square is none
         return Check(name, "warn", f"{said}: check clocks, units and axes.")
-    scale = option(flight, f"{vector}*{factor(1.0 / float(np.sqrt(slope * high)))}", *parts)
+    scale = option(flight, f"{vector}*{factor(1.0 / ratio)}", *parts)
     words = (
         f"{said}: the factor is between {slope:.2f} and {high:.2f}. Noise of the attitude makes it small, and so does "
         f"a delay between the two (see the timing; --shift odometry=SECONDS); a wrong scale would be mended by {scale}."

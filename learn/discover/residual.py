@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +72,16 @@ def law_name(atom: Atom) -> str:
     return f"law_{atom.name}"
 
 
+def renamed(some: Sequence[Atom]) -> list[Atom]:
+    """Laws by names that no effect has: with `--effects`, a law that was found before is one."""
+    taken = effects.catalogue()
+
+    def free(one: Atom) -> Atom:
+        return one if law_name(one) not in taken else free(replace(one, name=f"{one.name}_again"))
+
+    return [free(a) for a in some]
+
+
 class Residual:
     """What named effects leave on some flights, and what atoms would make there."""
 
@@ -81,7 +91,7 @@ class Residual:
         self.left = np.nan_to_num(left_by(data, self.model))
         named = [uncertain(data, self.model, e) for e in self.model.effects]
         self.numbers = constants(model.vehicle, _volts(data))
-        every = possible(atoms(model.vehicle), data, model)
+        every = possible(renamed(atoms(model.vehicle)), data, model)
         self.whitening = Whitening(data, model, self.left, named)
         self.first = evidence(self.whitening, self.model, self.left, every, self.numbers)
 

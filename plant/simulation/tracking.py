@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, OdometrySeries
 from wrenchgap.flight.stamps import interpolated
 from wrenchgap.plant.controller import attitude_error
@@ -91,6 +92,11 @@ def deviation(state: State, odometry: OdometrySeries, dt: float) -> Deviation:
 
 
 def during(odometry: OdometrySeries, time: Array) -> OdometrySeries:
-    """The poses of an odometry from the first to the last of `time` (N,)."""
+    """The poses of an odometry from the first to the last of `time` (N,). Raises LogError where there are none."""
     inside = (odometry.time >= time[0] - 1e-6) & (odometry.time <= time[-1] + 1e-6)
+    if not inside.any():
+        raise LogError(
+            f"{odometry.topic}: no pose from {time[0]:.3f} to {time[-1]:.3f} s, which is all that was flown; expected "
+            "a flight whose commands, sensors and reference agree, and some poses of it; see `wrenchgap inspect`"
+        )
     return OdometrySeries(odometry.topic, odometry.time[inside], odometry.position_E[inside], odometry.quat_EB[inside])

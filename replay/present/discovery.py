@@ -95,16 +95,21 @@ def said_of(law: Law) -> list[str]:
     return out
 
 
-def what_next(found: Discovery, model: str, logs: list[str], file: str | None) -> list[Line]:
-    """Commands that use the law."""
+def what_next(
+    found: Discovery, model: str, logs: list[str], file: str | None, options: str = "", own: str = ""
+) -> list[Line]:
+    """Commands that use the law.
+
+    `options` are those with which the logs were read, `own` those of them that name effects; with a space before them.
+    """
     if not found.laws or file is None:
         return []
     model, file, first = shlex.quote(model), shlex.quote(file), found.laws[0]
     names = " ".join([*found.explanation.effects, *(law.name for law in found.laws)])
-    out = [f"next: wrenchgap add {names} -m {model} --from {shlex.join(logs)} --effects {file} -o fitted.toml"]
+    out = [f"next: wrenchgap add {names} -m {model} --from {shlex.join(logs)}{options} --effects {file} -o fitted.toml"]
     if first.equivalents:
         pair = f"{first.name} {first.equivalents[0][0]}"
-        out.append(f"to separate them: wrenchgap design {pair} -m {model} --effects {file} -o separate.toml")
+        out.append(f"to separate them: wrenchgap design {pair} -m {model}{own} --effects {file} -o separate.toml")
     return [Line(text) for text in out]
 
 

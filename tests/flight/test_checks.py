@@ -198,6 +198,11 @@ def test_rates_that_an_attitude_shows_by_half_do_not_agree(noise, level):
             assert part in found.words
 
 
+def test_a_gyroscope_whose_numbers_have_no_square_is_looked_at_and_no_division_by_zero():
+    found = with_checks(moving(change=lambda name, v: v * 1e-300 if name == "omega" else v)).checks
+    assert {c.name: c for c in found}["gyroscope"].level != "ok"
+
+
 def test_an_imu_stuck_for_most_of_the_log_is_bad():
     assert found_in(moving(change=spoilt("omega", slice(200, 1000))))["frozen"].level == "bad"
 

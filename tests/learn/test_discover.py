@@ -20,7 +20,7 @@ from wrenchgap.learn.discover.discover import Outcome
 from wrenchgap.learn.discover.evidence import surrogate_residuals
 from wrenchgap.learn.discover.law_file import evaluator, source
 from wrenchgap.learn.discover.quantities import Unit
-from wrenchgap.learn.discover.residual import _compared, loaded
+from wrenchgap.learn.discover.residual import _compared, loaded, renamed
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects.effect import Context
@@ -215,6 +215,20 @@ def test_the_file_of_a_law_is_an_effect_that_is_added(found, hidden):
     assert "law_torque_z_heading4" not in effects.catalogue()
 
 
+def test_a_law_that_is_an_effect_already_is_found_by_another_name(found):
+    """Flights are searched again with `--effects law.py`: its name is taken, which ended the search with an error."""
+    from wrenchgap.plant import effects
+
+    names = [a.name for a in atoms(QUADROTOR)]
+    with effects.registered(loaded(found.source)):
+        again = renamed(atoms(QUADROTOR))
+        (new,) = [a for a, name in zip(again, names, strict=True) if a.name != name]
+        assert new.name == "torque_z_heading4_again"
+        with effects.registered(loaded(source([new], constants(QUADROTOR, 15.0), []))):
+            assert {"law_torque_z_heading4", "law_torque_z_heading4_again"} <= set(effects.catalogue())
+    assert [a.name for a in renamed(atoms(QUADROTOR))] == names
+
+
 def test_a_coefficient_in_seconds_is_no_time_that_stamps_blur(hidden):
     """M = k T (e_z x v) has k in seconds: a sample's period over sqrt(12) is no error of it."""
     from wrenchgap.plant import effects
@@ -241,12 +255,15 @@ def test_a_flight_with_nothing_hidden_has_no_law():
 
 
 def test_the_next_command_adds_what_was_named_with_the_law_and_quotes_what_users_call_things(found):
-    (line, *_) = what_next(found, "my model.toml", ["a; b.mcap"], "law.py")
+    options = " --shift imu=0.02 --effects own.py"
+    (line, *_) = what_next(found, "my model.toml", ["a; b.mcap"], "law.py", options, " --effects own.py")
     words = shlex.split(line.text)
     names = words[words.index("add") + 1 : words.index("-m")]
     assert names == [*found.explanation.effects, *(law.name for law in found.laws)]
     assert "my model.toml" in words
     assert "a; b.mcap" in words
+    assert "imu=0.02" in words  # else it would fit other numbers
+    assert [words[k + 1] for k, word in enumerate(words) if word == "--effects"] == ["own.py", "law.py"]
 
 
 def test_every_coefficient_has_the_unit_that_makes_newtons():

@@ -10,7 +10,7 @@ from wrenchgap import flight
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.compensate.allocator import Allocator
 from wrenchgap.flight import so3
-from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.write import provenance
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.data.recording import read_recording
@@ -21,6 +21,7 @@ from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
+from wrenchgap.plant.simulation.tracking import deviation
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.counterfactual.change import Change, believed_vehicle, changed_gains
 from wrenchgap.replay.counterfactual.change import change as asked_change
@@ -51,6 +52,13 @@ def fly(truth=MODEL, trajectory=None, **more):
 def hidden():
     """Flown with a displaced centre of mass and slow servos."""
     return fly(KNOWN)
+
+
+def test_a_null_run_that_is_lost_before_any_pose_is_said_in_one_line(hidden):
+    """A desired wrench far beyond the vehicle throws it away in its first periods, between two poses."""
+    state = SimpleNamespace(time=hidden.odometry.time[0] + np.array([1e-3, 2e-3]))
+    with pytest.raises(LogError, match=r"no pose from .* all that was flown"):
+        deviation(state, hidden.odometry, 1e-3)
 
 
 def record(log, model=MODEL, **more):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.commands.flights import READ
 from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import parse_effects, usage_error
 
@@ -157,8 +158,16 @@ def discover(
         with atomic(output) as partial:
             partial.write_text(found.source, encoding="utf-8")
     written = output if found.source else None
-    run.show(*what_next(found, model, [str(p) for p in logs], None if written is None else str(written)))
+    file, options = (
+        None if written is None else str(written),
+        (run.common_options(), run.common_options(*READ, "cutoff")),
+    )
+    run.show(*what_next(found, model, [str(p) for p in logs], file, *options))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
+    if written is not None:
+        run.line(f"wrote law {written}")
+    elif output is not None:
+        run.line(f"no law, so that {output} was not written{'; what is there is an older one' * output.exists()}")
     run.save("discover", found, figure=figure, **({} if written is None else {"law": written}))
 
 
