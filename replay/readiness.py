@@ -37,7 +37,7 @@ from wrenchgap.plant.demand import Demand, demand
 from wrenchgap.plant.effect_values import drawn
 from wrenchgap.plant.effectiveness import RANK, linear_matrix
 from wrenchgap.plant.model import Model, make_effect
-from wrenchgap.plant.simulation.flight_plan import Plan, prepare
+from wrenchgap.plant.simulation.flight_plan import Plan, prepare, trajectory_file
 from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
@@ -117,7 +117,7 @@ class Readiness(Result):
     `beyond` are quantities in which the trajectory goes further than the flights; `first` is what to check on the
     bench, that on which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does
     not feel the voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard
-    deviation: else nothing says how wrong the model may be.
+    deviation: else nothing says how wrong the model may be. `designed_for` is the vehicle of a file of `design`.
     """
 
     decision: Decision
@@ -135,6 +135,7 @@ class Readiness(Result):
     beyond: tuple[Range, ...]
     first: tuple[Uncertain, ...]
     known: bool
+    designed_for: str = ""
     notes: tuple[object, ...] = ()
 
 
@@ -159,7 +160,9 @@ def readiness(
     for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
         if value is not None and not 0.0 <= value <= most:
             raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
-    _, _, path = prepare(Plan(model, trajectory, duration), max_duration=LONGEST)
+    plan = Plan(model, trajectory, duration)
+    _, _, path = prepare(plan, max_duration=LONGEST)
+    file = trajectory_file(plan)
     along = Flat(path) if pushes_along_z_only(model.vehicle) else path
     reference = along.at(np.arange(0.0, path.duration, PERIOD))
     check_sampled(reference, trajectory)
@@ -196,6 +199,7 @@ def readiness(
         beyond,
         _first(models, worst),
         known,
+        "" if file is None else file.vehicle,
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
 

@@ -15,6 +15,8 @@ from wrenchgap.flight.errors import UsageError
 
 HERE, EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of Linux (renameat2(2))."""
+COMMON = frozenset({"Makefile", "README.md", "CMakeLists.txt", "selftest.c", "selftest", "__pycache__"})
+"""Names that others give files too: a folder that holds nothing else is not ours."""
 
 
 def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: bool = False) -> None:
@@ -41,11 +43,14 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
     check_writable(folder, f"--output {folder}")
     ours = {*names, "selftest"}
     cached = {"__pycache__"} if any(name.endswith(".py") for name in names) else set()
-    others = sorted(
+    found = sorted(folder.iterdir())
+    others = [
         p.name
-        for p in folder.iterdir()
+        for p in found
         if (p.name not in ours or not p.is_file() or p.is_symlink()) and (p.name not in cached or not p.is_dir())
-    )
+    ]
+    if all(p.name in COMMON for p in found):
+        others = [p.name for p in found]
     if others:
         raise UsageError(
             f"--output {folder}: holds {', '.join(others[:3])}, which this command did not write; --force replaces the "

@@ -51,6 +51,8 @@ def summary(found: Readiness) -> list[str]:
     if found.beyond:
         words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
+    if found.designed_for and found.designed_for != found.vehicle.name:
+        out.append(f"It was designed for {found.designed_for}, and {found.vehicle.name} flies it here.")
     if not found.known:
         out.append(
             "No value of the model has a standard deviation: how wrong it may be is not known. Fit it first (wrenchgap "

@@ -153,4 +153,6 @@ class Ready(Document):
     """What to check on the bench, that on which most depends first."""
     known: bool
     """Whether any value of the model has a standard deviation."""
+    designed_for: str
+    """The vehicle that a file of `design` names; empty for the name of a trajectory."""
     notes: list[str]

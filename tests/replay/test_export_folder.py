@@ -82,6 +82,17 @@ def test_killed_at_any_moment_the_folder_is_the_old_or_the_new_one(folder):
         assert content(folder) in (OLD, NEW)
 
 
+@pytest.mark.parametrize("names", [("Makefile",), ("Makefile", "README.md"), ("__pycache__",)])
+def test_a_folder_of_files_that_anybody_may_have_is_not_ours(names, tmp_path):
+    """`effectiveness -o PROJECT --force` replaced a folder in which there was only the user's Makefile."""
+    for name in names:
+        (tmp_path / name).mkdir() if name == "__pycache__" else (tmp_path / name).write_text("mine\n")
+    files = {"Makefile": "", "README.md": "", "wrenchgap_allocation.py": ""}
+    with pytest.raises(UsageError, match=f"holds {names[0]}.*did not write"):
+        write_folder(tmp_path, files, force=True)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+
+
 @pytest.mark.usefixtures("steps")
 def test_permissions_are_those_of_the_old_folder_or_of_the_umask(folder):
     folder.chmod(0o700)

@@ -121,6 +121,15 @@ def test_wind_without_drag_and_a_voltage_that_no_log_has_are_said(still):
         wg.ready(still, MODEL.with_effects([sag]), "hover")
 
 
+def test_a_trajectory_of_another_vehicle_is_said(still, tmp_path):
+    file = tmp_path / "other.toml"
+    for vehicle, said in (("somebody_else", 1), (MODEL.vehicle.name, 0)):
+        head = f'schema = 1\n[trajectory]\nname = "x"\nvehicle = "{vehicle}"\nduration = 3.0\nhome = [0, 0, 1]\n'
+        file.write_text(head + 'attitude = "thrust"\n')
+        found = wg.ready(still, weak(loss=0.2), str(file))
+        assert str(found).count("It was designed for somebody_else") == said
+
+
 def test_an_empty_battery_leaves_less_thrust():
     """A command curve whose thrust goes with the voltage squared: at 0.9 of the voltage each rotor has 0.81 of it."""
     model = wg.load_model("crazyflie")
