@@ -158,11 +158,8 @@ def discover(
         with atomic(output) as partial:
             partial.write_text(found.source, encoding="utf-8")
     written = output if found.source else None
-    file, options = (
-        None if written is None else str(written),
-        (run.common_options(), run.common_options(*READ, "cutoff")),
-    )
-    run.show(*what_next(found, model, [str(p) for p in logs], file, *options))
+    read = (run.common_options(), run.common_options(*READ, "cutoff"))
+    run.show(*what_next(found, model, [str(p) for p in logs], None if written is None else str(written), *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
     if written is not None:
         run.line(f"wrote law {written}")
