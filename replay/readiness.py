@@ -37,7 +37,7 @@ from wrenchgap.plant.demand import Demand, demand
 from wrenchgap.plant.effect_values import drawn
 from wrenchgap.plant.effectiveness import RANK, linear_matrix
 from wrenchgap.plant.model import Model, make_effect
-from wrenchgap.plant.simulation.flight_plan import Plan, prepare, trajectory_file
+from wrenchgap.plant.simulation.flight_plan import Plan, designed_for, prepare
 from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
@@ -154,17 +154,14 @@ def readiness(
     """Of a `trajectory` (a name, or a file of `design`) after flights that were opened for `model`.
 
     A `payload` [kg] hangs at the vehicle's centre of mass; a steady `wind` [m/s] comes from any side; `voltage` [V] is
-    by default the lowest that was logged, where the model depends on it. Raises UsageError for values that no vehicle
-    has, ModelError for a vehicle without rotors.
+    by default the lowest that was logged, where the model depends on it. Raises as `replay.api_flights.ready`.
     """
     for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
         if value is not None and not 0.0 <= value <= most:
             raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
     plan = Plan(model, trajectory, duration)
     _, _, path = prepare(plan, max_duration=LONGEST)
-    file = trajectory_file(plan)
-    along = Flat(path) if pushes_along_z_only(model.vehicle) else path
-    reference = along.at(np.arange(0.0, path.duration, PERIOD))
+    reference = (Flat(path) if pushes_along_z_only(model.vehicle) else path).at(np.arange(0.0, path.duration, PERIOD))
     check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
@@ -199,7 +196,7 @@ def readiness(
         beyond,
         _first(models, worst),
         known,
-        "" if file is None else file.vehicle,
+        designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
 

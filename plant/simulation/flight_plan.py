@@ -86,6 +86,12 @@ def trajectory_file(plan: Plan) -> TrajectoryFile | None:
     return file
 
 
+def designed_for(plan: Plan) -> str:
+    """The vehicle for which a file of `design` was made; empty for the name of a trajectory."""
+    file = trajectory_file(plan)
+    return "" if file is None else file.vehicle
+
+
 def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], None] | None = None) -> Flight:
     """The flight of a plan; the same plan gives the same flight."""
     truth, believed, trajectory = prepare(plan)
