@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.formats.px4_rate_loop import RateLoop
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 
@@ -91,6 +92,23 @@ def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
     return np.asarray(H * ((2.0 * zeta * omega * s + omega**2) / s**2 + Q) / (1.0 - Q * H_o))
 
 
+def rate_loop(gains: RateLoop, acceleration: Array, lag: float, delay: float) -> Array:
+    """L(j w) (3, F) of attitude loops around rate loops, PX4's (`flight.formats.px4_rate_loop`), broken at the command.
+
+    With the angular `acceleration` (3,) [rad/s^2] of a unit of torque, the integral in it:
+
+        L = acceleration H out ((P + I / s) (A + s G) + D s^2 G F) / s^2
+    """
+    s, column = 1j * FREQUENCIES, (slice(None), None)
+    x = s / (2.0 * np.pi * gains.gyro)
+    G = 1.0 / (1.0 + np.sqrt(2.0) * x + x**2)
+    F = 1.0 / (1.0 + s / (2.0 * np.pi * gains.acceleration))
+    out = 1.0 / (1.0 + s / (2.0 * np.pi * gains.output[column]))
+    rate = (gains.rate[column] + gains.integral[column] / s) * (gains.angle[column] + s * G)
+    H = np.exp(-s * delay) / (1.0 + lag * s)
+    return np.asarray(acceleration[column] * H * out * (rate + gains.derivative[column] * s**2 * G * F) / s**2)
+
+
 def growing_modes(L: Array, at_zero: int) -> NDArray[np.int_]:
     """The number of closed-loop poles (R,) are to the right of the imaginary axis, of loops L(j w) (R, F).
 
@@ -125,7 +143,7 @@ def sensitivity_peak(loop: Loop, observer: Observer = NO_OBSERVER) -> float:
 
 
 def phase_and_gain_margins(L: Array) -> tuple[Array, Array]:
-    """Phase margins [deg] and gain margins [dB] (R,) of loops L(j w) (R, F) that begin as 1 / s^2.
+    """Phase margins [deg] and gain margins [dB] (R,) of loops L(j w) (R, F) that begin as 1 / s^2, or 1 / s^3.
 
     At the last frequency at which |L| falls through one, and at the first beyond it at which the phase falls through
     -180 deg; infinite where it does not, NaN where |L| never falls through one.

@@ -6,8 +6,8 @@ draws       values of the effects, drawn within their standard deviations; wind 
 disturbance what the model leaves of the wrench of these flights, of another time in each draw
 demand      commands that make the trajectory's motion against it (`plant.demand`)
 authority   in which share of the draws a rotor, or an arm, never needs more than `ROOM` of what it has
-margins     of the attitude loops with the gains of the model file: nominal, and as drawn, with the lags, the delays,
-            the inertia and the effectiveness of the rotors
+margins     of the attitude loops with the gains of the model file or of PX4's parameters, where these flew: nominal,
+            and as drawn, with the lags, the delays, the inertia and the effectiveness of the rotors
 
 What the flights could not show is not in the draws: where the trajectory goes beyond them, that is said. Probabilities
 are never nearer to one than those of `explain`: no catalogue of effects is complete.
@@ -23,26 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Range
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import predict
-from wrenchgap.learn.diagnose.flown_controller import flown_by_controller
-from wrenchgap.learn.identify.guard import loop_of
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
 from wrenchgap.plant.effect_values import drawn
-from wrenchgap.plant.effectiveness import RANK, linear_matrix
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.simulation.flight_plan import Plan, designed_for, prepare
-from wrenchgap.plant.stability import open_loop, phase_and_gain_margins
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin
+from wrenchgap.replay.loop_margins import GO, WITHIN, Gains, LoopMargins, flown_loops
 
 DRAWS = 200
 """Of the model and the disturbance: a probability of 0.9 is known to 0.02."""
@@ -52,14 +49,8 @@ LONGEST = 600.0
 """Of a trajectory [s]: 30,000 samples in 200 draws take half a minute and 0.5 GB."""
 ROOM = 0.9
 """Share of what a part has that may be needed: the rest is for the controller, whose overshoot is not in the demand."""
-GO, NO_GO = 0.9, 0.5
-"""Probability of the weakest part from which on a flight is a go, and below which it is none."""
-PHASE, GAIN = 45.0, 6.0
-"""Margins [deg], [dB] that a loop should have (Astrom and Murray, "Feedback Systems", 2008, 11.3)."""
-FACTORS = np.geomspace(1.0, 0.25, 29)
-"""By which gains are multiplied to look for lost margins; in steps of 5 %."""
-WITHIN = (5.0, 50.0, 95.0)
-"""Percentiles of what a part needs."""
+NO_GO = 0.5
+"""Probability of the weakest part below which a flight is none."""
 
 
 class Decision(StrEnum):
@@ -84,21 +75,6 @@ class Authority:
 
 
 @dataclass(frozen=True)
-class LoopMargins:
-    """Of the attitude loop about an `axis`: margins of phase [deg] and gain [dB], `nominal` (2,), and as drawn, 5th,
-    50th and 95th percentile (3,) each; the `probability` that both are large enough; by what to multiply the gains so
-    that it is `GO`, one where it is, None where less gain does not help.
-    """  # noqa: D205
-
-    axis: str
-    nominal: Array
-    phase: Array
-    gain: Array
-    probability: float
-    factor: float | None
-
-
-@dataclass(frozen=True)
 class Uncertain:
     """A value of an effect, by name, and the share of the scatter of the weakest part's need that goes with it."""
 
@@ -113,11 +89,11 @@ class Uncertain:
 class Readiness(Result):
     """Whether to fly `trajectory` of `duration` [s] with a `payload` [kg], in a `wind` [m/s], at a `voltage` [V].
 
-    `authority` is the weakest first; `loops` are empty where the gains that were flown are not in the model file.
-    `beyond` are quantities in which the trajectory goes further than the flights; `first` is what to check on the
-    bench, that on which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does
-    not feel the voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard
-    deviation: else nothing says how wrong the model may be. `designed_for` is the vehicle of a file of `design`.
+    `authority` is the weakest first; `loops` are those about the axes on which known `gains` flew. `beyond` are
+    quantities in which the trajectory goes further than the flights; `first` is what to check on the bench, that on
+    which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does not feel the
+    voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard deviation: else
+    nothing says how wrong the model may be. `designed_for` is the vehicle of a file of `design`.
     """
 
     decision: Decision
@@ -132,6 +108,7 @@ class Readiness(Result):
     flights: tuple[str, ...]
     authority: tuple[Authority, ...]
     loops: tuple[LoopMargins, ...]
+    gains: Gains
     beyond: tuple[Range, ...]
     first: tuple[Uncertain, ...]
     known: bool
@@ -176,12 +153,12 @@ def readiness(
     needed = demand(models, state, motion, PERIOD, disturbances)
     plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, 0.0 * disturbances[:1])
     authority, worst = _authorities(model, needed, plain, volts)
-    loops = _loops(model, models) if flown_by_controller(model, flights) else ()
+    margins = loops, gains = flown_loops(model, models, flights, volts)
     force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
     beyond = _beyond([r for f in flights for r in f.records], reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
     return Readiness(
-        _decision(authority, loops, plain_go=not beyond and known),
+        _decision(authority, loops, plain_go=not beyond and known and gains is not Gains.PX4_NO_LAG),
         model.vehicle,
         trajectory,
         float(path.duration),
@@ -192,7 +169,7 @@ def readiness(
         depends,
         tuple(f.records[0].flight for f in flights),
         authority,
-        loops,
+        *margins,
         beyond,
         _first(models, worst),
         known,
@@ -283,30 +260,6 @@ def _authorities(
                 add(model.vehicle.arm_name(int(a)), used, share[:, a], float(nominally[0, a]), share[:, a] <= ROOM)
     found.sort(key=lambda pair: (pair[0].probability, -pair[0].needs[1]))
     return tuple(one for one, _ in found), found[0][1]
-
-
-def _loops(model: Model, models: Sequence[WrenchModel]) -> tuple[LoopMargins, ...]:
-    """Margins of the loops about body x, y and z that the vehicle can turn about."""
-    nominal = open_loop(loop_of(replace(model, effects=())))
-    B = linear_matrix(model, [])
-    inverse, own = np.linalg.pinv(B, rcond=RANK), np.diag(model.vehicle.body.inertia)
-    drawn_loops = []
-    for one in models:
-        steady = [e for e in one.effects if e.effect.place != "air" and not e.effect.needs_voltage]
-        gain = np.diag(linear_matrix(model, steady) @ inverse)[3:] * own / np.diag(one.body.inertia)
-        drawn_loops.append(gain[:, None] * open_loop(loop_of(replace(model, effects=tuple(one.effects)))))
-    loops, out = np.array(drawn_loops), []
-    before = np.transpose(phase_and_gain_margins(nominal))
-    for k in np.flatnonzero(np.diag(B @ inverse)[3:] > 0.5):
-        by_factor = [phase_and_gain_margins(factor * loops[:, k]) for factor in FACTORS]
-        share = [float(np.mean((phase >= PHASE) & (gain >= GAIN))) for phase, gain in by_factor]
-        helped = [float(f) for f, p in zip(FACTORS, share, strict=True) if p >= GO]
-        phase, gain = (np.percentile(np.minimum(x, 1e3), WITHIN) for x in by_factor[0])
-        found = LoopMargins(
-            AXES[3 + k], before[k], phase, gain, min(share[0], DEFAULT.certain), helped[0] if helped else None
-        )
-        out.append(found)
-    return tuple(out)
 
 
 def _beyond(records: Sequence[Record], reference: Reference, wind: float, force: Array) -> tuple[Range, ...]:

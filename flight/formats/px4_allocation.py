@@ -29,33 +29,52 @@ def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -
     `control` (M, R) is what the messages `motors` say, NaN where disarmed. None where the setpoints do not come faster,
     or do not give the logged commands.
     """
-    thrust, torque = said.read("vehicle_thrust_setpoint", "xyz"), said.read("vehicle_torque_setpoint", "xyz")
-    if not thrust or not torque or len(torque[0]) < 1.5 * len(motors):
+    allocation, found = allocation_of(said, motors, control), _setpoints(said)
+    if allocation is None or found is None or len(found[1]) < 1.5 * len(motors):
         return None
-    tables = motors, thrust[0], torque[0]
-    if any("timestamp_sample" not in table.columns for table in tables):
-        return None
-    of_motors, of_thrust, of_torque = (np.asarray(table.columns["timestamp_sample"]) for table in tables)
-    sample, row_thrust, row_torque = np.intersect1d(of_thrust, of_torque, return_indices=True)
-    setpoint = np.hstack((thrust[1][row_thrust], torque[1][row_torque]))
+    _, messages, setpoint = found
     finite = np.isfinite(setpoint).all(axis=1)
-    lowest = -1.0 if np.nanmin(control) < 0.0 else 0.0  # motors that turn both ways
-    off_limits = np.all((control > lowest + NEAR_LIMIT) & (control < 1.0 - NEAR_LIMIT), axis=1)
-    _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
-    fitted = off_limits[logged] & finite[asked]
-    allocation = _allocation(setpoint[asked[fitted]], control[logged[fitted]])
-    if allocation is None:
-        return None
     command = np.nan_to_num(setpoint) @ allocation
-    messages = taken(torque[0], row_torque)
+    lowest = _lowest(control)
     last = np.clip(np.searchsorted(_sent(motors), _sent(messages), side="right") - 1, 0, None)
     held = np.nan_to_num(control)[last]
-    within = finite & ((command >= lowest) & (command <= 1.0)).all(axis=1)
+    within = finite & np.all((command >= lowest) & (command <= 1.0), axis=1)
     said.notes.append(
         f"{said.prefix}/motor_command_normalised: {len(command)} commands of the setpoints of thrust and torque "
         f"instead of {len(motors)} of actuator_motors; the log shows their allocation to be exact."
     )
     return messages, np.where((within & held.any(axis=1))[:, None], command, held)
+
+
+def allocation_of(said: Messages, motors: Table, control: Array) -> Array | None:
+    """The matrix (6, R) that turns setpoints of thrust and torque into motor commands; None where the log shows none.
+
+    `control` (M, R) is what the messages `motors` say, NaN where disarmed.
+    """
+    found = _setpoints(said)
+    if found is None or "timestamp_sample" not in motors.columns:
+        return None
+    sample, _, setpoint = found
+    off_limits = np.all((control > _lowest(control) + NEAR_LIMIT) & (control < 1.0 - NEAR_LIMIT), axis=1)
+    of_motors = np.asarray(motors.columns["timestamp_sample"])
+    _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
+    fitted = off_limits[logged] & np.isfinite(setpoint[asked]).all(axis=1)
+    return _allocation(setpoint[asked[fitted]], control[logged[fitted]])
+
+
+def _setpoints(said: Messages) -> tuple[Array, Table, Array] | None:
+    """Samples and messages that have both setpoints, and thrust and torque (N, 6)."""
+    thrust, torque = said.read("vehicle_thrust_setpoint", "xyz"), said.read("vehicle_torque_setpoint", "xyz")
+    if not thrust or not torque or any("timestamp_sample" not in x[0].columns for x in (thrust, torque)):
+        return None
+    of_thrust, of_torque = (np.asarray(x[0].columns["timestamp_sample"]) for x in (thrust, torque))
+    sample, row_thrust, row_torque = np.intersect1d(of_thrust, of_torque, return_indices=True)
+    return sample, taken(torque[0], row_torque), np.hstack((thrust[1][row_thrust], torque[1][row_torque]))
+
+
+def _lowest(control: Array) -> float:
+    """Of motors that turn both ways -1, of others 0."""
+    return -1.0 if np.nanmin(control) < 0.0 else 0.0
 
 
 def _allocation(setpoint: Array, control: Array) -> Array | None:

@@ -1,21 +1,35 @@
-"""Whether the controller of a model file flew a log: its law, on the recorded motion, makes the torques of the log."""
+"""Whether known gains flew a log: their law, on the recorded motion, makes the torques of the log.
+
+Either the controller of a model file, or PX4's with the parameters of the log.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.px4_rate_loop import RateLoop, logged_loop
 from wrenchgap.learn.data.measurement import commands_of, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.controller import control_law, integral_series, pushes_along_z_only
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import State
+from wrenchgap.plant.targets.quantities import still_wrench
 from wrenchgap.plant.trajectory.shapes import Recorded
+from wrenchgap.plant.wrench_model import WrenchModel, about_com
+
+SMALL = 0.05
+"""Share of torque about hover over which the thrust curve is taken for a line."""
+LEAST = 0.9
+"""Of the correlation, and of the slope to either side: a gain that is off by more than a tenth is another."""
 
 
-def flown_by_controller(model: Model, flights: Sequence[OpenFlight], least: float = 0.9) -> bool:
+def flown_by_controller(model: Model, flights: Sequence[OpenFlight]) -> bool:
     """Whether the controller of the model file flew these: whether its torques, from the recorded motion and reference,
     go with the desired ones, both about the centre of mass and behind the flights' low-pass, their means aside, with a
-    correlation and a slope (to either side) of `least`.
+    correlation and a slope of `LEAST`.
     """  # noqa: D205
     body, along_z = model.vehicle.body, pushes_along_z_only(model.vehicle)
     for flight, s, cutoff_hz in ((f.flight, s, f.records[0].cutoff_hz) for f in flights for s in f.flown):
@@ -27,10 +41,52 @@ def flown_by_controller(model: Model, flights: Sequence[OpenFlight], least: floa
         integral = integral_series(model.controller, error, s.dt)
         law, _ = control_law(model.controller, body, state, reference, integral, along_z)
         desired = commands_of(s, model.vehicle)[0].wrench_B if s.wrench_des_B is None else s.wrench_des_B
-        pair = (low_pass(np.ascontiguousarray(x[:, 3:]), s.dt, cutoff_hz) for x in (desired, law))
-        for asked, own in zip(*(x.T for x in pair), strict=True):
-            both = np.cov(asked, own)
-            slope = both[0, 1] / max(both[1, 1], 1e-30)
-            if both[0, 1] < least * np.sqrt(both[0, 0] * both[1, 1]) or not least < slope < 1.0 / least:
-                return False
+        asked, own = (low_pass(np.ascontiguousarray(x[:, 3:]), s.dt, cutoff_hz) for x in (desired, law))
+        if not _alike(asked, own).all():
+            return False
     return True
+
+
+def _alike(asked: Array, own: Array) -> NDArray[np.bool_]:
+    """In which columns what was asked for (N, C) goes with a law's own (N, C), their means aside."""
+    asked, own = asked - asked.mean(axis=0), own - own.mean(axis=0)
+    both, size = (asked * own).mean(axis=0), np.maximum((own**2).mean(axis=0), 1e-30)
+    correlation, slope = both / np.sqrt(size * np.maximum((asked**2).mean(axis=0), 1e-30)), both / size
+    return np.asarray((correlation > LEAST) & (slope > LEAST) & (slope < 1.0 / LEAST))
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """PX4's controller as it flew: `gains`; about which `axes` (3,) they made rates and torques of the logs; and the
+    angular `acceleration` (3,) [rad/s^2] that the nominal vehicle makes of a unit of torque.
+    """  # noqa: D205
+
+    gains: RateLoop
+    axes: NDArray[np.bool_]
+    acceleration: Array
+
+
+def flown_by_px4(model: Model, flights: Sequence[OpenFlight], voltage: float | None) -> Autopilot | None:
+    """PX4's controller with the gains of these logs; None where they are no such logs, or not of the same gains.
+
+    `voltage` [V] is that of the battery, where the model's thrust depends on it. The torques are compared at the
+    samples that both are logged of; the rates behind the flights' low-pass, since attitudes have other stamps.
+    Nothing is said about z: rotors that speed up turn the body at once, which PX4 filters for (MC_YAW_TQ_CUTOFF) and no
+    model has.
+    """
+    found = [(f.records[0].cutoff_hz, logged_loop(f.flight.path)) for f in flights]
+    loops = [(cutoff_hz, loop) for cutoff_hz, loop in found if loop is not None]
+    if not loops or len(loops) < len(found) or model.command is None or model.command.unit != "normalised":
+        return None
+    first, axes = loops[0][1], np.array([True, True, False])
+    for cutoff_hz, loop in loops:
+        rates = (low_pass(x, loop.dt, min(cutoff_hz, 0.2 / loop.dt)) for x in loop.rates)
+        axes &= _alike(*loop.torques) & _alike(*rates)
+    same = all(repr(loop.gains) == repr(first.gains) for _, loop in loops)
+    if not (same and axes.any()) or len(first.hover) != len(model.vehicle.geometry()[1]):
+        return None
+    ends = np.concatenate([first.hover + sign * SMALL * first.motors.T for sign in (1.0, -1.0)])
+    speeds = model.command.speeds(ends, None if voltage is None else np.full(len(ends), voltage), model.vehicle)
+    wrench = about_com(model.vehicle.body, still_wrench(WrenchModel(model.vehicle, ()), speeds))
+    torque = np.diag(wrench[:3, 3:] - wrench[3:, 3:]) / (2.0 * SMALL)
+    return Autopilot(first.gains, axes, np.asarray(torque / np.diag(model.vehicle.body.inertia)))

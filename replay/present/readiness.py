@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import label, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
-from wrenchgap.replay.readiness import GAIN, GO, PHASE, ROOM, Decision, LoopMargins, Readiness
+from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
 BEGINS = {Decision.GO: "Go", Decision.CARE: "Go with care", Decision.NO_GO: "No go"}
 LEGEND = (
@@ -17,7 +18,8 @@ LEGEND = (
     "flights at other times"
 )
 NOT_SAID = (
-    "Margins of the attitude loops are not said: these flights do not show that the gains of the model file flew them."
+    "Margins of the attitude loops are not said: these flights do not show that the gains of the model file, or of "
+    "PX4's parameters, flew them."
 )
 
 
@@ -48,6 +50,11 @@ def summary(found: Readiness) -> list[str]:
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
+    if found.gains is Gains.PX4_NO_LAG:
+        out.append(
+            "The model has no lag of motors or servos: the margins are upper bounds. Fit one (wrenchgap add motor_lag) "
+            "or write that of a bench into the model."
+        )
     if found.beyond:
         words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
@@ -118,8 +125,9 @@ def _loops(found: Readiness) -> Table:
         )
         for one in found.loops
     ]
+    whose = "the model file" if found.gains is Gains.MODEL else "PX4's parameters"
     heads = ("loop", "nominal [deg]", "phase", "5 %", "95 %", "nominal [dB]", "gain", "5 %", "95 %")
-    return table("margins with the gains of the model file", (*heads, "both with", "gains times"), rows)
+    return table(f"margins with the gains of {whose}", (*heads, "both with", "gains times"), rows)
 
 
 def to_json(found: Readiness) -> dict[str, Any]:

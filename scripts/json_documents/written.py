@@ -146,7 +146,9 @@ class Ready(Document):
     authority: list[Authority]
     """The weakest part first."""
     loops: list[LoopMargins]
-    """Empty where an autopilot flew: its gains are not in the model file."""
+    """Empty where the gains that flew are not known."""
+    gains: Literal["model", "PX4", "PX4, no lag in the model", "unknown"]
+    """Whose gains flew: those of the model file, or of PX4's parameters, then upper bounds without a lag."""
     beyond: list[Beyond]
     """In what the trajectory goes further than the flights."""
     first: list[Uncertain]

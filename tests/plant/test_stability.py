@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wrenchgap.flight.filters import butterworth
+from wrenchgap.flight.formats.px4_rate_loop import RateLoop
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.stability import (
@@ -16,6 +18,8 @@ from wrenchgap.plant.stability import (
     margin,
     margin_of_model,
     open_loop,
+    phase_and_gain_margins,
+    rate_loop,
     sensitivity_peak,
 )
 
@@ -208,3 +212,45 @@ def test_simulated_loop_rings_where_the_peak_is_large_and_not_where_it_is_kept_b
     assert [sensitivity_peak(loop, o) < 2.0 for o in swings] == [True, True, False]
     assert max(few, told) <= 4
     assert ringing >= 10
+
+
+EVERY = np.ones(3)
+PX4 = RateLoop(6.5 * EVERY, 0.15 * EVERY, 0.2 * EVERY, 0.003 * EVERY, 40.0, 30.0, np.inf * EVERY, 1.0 / 800.0)
+
+
+def test_margins_of_a_proportional_rate_loop_behind_a_delay():
+    """L = k e^(-s T) / s crosses one at k, with pi / 2 - k T to spare, and turns by pi at pi / (2 T)."""
+    k, late = 20.0, 0.02
+    alone = RateLoop(0.0 * EVERY, 0.1 * EVERY, 0.0 * EVERY, 0.0 * EVERY, np.inf, np.inf, np.inf * EVERY, 0.0)
+    phase, gain = phase_and_gain_margins(rate_loop(alone, k / 0.1 * EVERY, 0.0, late))
+    np.testing.assert_allclose(phase, np.degrees(np.pi / 2.0 - k * late), atol=0.1)
+    np.testing.assert_allclose(gain, 20.0 * np.log10(np.pi / (2.0 * k * late)), atol=0.05)
+
+
+def rate_loop_turned(gains, acceleration, lag, late, seconds, dt=0.0005):
+    """Angles (N,) of one axis after a tap, stepped in time: the filters as PX4's, each sample behind the other."""
+    b, a = np.split(butterworth(gains.gyro, 1.0 / dt), 2)
+    memory, filtered, turning, integral, torque = np.zeros(2), 0.0, 0.0, 0.0, 0.0
+    angle, rate, sent, found = 0.01, 0.0, [0.0] * max(round(late / dt), 1), []
+    for _ in range(round(seconds / dt)):
+        before, filtered = filtered, b[0] * rate + memory[0]
+        memory = np.array([b[1] * rate - a[1] * filtered + memory[1], b[2] * rate - a[2] * filtered])
+        turning += ((filtered - before) / dt - turning) * dt / (dt + 1.0 / (2.0 * np.pi * gains.acceleration))
+        error = -gains.angle[0] * angle - filtered
+        integral += gains.integral[0] * error * dt
+        sent = [gains.rate[0] * error + integral - gains.derivative[0] * turning, *sent[:-1]]
+        torque += (sent[-1] - torque) * (1.0 - np.exp(-dt / lag))
+        rate += acceleration * torque * dt
+        angle += rate * dt
+        found.append(angle)
+    return np.array(found)
+
+
+def test_a_rate_loop_stepped_in_time_diverges_beyond_its_gain_margin_and_not_before():
+    acceleration, lag, late = 150.0, 0.04, 0.004
+    _, gain = phase_and_gain_margins(rate_loop(PX4, acceleration * EVERY, lag, late))
+    edge = acceleration * 10.0 ** (gain[0] / 20.0)
+    assert 2.0 < gain[0] < 20.0
+    below, above = (rate_loop_turned(PX4, f * edge, lag, late, 3.0) for f in (0.9, 1.1))
+    assert np.ptp(below[-1000:]) < 0.3 * np.ptp(below[1000:2000])
+    assert np.ptp(above[-1000:]) > 3.0 * np.ptp(above[1000:2000])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import wrenchgap as wg
+from wrenchgap.flight import so3
 from wrenchgap.plant import model_file
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,9 +82,54 @@ ALLOCATION = np.array(
 """PX4's motor commands by setpoints of roll, pitch, yaw and thrust."""
 
 
-def write_ulog(flown, path, setpoints_of=None):
-    """The flight as PX4 logs it: FRD and NED, microseconds, throttles; with the setpoints of another form of it."""
-    log = autopilots().Ulog(parameters())
+GAINS = {"P": 0.15, "I": 0.0, "D": 0.003, "K": 1.0}
+ANGLE = 6.5
+
+
+def gains(**other):
+    """PX4's parameters of the rate loop: `GAINS` and `ANGLE` about every axis, but for others."""
+    axes = ("ROLL", "PITCH", "YAW")
+    return {f"MC_{a}RATE_{k}": x for a in axes for k, x in GAINS.items()} | {f"MC_{a}_P": ANGLE for a in axes} | other
+
+
+def rate_loop(log, commanded, flown, torque):
+    """What PX4 would have logged, had `GAINS` made these torques (N, 3), by the inverse of the law."""
+    time, step = flown.actuators.time, np.median(np.diff(flown.actuators.time))
+    omega = flipped(np.stack([np.interp(time, flown.imu.time, w) for w in flown.imu.omega_B.T], axis=1))
+    turning = np.gradient(omega, step, axis=0)
+    asked = (torque + GAINS["D"] * turning) / GAINS["P"] + omega
+    field = "float[3] xyz;float[3] xyz_derivative"
+    commanded("vehicle_angular_velocity", field, time, {"xyz": omega, "xyz_derivative": turning})
+    rates = dict(zip(("roll", "pitch", "yaw"), asked.T, strict=True))
+    down = np.tile([0.0, 0.0, -0.5], (len(time), 1))
+    commanded(
+        "vehicle_rates_setpoint",
+        "float roll;float pitch;float yaw;float[3] thrust_body",
+        time,
+        rates | {"thrust_body": down},
+    )
+    names = ("rollspeed_integ", "pitchspeed_integ", "yawspeed_integ")
+    commanded(
+        "rate_ctrl_status", ";".join(f"float {n}" for n in names), time, dict.fromkeys(names, np.zeros(len(time)))
+    )
+    quat = so3.interpolate(time, flown.odometry.time, flown.odometry.quat_EB)
+    small = flipped(asked) / ANGLE / 2.0
+    error = np.column_stack((np.sqrt(np.maximum(1.0 - (small**2).sum(axis=1), 0.0)), small))
+    commanded("vehicle_attitude_setpoint", "float[4] q_d", time, {"q_d": to_ned(so3.multiply(quat, error))})
+
+
+def to_ned(quat_EB):
+    """From FLU to ENU to FRD to NED: its own inverse."""
+    w, x, y, z = quat_EB.T
+    return np.stack((w + z, x + y, x - y, w - z), axis=1) / np.sqrt(2.0)
+
+
+def write_ulog(flown, path, setpoints_of=None, controller=None):
+    """The flight as PX4 logs it: FRD and NED, microseconds, throttles; with the setpoints of another form of it.
+
+    With the `controller`'s parameters (`gains`) as flown by `GAINS`.
+    """
+    log = autopilots().Ulog(parameters() | (controller or {}))
     imu, sent, odometry = flown.imu, flown.actuators, flown.odometry
     u = throttle(sent.rotor_speed)
 
@@ -108,8 +154,9 @@ def write_ulog(flown, path, setpoints_of=None):
         thrust = setpoint[:, [3]] * [0.0, 0.0, 1.0]
         commanded("vehicle_torque_setpoint", "float[3] xyz", asked.time, {"xyz": setpoint[:, :3]})
         commanded("vehicle_thrust_setpoint", "float[3] xyz", asked.time, {"xyz": thrust})
-    w, x, y, z = odometry.quat_EB.T
-    q = np.stack((w + z, x + y, x - y, w - z), axis=1) / np.sqrt(2.0)  # its own inverse
+        if controller is not None:
+            rate_loop(log, commanded, setpoints_of, setpoint[:, :3])
+    q = to_ned(odometry.quat_EB)
     log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": micro(odometry.time), "q": q})
     ned, velocity = (v[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for v in (odometry.position_E, odometry.velocity_E))
     rows = dict(zip(("x", "y", "z", "vx", "vy", "vz"), np.hstack((ned, velocity)).T, strict=True))

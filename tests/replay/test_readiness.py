@@ -10,10 +10,14 @@ import wrenchgap as wg
 from scripts.json_documents import schema
 from tests.independent.flown_quadrotor import MODEL, Case, fly
 from tests.independent.readiness_fleet import SIGMA, coverage, weak
+from tests.replay import autopilot_logs
+from tests.replay.autopilot_logs import FACTOR, FULL, INERTIA, MASS, gains, throttle, true_vehicle, write_ulog
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.diagnose.flown_controller import flown_by_controller
+from wrenchgap.learn.diagnose.flown_controller import flown_by_controller, flown_by_px4
+from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
+from wrenchgap.replay.loop_margins import Gains
 from wrenchgap.replay.present.documents import document
 from wrenchgap.replay.present.readiness import NOT_SAID, to_json
 from wrenchgap.replay.readiness import ROOM, Decision
@@ -98,6 +102,44 @@ def test_a_lag_takes_margin_and_less_gain_gives_it_back(logs):
     assert found.loops[2].factor is None or found.loops[2].factor < 1.0
     assert found.decision is Decision.NO_GO
     assert str(found).startswith("No go: on hover the margins about")
+
+
+@pytest.fixture(scope="module")
+def px4(tmp_path_factory):
+    """A flight that PX4's gains might have made, the same with another gain among its parameters, and the vehicle."""
+    flown, folder = autopilot_logs.flight(5), tmp_path_factory.mktemp("px4")
+    about = f"[command]\nunit = 'normalised'\nthrust_max = {FULL}\nfactor = {FACTOR}\n"
+    model = model_file.loads(f"{model_file.dumps(true_vehicle())}\n{about}")
+    return model, *(
+        wg.open_flights([write_ulog(flown, folder / f"{p}.ulg", flown, gains(MC_PITCHRATE_P=p))], model)
+        for p in (0.15, 0.2)
+    )
+
+
+def test_a_unit_of_px4s_torque_is_that_of_its_motors_at_hover(px4):
+    """Roll by 0.7 of full throttle at 0.2 m from four rotors whose thrust is 9 N (0.6 u^2 + 0.4 u)."""
+    model, flights, _ = px4
+    found = flown_by_px4(model, flights, None)
+    assert found.axes.tolist() == [True, True, False]
+    share = throttle(np.sqrt((9.81 * MASS) / 4.0 / 9.0e-6))
+    steep = FULL * (2.0 * FACTOR * share + 1.0 - FACTOR)
+    roll, pitch = 4.0 * 0.7 * 0.2 * steep / INERTIA[0], 4.0 * 0.7 * 0.17 * steep / INERTIA[1]
+    assert found.acceleration[:2] == pytest.approx([roll, pitch], rel=0.03)
+
+
+def test_margins_of_px4_are_said_about_the_axes_on_which_its_gains_flew(px4):
+    model, flights, other = px4
+    found, doubtful = (wg.ready(f, model, "hover") for f in (flights, other))
+    assert (found.gains, [one.axis for one in found.loops]) == (Gains.PX4_NO_LAG, ["torque_x", "torque_y"])
+    assert [one.axis for one in doubtful.loops] == ["torque_x"]
+    assert "the margins are upper bounds" in " ".join(str(found).split())
+    lag = replace(make_effect(model.vehicle, "motor_lag", {"tau": 0.03}), std=np.array([0.003]))
+    late = wg.ready(flights, model.with_effects([lag]), "hover")
+    assert late.gains is Gains.PX4
+    for one in late.loops:
+        assert one.phase[1] < one.nominal[0] - 10.0
+        assert one.phase[0] < one.phase[1] < one.phase[2]
+    jsonschema.validate(document("ready", to_json(late)), schema("ready", strict=True))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,160 @@
+"""PX4's attitude and rate controller: its gains by the parameters, and what they make of the messages of a log.
+
+With the attitude error e = 2 q_e (vector part, to the setpoint, the shorter way), the rates w behind the gyroscope's
+filter G and their derivative behind a filter F besides, each about an axis of FRD, torques in shares of full authority:
+
+    w_sp = A e + yaw feedforward            torque = O K [P (w_sp - w) + I int (w_sp - w) dt - D F dw/dt]
+
+    A  MC_ROLL_P, ...        K, P, I, D  MC_ROLLRATE_K, _P, _I, _D, ...
+    G  second-order Butterworth of IMU_GYRO_CUTOFF       F  first order, IMU_DGYRO_CUTOFF
+    O  first order, MC_YAW_TQ_CUTOFF, about yaw alone
+
+w and dw/dt are logged behind G and F (`vehicle_angular_velocity`), the integral times K as it is (`rate_ctrl_status`),
+so that a log shows whether the gains made its torques. For small errors MC_YAW_WEIGHT has no effect on A. Source: PX4
+parameter reference and "Controller Diagrams" (docs.px4.io); checked on logs of 1.15 and 1.16 (docs/ready.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.filters import filtered
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.ned_frd import flu
+from wrenchgap.flight.formats.px4_allocation import allocation_of
+from wrenchgap.flight.formats.standard_topics import Messages, numbers
+from wrenchgap.flight.formats.ulog import UlogReader
+
+AXES = ("ROLL", "PITCH", "YAW")
+USUAL = {"IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "IMU_GYRO_RATEMAX": 400.0, "MC_YAW_TQ_CUTOFF": 0.0}
+"""PX4's defaults; firmware without MC_YAW_TQ_CUTOFF has no filter there."""
+FLYING = 0.1
+"""Share of full thrust below which nothing counts: landed, PX4 holds its integrals."""
+Pair = tuple[Array, Array]
+"""What a log has, and what the gains make (N, 3), about the axes of FRD."""
+
+
+@dataclass(frozen=True)
+class RateLoop:
+    """Gains about body x, y, z, (3,) each: `angle` [1/s], `rate` [s], `integral`, `derivative` [s^2] per radian.
+
+    Cut-offs [Hz] of `gyro`, `acceleration` and, (3,), `output`, infinite for none; `period` [s] of the loop.
+    """
+
+    angle: Array
+    rate: Array
+    integral: Array
+    derivative: Array
+    gyro: float
+    acceleration: float
+    output: Array
+    period: float
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, float | int]) -> "RateLoop | None":
+        """What parameters set; None where they lack a gain."""
+        names = [f"MC_{axis}RATE_{k}" for k in "KPID" for axis in AXES] + [f"MC_{axis}_P" for axis in AXES]
+        if any(name not in parameters for name in names):
+            return None
+        whole, P, integral, D, angle = np.array([float(parameters[name]) for name in names]).reshape(5, 3)
+        gyro, acceleration, rate, yaw = (float(parameters.get(name, usual)) for name, usual in USUAL.items())
+        filters = gyro or np.inf, acceleration or np.inf, np.array([np.inf, np.inf, yaw or np.inf])
+        return cls(angle, whole * P, whole * integral, whole * D, *filters, 1.0 / max(rate, 1.0))
+
+
+@dataclass(frozen=True)
+class LoggedLoop:
+    """The gains of a log; the `torques` and the `rates` of it, each beside what the gains make of the motion.
+
+    `dt` [s] between those of the rates. `motors` (R, 3) are the motor commands that a unit of torque about B's axes
+    asks for, at the mean commands `hover` (R,).
+    """
+
+    gains: RateLoop
+    torques: Pair
+    rates: Pair
+    dt: float
+    motors: Array
+    hover: Array
+
+
+def logged_loop(path: Path) -> LoggedLoop | None:
+    """The controller of a PX4 log; None of another file, and where the log lacks a message that the law needs."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        if file.read(len(UlogReader.magic)) != UlogReader.magic:
+            return None
+    reader = UlogReader(path)
+    tables = reader.tables(lambda *of: True)
+    parameters = reader.autopilot.parameters if reader.autopilot is not None else {}
+    said, gains = Messages("/px4", tables, parameters), RateLoop.of(parameters)
+    try:
+        torques, rates, motors = _torques(said, gains), _rates(said, gains), _motors(said)
+    except (ValueError, IndexError, TypeError):  # messages of a damaged log have other shapes
+        return None
+    if gains is None or torques is None or rates is None or motors is None:
+        return None
+    return LoggedLoop(gains, torques, *rates, *motors)
+
+
+def _torques(said: Messages, gains: RateLoop | None) -> Pair | None:
+    """Torque setpoints in flight, and what the gains make of the rates of the same `timestamp_sample`."""
+    torque, motion = said.read("vehicle_torque_setpoint", "xyz"), said.read("vehicle_angular_velocity", "xyz")
+    asked = said.read("vehicle_rates_setpoint", ("roll", "pitch", "yaw"), "thrust_body")
+    sums = said.read("rate_ctrl_status", ("rollspeed_integ", "pitchspeed_integ", "yawspeed_integ"))
+    if not (gains and torque and motion and asked and sums):
+        return None
+    turning = numbers(motion[0], "xyz_derivative")
+    if turning is None or any("timestamp_sample" not in x.columns for x in (torque[0], motion[0])):
+        return None
+    of_torque, of_motion = (np.asarray(x.columns["timestamp_sample"]) for x in (torque[0], motion[0]))
+    _, k, row = np.intersect1d(of_torque, of_motion, return_indices=True)
+    sent = _sent(torque)[k]
+    last = np.searchsorted(_sent(asked), sent, side="right") - 1
+    integral = np.stack([np.interp(sent, _sent(sums), column) for column in sums[1].T], axis=1)
+    law = gains.rate * (asked[1][last] - motion[1][row]) + integral - gains.derivative * turning[row]
+    dt = 1e-6 * float(np.median(np.diff(sent)))
+    yaw = np.exp(-2.0 * np.pi * gains.output[2] * dt)
+    law[:, 2:] = filtered(np.array([1.0 - yaw]), np.array([1.0, -yaw]), law[:, 2:], yaw * law[:1, 2:])
+    counts = (last >= 0) & (-asked[2][last, 2] > FLYING) & np.isfinite(law).all(axis=1)
+    return (torque[1][k][counts], law[counts]) if counts.sum() > 1 else None
+
+
+def _rates(said: Messages, gains: RateLoop | None) -> tuple[Pair, float] | None:
+    """Rate setpoints in flight, at the stamps of the attitude, and what the gains make of the attitude error."""
+    attitude, wanted = said.read("vehicle_attitude", "q"), said.read("vehicle_attitude_setpoint", "q_d")
+    asked = said.read("vehicle_rates_setpoint", ("roll", "pitch", "yaw"), "thrust_body")
+    if not (gains and attitude and wanted and asked) or len(wanted[0]) < 2:
+        return None
+    time, at = _sent(attitude), _sent(wanted)
+    time, quat = time[(time >= at[0]) & (time <= at[-1])], attitude[1][(time >= at[0]) & (time <= at[-1])]
+    error = so3.multiply(so3.conjugate(quat), so3.interpolate(time, at, wanted[1]))
+    law = gains.angle * 2.0 * np.sign(error[:, :1]) * error[:, 1:]
+    turn = numbers(wanted[0], "yaw_sp_move_rate")
+    if turn is not None:
+        down_B = so3.rotate_inverse(quat, np.array([0.0, 0.0, 1.0]))
+        law = law + down_B * np.nan_to_num(np.interp(time, at, turn[:, 0]))[:, None]
+    both = np.hstack((asked[1], asked[2][:, 2:]))
+    rates = np.stack([np.interp(time, _sent(asked), column) for column in both.T], axis=1)
+    counts = (-rates[:, 3] > FLYING) & np.isfinite(law).all(axis=1) & np.isfinite(rates).all(axis=1)
+    return ((rates[counts, :3], law[counts]), 1e-6 * float(np.median(np.diff(time)))) if counts.sum() > 1 else None
+
+
+def _motors(said: Messages) -> tuple[Array, Array] | None:
+    """Motor commands (R, 3) for a unit of torque about B's axes, and the mean commands (R,) in flight."""
+    found = said.read("actuator_motors", "control")
+    if found is None:
+        return None
+    control = found[1][:, np.isfinite(found[1]).any(axis=0)]
+    flying = control[np.all(control > FLYING, axis=1)]
+    allocation = allocation_of(said, found[0], control) if len(flying) else None
+    return None if allocation is None else (flu(allocation[3:].T), np.asarray(flying.mean(axis=0)))
+
+
+def _sent(found: tuple[Any, ...]) -> Array:
+    return np.asarray(found[0].columns["timestamp"], dtype=float)

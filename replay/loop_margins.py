@@ -1,0 +1,100 @@
+"""Margins of the attitude loops of a model and of draws of it, with the gains that flew.
+
+Nominal, and as drawn: with the lags, the delays, the inertia and the effectiveness of the rotors.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.flown_controller import flown_by_controller, flown_by_px4
+from wrenchgap.learn.identify.guard import GUARD, loop_of
+from wrenchgap.learn.posterior.settings import DEFAULT
+from wrenchgap.plant.effectiveness import RANK, linear_matrix
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.stability import open_loop, phase_and_gain_margins, rate_loop
+from wrenchgap.plant.wrench_model import WrenchModel
+
+GO = 0.9
+"""Probability from which on a loop keeps its margins, and a flight is a go."""
+PHASE, GAIN = 45.0, 6.0
+"""Margins [deg], [dB] that a loop should have (Astrom and Murray, "Feedback Systems", 2008, 11.3)."""
+FACTORS = np.geomspace(1.0, 0.25, 29)
+"""By which gains are multiplied to look for lost margins; in steps of 5 %."""
+WITHIN = (5.0, 50.0, 95.0)
+"""Percentiles of what a part needs."""
+
+
+class Gains(StrEnum):
+    """Whose gains flew. Without a lag or delay of the actuators in the model the margins of PX4's are upper bounds."""
+
+    MODEL = "model"
+    PX4 = "PX4"
+    PX4_NO_LAG = "PX4, no lag in the model"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Of the attitude loop about an `axis`: margins of phase [deg] and gain [dB], `nominal` (2,), and as drawn, 5th,
+    50th and 95th percentile (3,) each; the `probability` that both are large enough; by what to multiply the gains so
+    that it is `GO`, one where it is, None where less gain does not help.
+    """  # noqa: D205
+
+    axis: str
+    nominal: Array
+    phase: Array
+    gain: Array
+    probability: float
+    factor: float | None
+
+
+def flown_loops(
+    model: Model, models: Sequence[WrenchModel], flights: Sequence[OpenFlight], voltage: float | None
+) -> tuple[tuple[LoopMargins, ...], Gains]:
+    """Margins with the gains that flew, PX4's or those of the model file, and whose they are; none of unknown ones."""
+    pilot = flown_by_px4(model, flights, voltage)
+    if pilot is not None:
+        gains, acceleration = pilot.gains, pilot.acceleration
+
+        def loop(one: Model) -> Array:
+            late = loop_of(one)
+            return rate_loop(gains, acceleration, late.lag, late.named_delay + GUARD.periods * gains.period)
+
+        own = loop_of(model)
+        whose = Gains.PX4 if own.lag + own.named_delay > 0.0 else Gains.PX4_NO_LAG
+        return _loops(model, models, loop, pilot.axes), whose
+    if flown_by_controller(model, flights):
+        return _loops(model, models, lambda one: open_loop(loop_of(one)), np.ones(3, dtype=bool)), Gains.MODEL
+    return (), Gains.UNKNOWN
+
+
+def _loops(
+    model: Model, models: Sequence[WrenchModel], loop: Callable[[Model], Array], axes: NDArray[np.bool_]
+) -> tuple[LoopMargins, ...]:
+    """Margins of a model's `loop` L (3, F), about those `axes` (3,) of the body that the vehicle can turn about."""
+    nominal = loop(replace(model, effects=()))
+    B = linear_matrix(model, [])
+    inverse, own = np.linalg.pinv(B, rcond=RANK), np.diag(model.vehicle.body.inertia)
+    drawn_loops = []
+    for one in models:
+        steady = [e for e in one.effects if e.effect.place != "air" and not e.effect.needs_voltage]
+        gain = np.diag(linear_matrix(model, steady) @ inverse)[3:] * own / np.diag(one.body.inertia)
+        drawn_loops.append(gain[:, None] * loop(replace(model, effects=tuple(one.effects))))
+    loops, out = np.array(drawn_loops), []
+    before = np.transpose(phase_and_gain_margins(nominal))
+    for k in np.flatnonzero(axes & (np.diag(B @ inverse)[3:] > 0.5)):
+        by_factor = [phase_and_gain_margins(factor * loops[:, k]) for factor in FACTORS]
+        share = [float(np.mean((phase >= PHASE) & (gain >= GAIN))) for phase, gain in by_factor]
+        helped = [float(f) for f, p in zip(FACTORS, share, strict=True) if p >= GO]
+        phase, gain = (np.percentile(np.minimum(x, 1e3), WITHIN) for x in by_factor[0])
+        found = LoopMargins(
+            AXES[3 + k], before[k], phase, gain, min(share[0], DEFAULT.certain), helped[0] if helped else None
+        )
+        out.append(found)
+    return tuple(out)
