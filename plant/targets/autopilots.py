@@ -6,9 +6,11 @@ PX4         CA_ROTORn_P* [m] from the centre of mass, _A* the thrust's direction
             positive for a rotor that turns counter-clockwise, _CT relative to the other rotors. THR_MDL_FAC f: thrust
             goes with f s^2 + (1 - f) s of the signal s, and a command u (`actuator_motors`) is sent as the s for which
             that is u; MPC_THR_HOVER is u in hover. SENS_BOARD_*_OFF [deg] turn vectors from the board to the body, on
-            top of those with which the log was made.
+            top of those with which the log was made. CA_SV_TLn_MINA, _MAXA [deg] are the angles of a tilt servo's ends
+            from upwards, towards the azimuth _TD [deg] to the right of ahead; CA_ROTORn_TILT is the servo's n + 1.
 ArduPilot   MOT_THST_EXPO f, likewise over the range of the motors' spin, MOT_THST_HOVER; INS_POS1_* [m]; AHRS_TRIM_X,
-            _Y [rad] turn vectors from the board to the body (the logged IMU does not have them).
+            _Y [rad] turn vectors from the board to the body (the logged IMU does not have them), to one that leans,
+            where a force fixed in the body would move it: level is then the attitude in which it stands still.
 Crazyflie   thrust of a motor [N] = quadSysId.pwmToThrustA d^2 + pwmToThrustB d of the duty d, thrustToTorque [m],
             mass [kg] and moments of inertia [kg m^2] of the Lee controller.
 
@@ -29,10 +31,13 @@ from wrenchgap.flight.formats.ned_frd import flu
 from wrenchgap.plant.drafts.ardupilot import USUAL
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.targets.quantities import FLOWN, Quantity, Values, has_signal, propagated, values_of
+from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import ModelEffect
 
 Parameters = Mapping[str, float]
 
+MOST_TILTS = 4
+"""Tilt servos of PX4."""
 CT = 6.5
 """PX4's default of CA_ROTORn_CT."""
 
@@ -155,13 +160,28 @@ def _px4(values: Values, before: Parameters) -> Values:
     out |= {f"EKF2_IMU_POS_{axis}": x for axis, x in zip("XYZ", frd(values["imu"] - values["com"]), strict=True)}
     for axis, angle in zip("XYZ", np.degrees(frd(values["misalignment"])), strict=True):
         out[f"SENS_BOARD_{axis}_OFF"] = before.get(f"SENS_BOARD_{axis}_OFF", 0.0) + angle
+    return out | _tilt_servos(directions, before)
+
+
+def _tilt_servos(directions: Array, before: Parameters) -> Values:
+    """Angles of the ends of tilt servos as they were set, turned as the rotors (R, 3) lean at no commanded tilt."""
+    out: Values = {}
+    for n in range(MOST_TILTS):
+        rotors = [r for r in range(len(directions)) if before.get(f"CA_ROTOR{r}_TILT") == n + 1]
+        ends = [f"CA_SV_TL{n}_{end}" for end in ("MINA", "MAXA")]
+        if rotors and all(name in before for name in ends):
+            towards, along = np.radians(before.get(f"CA_SV_TL{n}_TD", 0.0)), directions[rotors].mean(axis=0)
+            leans = np.arctan2(along[0] * np.cos(towards) + along[1] * np.sin(towards), -along[2])
+            out |= {name: before[name] + np.degrees(leans) for name in ends}
     return out
 
 
 def _ardupilot(values: Values, before: Parameters) -> Values:
     del before
     out: Values = {f"INS_POS1_{axis}": x for axis, x in zip("XYZ", frd(values["imu"] - values["com"]), strict=True)}
-    return out | {f"AHRS_TRIM_{axis}": frd(values["misalignment"])[k] for k, axis in enumerate("XY")}
+    forward, left = values["push"] / (values["mass"] * GRAVITY)
+    turned = frd(values["misalignment"] - np.array([-left, forward, 0.0]))
+    return out | {f"AHRS_TRIM_{axis}": turned[k] for k, axis in enumerate("XY")}
 
 
 def _crazyflie(values: Values, before: Parameters) -> Values:
@@ -179,7 +199,7 @@ AUTOPILOTS = {
         _px4,
         frozenset({"mass", "com", "direction", "balance", "yaw", "imu", "misalignment", "level", "curve"}),
         {"_KM": (-1.0, 1.0), "_CT": (0.01, 100.0), "_OFF": (-45.0, 45.0), "THR_MDL_FAC": (0.0, 1.0)}
-        | {"MPC_THR_HOVER": (0.1, 0.8)},
+        | {"MPC_THR_HOVER": (0.1, 0.8), "_MINA": (-90.0, 90.0), "_MAXA": (-90.0, 90.0)},
         ("THR_MDL_FAC", "MPC_THR_HOVER"),
         linearises=True,
         together=(r"CA_ROTOR\d+_P[XYZ]", r"CA_ROTOR\d+_A[XYZ]", r"CA_ROTOR\d+_KM", r"CA_ROTOR\d+_CT"),
@@ -188,7 +208,7 @@ AUTOPILOTS = {
     "ardupilot": Autopilot(
         "ArduPilot",
         _ardupilot,
-        frozenset({"mass", "imu", "misalignment", "level", "curve"}),
+        frozenset({"mass", "imu", "misalignment", "level", "curve", "push"}),
         {"INS_POS1_X": (-5.0, 5.0), "INS_POS1_Y": (-5.0, 5.0), "INS_POS1_Z": (-5.0, 5.0)}
         | {"AHRS_TRIM_X": (-0.1745, 0.1745), "AHRS_TRIM_Y": (-0.1745, 0.1745)}
         | {"MOT_THST_EXPO": (-1.0, 1.0), "MOT_THST_HOVER": (0.125, 0.6875)},

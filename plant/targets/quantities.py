@@ -27,6 +27,8 @@ from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, cross
 Values = dict[str, Array]
 """Quantities by name, `values_of`."""
 REST = np.zeros((1, 3))
+UPRIGHT, REVERSED = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
+"""Level, heading along x of E, and the other way: what pushes the same in B is fixed in the body."""
 HEIGHT = 1000.0
 """[m], at which no ground is felt."""
 SPEEDS = (2.0, 4.0)
@@ -113,7 +115,8 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
         centre of mass, ``misalignment`` (3,) [rad] of the IMU about B's axes; ``hub`` (R, 3) [m] from O, ``direction``
         (R, 3) of the thrust, ``level`` () [N], the mean thrust at the speeds ``hover`` (R,) [rad/s] that nominally
         carry the weight, ``balance`` (R,), thrusts there over their mean, ``yaw`` (R,) [m], the torque about that
-        direction per thrust; ``lag`` (2,) up and down and ``delay`` () [s]; ``linear`` (3,) [N s/m] and ``quadratic``
+        direction per thrust; ``push`` (2,) [N] along B's x and y and ``couple`` (3,) [Nm] about O, fixed in the body,
+        with rotors that stand; ``lag`` (2,) up and down and ``delay`` () [s]; ``linear`` (3,) [N s/m] and ``quadratic``
         (3,) [N s^2/m^2] drag along B's axes; ``curve`` (3,), the thrust over ``level`` at speeds s times ``hover``,
         c_0 + c_1 s + c_2 s^2. Where [command] says what full command is, ``signal`` (), the share of it in hover, and
         ``by_signal`` (2,) [N], the mean thrust of a rotor over that share u, a_1 u + a_2 u^2; not a number where the
@@ -131,12 +134,14 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
     out |= _sensors(acting)
     count = len(rotors)
     rest = wrench(np.zeros((1, count)))[0]
+    turned = wrench(np.zeros((1, count)), quat_EB=REVERSED)[0]
     parts = wrench(hover[None])[0] - wrench(hover * (1.0 - np.eye(count)))
     thrust = np.linalg.norm(parts[:, :3], axis=1)
     if not (thrust > 0.0).all():
         r = int(np.flatnonzero(~(thrust > 0.0))[0])
         raise ModelError(f"{vehicle.name}: {vehicle.rotor_name(r)} makes no thrust with the effects of the model")
     along = parts[:, :3] / thrust[:, None]
+    out |= {"push": 0.5 * (rest + turned)[:2], "couple": 0.5 * (rest + turned)[3:]}
     hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
     out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}
     out["yaw"] = np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along) / thrust
@@ -158,14 +163,17 @@ def hover_speeds(vehicle: Vehicle) -> Array:
     return np.asarray(np.sqrt(vehicle.body.mass * GRAVITY / len(rotors) / rotors.c_f))
 
 
-def still_wrench(acting: WrenchModel, speed: Array, tilt: Array | None = None, velocity_B: Array = REST) -> Array:
+def still_wrench(
+    acting: WrenchModel, speed: Array, tilt: Array | None = None, velocity_B: Array = REST, quat_EB: Array = UPRIGHT
+) -> Array:
     """Wrenches (N, 6) about O at rotor speeds (N, R), level, far above the ground, each in equilibrium.
 
-    `tilt` (A,) [rad] is that of the arms, zero by default; there may be one speed or one velocity (1, 3) for all.
+    `tilt` (A,) [rad] is that of the arms, zero by default; there may be one speed or one velocity (1, 3) for all, and
+    there is one attitude (4,).
     """
     arms, rotors = acting.vehicle.geometry()
     n = max(len(speed), len(velocity_B))
-    still, upright = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    still, upright = np.zeros((n, 3)), np.tile(quat_EB, (n, 1))
     state = State(np.zeros(n), np.tile([0.0, 0.0, HEIGHT], (n, 1)), upright, still + velocity_B, still)
     tilts = np.zeros((n, len(arms))) + (0.0 if tilt is None else tilt)
     commands = Commands(np.zeros((n, 6)), tilts, speed + np.zeros((n, len(rotors))))

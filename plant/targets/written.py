@@ -32,6 +32,8 @@ WORDS = {
     "delay": "a delay",
     "linear": "linear drag",
     "quadratic": "quadratic drag",
+    "push": "a constant force",
+    "couple": "a constant torque",
 }
 """Quantities that a program may lack a parameter for."""
 
@@ -126,7 +128,8 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
     without_curve = {"level", "curve"} | ({"mass"} if pilot.curve else set())
     hovers = "signal" in own and bool(np.isfinite(own["signal"].value))
     if target == "px4" and model.vehicle.geometry()[0].tilts.any():
-        lost.append("arms that tilt: CA_ROTOR* describe them at zero tilt")
+        words = "" if any(name.startswith("CA_SV_TL") for name in found) else "; zeros of servos need the set CA_SV_TL*"
+        lost.append(f"arms that tilt: CA_ROTOR* describe them at zero tilt{words}")
     lost += _lost(model, own, pilot.name, pilot.uses if hovers else pilot.uses - without_curve, fitted=True)
     if not rows:
         raise ModelError(

@@ -11,6 +11,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant import model_file
 from wrenchgap.plant.command_curve import Bench, CommandCurve, Polynomial
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
@@ -141,6 +142,51 @@ def test_a_board_that_is_turned_reads_gravity_level_again(quadrotor, target):
     about_x = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
     about_y = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
     np.testing.assert_allclose(about_y @ about_x @ board, level * FRD, atol=2e-3 * GRAVITY)  # right to second order
+
+
+@pytest.mark.parametrize(("forward", "left"), [(0.3, 0.0), (0.0, 0.3), (-0.2, 0.1)])
+def test_a_vehicle_that_is_pushed_stands_still_where_ardupilot_calls_it_level(quadrotor, forward, left):
+    """At the attitude at which gravity, the push and a thrust along z are in balance the trimmed board feels level."""
+    push = fitted(quadrotor.vehicle, constant_wrench={"force_x": forward, "force_y": left, "torque_x": 0.001})
+    made = written(quadrotor.with_effects(push), "ardupilot")
+    found = values(made)
+    trim = (
+        np.array([found.get("AHRS_TRIM_X", 0.0), found.get("AHRS_TRIM_Y", 0.0), 0.0]) * FRD
+    )  # small rotations as vectors
+    weight = 1.2 * GRAVITY
+    up_B = np.array([forward, left, np.sqrt(weight**2 - forward**2 - left**2)]) / weight  # of all forces but gravity
+    np.testing.assert_allclose(up_B + np.cross(trim, up_B), [0.0, 0.0, 1.0], atol=1e-3)
+    assert np.abs(trim).max() > 0.015
+    assert "constant_wrench: ArduPilot has no parameter for a constant torque" in made.lost
+    with pytest.raises(ModelError, match="PX4 has no parameter for a constant force and a constant torque"):
+        written(quadrotor.with_effects(push), "px4")
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "towards"), [(0.0, (1.0, 0.0)), (90.0, (0.0, -1.0)), (225.0, (-(0.5**0.5), 0.5**0.5))]
+)
+def test_px4s_tilt_servos_end_where_the_arm_does(azimuth, towards):
+    """An arm that leans by 3 deg towards the azimuth, to the right of ahead, and back, at no commanded tilt."""
+    x, y = towards
+    axis = f"[{-y}, {x}, 0.0]"  # right-handed, z turns towards (x, y)
+    arms = "".join(
+        f"[[vehicle.arms]]\nposition = [{a}, {b}, 0.0]\ntilt_axis = {axis}\nrotors = [{{ spin = 1, kappa = 0.02 }}]\n"
+        for a, b in ((0.2, 0.2), (-0.2, 0.2), (0.2, -0.2), (-0.2, -0.2))
+    )
+    text = (
+        "schema = 1\n[vehicle]\nname = 'tilts'\nmass = 1.2\ninertia = [0.02, 0.02, 0.03]\n[vehicle.arm]\n"
+        f"tilts = true\n[vehicle.rotor]\nc_f = 9.0e-6\nradius = 0.1\nspeed_max = 1000.0\n{arms}"
+    )
+    model = model_file.loads(text)
+    lean = np.radians(3.0)
+    model = model.with_effects(fitted(model.vehicle, tilt_offset={"arm_1": lean, "arm_2": -lean}))
+    servos = {"CA_SV_TL0_MINA": -40.0, "CA_SV_TL0_MAXA": 40.0, "CA_SV_TL1_MINA": -30.0, "CA_SV_TL1_MAXA": 80.0}
+    before = servos | {"CA_SV_TL0_TD": azimuth, "CA_SV_TL1_TD": azimuth, "CA_ROTOR1_TILT": 1, "CA_ROTOR2_TILT": 2}
+    found = values(written(model, "px4", before | {"CA_ROTOR_COUNT": 4, "THR_MDL_FAC": 0.0}))
+    assert {name: found[name] for name in servos} == pytest.approx(
+        dict(zip(servos, (-37.0, 43.0, -33.0, 77.0), strict=True)), abs=1e-3
+    )
+    assert any("zeros of servos need" in words for words in written(model, "px4").lost)
 
 
 @pytest.mark.parametrize("sent", [0.0, 0.4])
