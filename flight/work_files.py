@@ -20,8 +20,8 @@ except ImportError:  # Windows
 FOLDER, LOCK = "wrenchgap-work-", "in use"
 YOUNG = 60.0
 """Age [s] below which a folder without a lock may still be about to get one."""
-_locks: dict[int, IO[bytes]] = {}
-"""Held by this process, by its number."""
+_locks: dict[str, IO[bytes]] = {}
+"""Held by this process, by their folder: threads that ask for the first one at once get two."""
 
 
 def written(write: Callable[[IO[bytes]], None]) -> str:
@@ -44,15 +44,15 @@ def folder() -> str:
 def _folder(process: int) -> str:
     sweep(Path(tempfile.gettempdir()))
     found = tempfile.mkdtemp(prefix=FOLDER)
-    _locks[process] = (Path(found) / LOCK).open("xb")
-    lock(_locks[process])
+    _locks[found] = (Path(found) / LOCK).open("xb")
+    lock(_locks[found])
     atexit.register(_leave, found, process)
     return found
 
 
 def _leave(folder: str, process: int) -> None:
     if os.getpid() == process:  # and not a fork of it, which ends first
-        _locks.pop(process).close()
+        _locks.pop(folder).close()
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
+from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import cosine
@@ -299,7 +299,7 @@ def listed(steps: Sequence[FoundAtom], others: int = 3) -> list[Atom]:
 
 def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
     """The effects of a file, which passes the checks that every user's own file has to."""
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-law-") as folder:
+    with tempfile.TemporaryDirectory(dir=work_files.folder()) as folder:
         write_below(Path(folder), "law.py", source.encode())
         return own_effects.load(Path(folder) / "law.py")
 

@@ -159,6 +159,28 @@ def test_files_go_with_their_process_and_those_of_one_that_was_killed_with_the_n
     assert not list(tmp_path.iterdir())
 
 
+AT_ONCE = """
+import threading
+from wrenchgap.flight import work_files
+made = work_files.tempfile.mkdtemp
+meet = threading.Barrier(2)
+def slow(**more):
+    meet.wait()
+    return made(**more)
+work_files.tempfile.mkdtemp = slow
+threads = [threading.Thread(target=work_files.folder) for _ in range(2)]
+[t.start() for t in threads] and [t.join() for t in threads]
+"""
+
+
+def test_threads_that_ask_for_the_first_folder_at_once_lose_no_lock(tmp_path):
+    """Two jobs of the page that begin together: one lock was lost, and the end of the process said a traceback."""
+    env = os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", AT_ONCE], env=env, capture_output=True, text=True, check=True)
+    assert not done.stderr
+    assert not list(tmp_path.iterdir())
+
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects" / "your-own.md"
 EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]
 
