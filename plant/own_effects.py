@@ -68,9 +68,9 @@ def load(path: Path) -> list[tuple[effects.AnyEffect, effects.Source]]:
     text = text_of(path, "as --effects")
     try:
         code = compile(text, str(path), "exec")
-    except (SyntaxError, ValueError) as error:
-        line = getattr(error, "lineno", None) or 1
-        raise ModelError(f"{path}:{line}: is not Python: {getattr(error, 'msg', error)}") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last two: expressions too deep
+        line, said = getattr(error, "lineno", None) or 1, getattr(error, "msg", str(error)) or "too deeply nested"
+        raise ModelError(f"{path}:{line}: is not Python: {said}") from None
     module = _run(code, path)
     classes = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
     found = [file.checked() for file in (_File(path, c) for c in classes) if file.is_meant()]

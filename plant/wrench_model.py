@@ -31,6 +31,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.actuation import actuation, rotor_wrench
+from wrenchgap.plant.effects import sources
 from wrenchgap.plant.effects.effect import (
     AirEffect,
     AnyEffect,
@@ -67,6 +68,15 @@ class ModelEffect:
     theta: Array
     std: Array | None = None
     provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def changed_source(self) -> str:
+        """What to say where the file of a user's effect is not as it was when its values were fitted; else nothing."""
+        then, now = self.provenance.source, sources().get(self.name)
+        if then is None or now is None or now.sha256 == then.sha256:
+            return ""
+        changed = f"{now.file} is not as it was when the effect was fitted; fit it anew with wrenchgap add."
+        return f"effect {self.name}: {changed}"
 
     @property
     def name(self) -> str:

@@ -13,7 +13,7 @@ from wrenchgap.flight.compared_signals import SHIFTABLE
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant import reader
 from wrenchgap.plant.controller import ControllerGains, default_gains
-from wrenchgap.plant.effects import Source, catalogue, sources
+from wrenchgap.plant.effects import Source, catalogue
 from wrenchgap.plant.effects.effect import Parameter
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
@@ -144,9 +144,9 @@ class EffectTable(Table):
     source: FileTable = FileTable()
     provenance: ProvenanceTable = ProvenanceTable()
 
-    def model_effect(self, vehicle: Vehicle, where: str) -> tuple[ModelEffect, str]:
-        """The effect on this vehicle, and a note on it. `where` is the key of the table, for errors."""
-        own, note = self._user_source()
+    def model_effect(self, vehicle: Vehicle, where: str) -> ModelEffect:
+        """The effect on this vehicle. `where` is the key of the table, for errors."""
+        own = self._user_source()
         effect = make_effect(vehicle, self.name, {key: p.value for key, p in self.parameters.items()})
         known = effect.effect.parameters(replace(vehicle, tolerances=Tolerances()))
         names = [p.name for p in known]
@@ -159,22 +159,17 @@ class EffectTable(Table):
         std = None if None in stds else np.array(stds, dtype=float)
         p = self.provenance
         logs = tuple((log.file, log.sha256) for log in p.logs)
-        return replace(effect, std=std, provenance=Provenance(logs, p.fitted, p.version, p.method, own)), note
+        return replace(effect, std=std, provenance=Provenance(logs, p.fitted, p.version, p.method, own))
 
-    def _user_source(self) -> tuple[Source | None, str]:
-        """The file of a user effect, and a note where another file is loaded; ModelError where none is."""
+    def _user_source(self) -> Source | None:
+        """The file of a user effect as it was; ModelError where none is loaded."""
         file, name = self.source.file, self.name
         if not file:
-            return None, ""
+            return None
         if name not in catalogue():
             words = f"pass that file with --effects {shlex.quote(file)}"
             raise ModelError(f"effect {name!r} is a user's own, from {file}; {words}")
-        loaded, source = sources().get(name), Source(file, self.source.sha256)
-        if loaded is None or loaded.sha256 == source.sha256:
-            return source, ""
-        return source, (
-            f"effect {name}: {loaded.file} is not as it was when the effect was fitted; fit it anew with wrenchgap add."
-        )
+        return Source(file, self.source.sha256)
 
 
 def _check(
@@ -251,6 +246,6 @@ def loads(text: str, folder: Path | None = None) -> Model:
         beside=beside,
         text=text if bench is None else with_bench_table(text, bench),
         history=tuple(version.to_version() for version in table.history),
-        notes=tuple(note for note in (table.vehicle.inertia_note, *(note for _, note in effects)) if note),
+        notes=tuple(note for note in (table.vehicle.inertia_note, *(e.changed_source for e in effects)) if note),
     )
-    return model.with_effects(effect for effect, _ in effects)
+    return model.with_effects(effects)

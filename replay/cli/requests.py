@@ -142,6 +142,7 @@ class Run:
         self.note_input(found.path, role)
         for path in found.beside:
             self.note_input(path, "bench table")
+        self.notes((e.changed_source for e in found.effects if e.changed_source), "warning")
         return found
 
     def note_input(self, path: Path, role: str) -> None:

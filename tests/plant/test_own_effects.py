@@ -81,6 +81,8 @@ COMMAND = HEAD.format(place="CommandEffect") + "    def apply(self, commands, th
     ("text", "line", "message"),
     [
         ("x = 1\ny = = 2\n", 2, "is not Python"),
+        ("x = " + "+".join(["1"] * 100_000), 1, "recursion"),
+        ("x = " + "-" * 200_000 + "1", 1, "too deeply nested"),
         ("x = 1\nimport nothing_like_this\n", 2, "ModuleNotFoundError"),
         ("x = 1\n\ny = x / 0\n", 3, "ZeroDivisionError"),
         ("raise SystemExit(3)\n", 1, "SystemExit"),

@@ -17,6 +17,8 @@ from wrenchgap import _signals, flight
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.roles import ROLE_PARTS
 from wrenchgap.flight.write import provenance as log_provenance
+from wrenchgap.learn.discover import law_file
+from wrenchgap.learn.discover.atoms import atoms
 from wrenchgap.learn.process import store
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
@@ -98,6 +100,20 @@ def test_explain_warns_of_a_validation_flight_outside_what_was_fitted(logs, run,
     assert not any("outside" in warning for warning in back["validation"]["warnings"])
     # the hovering vehicle has nothing hidden: what was named on the other one makes it worse, and that is said
     assert any("torque_x" in warning and "grows" in warning for warning in back["validation"]["warnings"])
+
+
+def test_a_file_of_effects_that_is_not_as_it_was_is_said_by_every_command(run, tmp_path):
+    """`export` and `ready` took the changed law for the fitted one without a word."""
+    law = next(a for a in atoms(model_file.load(MODEL).vehicle) if a.name == "torque_w")
+    text = law_file.source([law], {"SPAN": "0.3", "VOLTS": "15.0"}, [])
+    (tmp_path / "law.py").write_text(text)
+    own = ("--effects", "law.py")
+    assert run("add", "-m", MODEL, "--value", "law_torque_w=-0.02", *own, "-o", "fitted.toml").exit_code == 0
+    for content, said in ((text, 0), (f"{text}\n# changed\n", 1)):
+        (tmp_path / "law.py").write_text(content)
+        for command in (("export", "-m"), ("effectiveness",), ("write", "--to", "mjcf")):
+            done = run(*command, "fitted.toml", *own, *(("-o", "out", "--force") if command[0] == "export" else ()))
+            assert done.stdout.count("law.py is not as it was") == said, done.output
 
 
 def test_a_model_may_be_changed_in_place_with_force(run, refused):
