@@ -261,9 +261,10 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
         return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")
     if slope <= 0.0 or ratio == 0.0:  # the second: so small that its square is none
         return Check(name, "warn", f"{said}: check clocks, units and axes.")
-    scale = option(flight, f"{vector}*{factor(1.0 / ratio)}", *parts)
+    scale = option(flight, f"{vector}*F", *parts)
     words = (
-        f"{said}: the factor is between {slope:.2f} and {high:.2f}. Noise of the attitude makes it small, and so does "
-        f"a delay between the two (see the timing; --shift odometry=SECONDS); a wrong scale would be mended by {scale}."
+        f"{said}. Its scale is between {slope:.2f}, if the attitude is without noise, and {high:.2f}, if this is. "
+        "Noise of the attitude or a delay between the two (see the timing; --shift odometry=SECONDS) may cause that; "
+        f"if the scale is wrong, {scale} with F between {1.0 / high:.2f} and {1.0 / slope:.2f} corrects it."
     )
     return Check(name, "warn", words)

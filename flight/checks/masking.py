@@ -2,10 +2,11 @@
 
 A spike is beyond what is physically possible *and* far beyond everything else on its channel: a channel in another unit
 is large throughout, and has no spikes. A channel has frozen where one that otherwise changes with every sample repeats
-itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those), while
-most of the other channels go on: at rest everything stands still. A sensor of the IMU, or the odometry, may also have
-died, until the end of the log: there the other sensors alone are asked, because commands go on where a vehicle has
-landed. Of an odometry that stands still the IMU is asked in means, which its noise at rest does not move.
+itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those, and
+where the ground carries the vehicle), while most of the other channels go on: at rest everything stands still. A sensor
+of the IMU, or the odometry, may also have died, until the end of the log: there the other sensors alone are asked,
+because commands go on where a vehicle has landed. Of an odometry that stands still the IMU is asked in means, which its
+noise at rest does not move.
 """
 
 from collections.abc import Iterator
@@ -46,6 +47,11 @@ class MaskThresholds:
     """Share of the other sensors' channels that go on where one of the IMU has died and the vehicle has not landed."""
     largest_share: float = 0.5
     """Share of the flight that may be frozen."""
+    carried: float = 0.7
+    """Share of what the accelerometer reads below which a commanded thrust does not carry the vehicle: the ground does.
+    Thrusts and readings are relative to those of the flight."""
+    flies: float = 0.5
+    """Share of the thrust of the flight from which on the vehicle flies."""
 
 
 MASKING = MaskThresholds()
@@ -75,6 +81,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
     for role, start, stop, channel in _frozen(flight):
         frozen.setdefault(role, []).append((start, stop, channel))
     left: list[TimeLeftOut] = []
+    support = _Support(flight)
     for role, runs in frozen.items():
         series = flight.series()[role]
         bad = np.any([(series.time > a) & (series.time <= b) for a, b, _ in runs], axis=0)
@@ -88,7 +95,8 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
             mend = f"--topic {role}=none" if role in ("imu", "odometry") else None
             found.append(Check("frozen", "bad", f"{words}, {100 * share:.0f} % of the log", mend))
             continue
-        found.append(Check("frozen", "warn", f"{words}, in mid-flight: left out."))
+        flies = ", in mid-flight" if any(support.flies(start, stop) for start, stop, _ in runs) else ""
+        found.append(Check("frozen", "warn", f"{words}{flies}: left out."))
         left += [TimeLeftOut(flight.name, a, b, f"{role} ({name}) stands still") for a, b, name in runs]
         flight = without(flight, role, bad, "frozen", split=True)
     return flight, tuple(found), tuple(left)
@@ -138,7 +146,7 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """
     series = {role: s for role, s in flight.series().items() if role in WATCHED}
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
-    sensors = series.keys() & {"imu", "odometry"}
+    sensors, support = series.keys() & {"imu", "odometry"}, _Support(flight)
 
     def at_limit(role: str, start: float, stop: float) -> bool:
         a, b = np.searchsorted(series[role].time, (start, stop))
@@ -150,7 +158,8 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                 continue
             for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role in sensors):
                 limited = (r for r in LIMITED if r in series)
-                if role in LIMITED and not jumps and any(at_limit(r, start, stop) for r in limited):
+                held = role in LIMITED and not jumps
+                if held and (support.by_ground(start, stop) or any(at_limit(r, start, stop) for r in limited)):
                     continue
                 ends = stop == series[role].time[-1]
                 lost = ends and role == "odometry"
@@ -166,6 +175,38 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                         others += [] if moving is None else [moving]
                 if len(others) >= 2 and np.mean(others) > (MASKING.alive if ends else 0.25):
                     yield role, start, stop, name
+
+
+class _Support:
+    """What carries the vehicle: its thrust, as commanded, or the ground, as the accelerometer shows."""
+
+    def __init__(self, flight: Flight) -> None:
+        self.thrust = self.reading = None
+        if flight.commanded is not None:
+            self.thrust = flight.commanded.time, np.linalg.norm(flight.commanded.wrench_B[:, :3], axis=1)
+        elif flight.actuators is not None and flight.actuators.rotor_speed.shape[1]:
+            self.thrust = flight.actuators.time, np.mean(flight.actuators.rotor_speed**2, axis=1)
+        if flight.imu is not None:
+            self.reading = flight.imu.time, np.linalg.norm(flight.imu.specific_force_B, axis=1)
+
+    def flies(self, start: float, stop: float) -> bool:
+        """Whether the thrust within, or where it is lost before, is large enough to fly."""
+        return max(_of_usual(self.thrust, a, b) for a, b in ((start, stop), (start - 0.5, start))) > MASKING.flies
+
+    def by_ground(self, start: float, stop: float) -> bool:
+        """Whether the accelerometer reads what this little thrust cannot make."""
+        thrust, reading = _of_usual(self.thrust, start, stop), _of_usual(self.reading, start, stop)
+        return 0.0 <= thrust < MASKING.carried * reading
+
+
+def _of_usual(signal: tuple[Array, Array] | None, start: float, stop: float) -> float:
+    """Median of a size within an interval, in units of its upper quartile; -1 where it is not known."""
+    if signal is None:
+        return -1.0
+    time, size = signal
+    a, b = np.searchsorted(time, (start, stop))
+    usual = float(np.percentile(size, 75))
+    return float(np.median(size[a:b])) / usual if b > a and usual > 0.0 else -1.0
 
 
 class _Channel(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate
-from wrenchgap.replay.present import addition
+from wrenchgap.replay.present import addition, fitted_effects
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights, sentences
@@ -83,7 +83,11 @@ def summary(found: Calibration) -> list[str]:
     if found.added is None:
         return [f"Nothing helps on held-out time of {count}: {same}."]
     told = f"Calibrated on {count}: {', '.join(found.effects)}."
-    return [told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}."]
+    largest = fitted_effects.largest_of(found.model, found.effects)
+    return [
+        told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}.",
+        *([largest] if largest else []),
+    ]
 
 
 def values(found: Calibration) -> Part:

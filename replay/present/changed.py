@@ -26,6 +26,7 @@ from wrenchgap.replay.present.numbers import (
     quantity,
     row,
     share,
+    size_in_words,
     unit,
     unmeasured,
 )
@@ -175,7 +176,13 @@ def summary(found: Changed) -> str:
 
 def _unknown(found: Changed) -> str:
     if not found.louder:
-        return "Something changed, and no effect of the catalogue says what."
+        clear = what_to_inspect.constant_changes(found)
+        if not clear:
+            return "Something changed, and no effect of the catalogue says what."
+        listed = ", ".join(
+            f"{p.name} by {size_in_words(p.change, p.unit)} ({p.significance:.1f} standard deviations)" for p in clear
+        )
+        return f"Changed: {listed}. It is constant, and no single effect of the catalogue explains it."
     nearest = [n for n in found.names if n not in NAMELESS]
     likeliest = f" Nearest, and not established: {' + '.join(nearest)}." if nearest else ""
     return (

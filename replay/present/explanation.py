@@ -11,7 +11,7 @@ from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
-from wrenchgap.replay.present import comparison, detection, posterior, timing, what_to_inspect
+from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -49,10 +49,8 @@ def parts(found: Explanation) -> list[Part]:
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
         out += note_lines(timing.warnings(one), "warning")
-    out += [Line(words) for words in open_in_words(found)] + [Line()]
-    out += [*detection.lines(found), Line()]
-    out.append(ranking(found))
-    out += [Line(RANKING_LEGEND, "dim"), Line()]
+    out += [*map(Line, open_in_words(found)), Line(), *detection.lines(found), Line()]
+    out += [ranking(found), Line(RANKING_LEGEND, "dim"), Line()]
     if found.fit.snapshot:
         fitted = parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
         out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
@@ -220,6 +218,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
+        "already": fitted_effects.already_in(found.model),
         "fitted": [{"effect": name, "parameters": fitted.get(name, ())} for name in found.effects],
         "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
         "classes": [posterior.class_json(c, found.model.vehicle) for c in found.classes],
@@ -256,6 +255,7 @@ def brief(found: Explanation) -> list[Part]:
     said: list[Part] = [
         Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
     ]
+    said += [Line(text) for text in (fitted_effects.already_in(found.model),) if text]
     said += map(Line, posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)

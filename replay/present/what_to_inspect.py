@@ -68,6 +68,8 @@ NO_NAME = (
     "flights, and fly the suspect vehicle with excitation on all axes."
 )
 
+TO_TELL = "A flight with excitation on all axes tells which of them it is."
+
 
 def likeliest(found: Changed) -> NamedSet | None:
     """The heaviest set of changes where nothing is established and less than half of the weight says that nothing
@@ -87,7 +89,7 @@ def sentences(found: Changed) -> list[str]:
         return [PERHAPS.format(places[0]) if places and places[0] else NOTHING]
     out = []
     if found.verdict is Verdict.UNKNOWN:
-        out.append(NO_NAME)
+        out += _of_constant_change(found) or [NO_NAME]
     for name in dict.fromkeys(p.effect for p in sorted(found.parameters, key=lambda p: -p.significance)):
         listed = [p for p in found.parameters if p.effect == name]
         said = _of(found, name, listed, [p for p in found.places if p.effect == name])
@@ -115,18 +117,41 @@ def of_explanation(found: Explanation) -> list[str]:
 
 
 def _of_constant(values: Sequence[Value], vehicle: Vehicle) -> list[str]:
-    """What a constant wrench is in a pilot's words, as `wrenchgap check` has them, where it is no zero."""
+    """What a constant wrench is in a pilot's words, where it is no zero."""
     by = {v.name: v.value for v in values if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)}
+    causes = _causes(by, vehicle)
+    return [f"What is constant is what these make: {'; '.join(causes)}."] if causes else []
+
+
+def _of_constant_change(found: Changed) -> list[str]:
+    """The same of a constant wrench that changed, on axes where it is beyond chance, and of the thrust."""
+    by = {p.name: p.change for p in constant_changes(found)}
+    causes = _causes(by, found.model.vehicle)
+    if "force_z" in by:
+        more = by["force_z"] / (found.model.vehicle.body.mass * GRAVITY)
+        said = f"{share(abs(more))} {'more' if more > 0.0 else 'less'} thrust than commanded"
+        causes.append(f"{said}: {ACTIONS['thrust_scale'].partition(':')[0]}, and weigh the vehicle")
+    return [f"Inspect what makes such a change: {'; '.join(causes)}. {TO_TELL}"] if causes else []
+
+
+def constant_changes(found: Changed) -> list[Size]:
+    """Components of a constant wrench that changed beyond chance, the most significant first."""
+    clear = [p for p in found.parameters if p.effect == "constant_wrench" and p.significance > SIGNIFICANCE.alone]
+    return sorted(clear, key=lambda p: -p.significance)
+
+
+def _causes(by: Mapping[str, float], vehicle: Vehicle) -> list[str]:
+    """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it."""
     weight, causes = vehicle.body.mass * GRAVITY, []
     if by.keys() & {"torque_x", "torque_y"}:
         x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight
         off = size_in_words(float(np.hypot(x, y)), "m")
-        causes.append(f"a centre of mass {off} towards {towards(vehicle, x, y)}, or weak propellers there")
+        causes.append(f"a centre of mass {off} towards the {towards(vehicle, x, y)}, or weak propellers there")
     if "torque_z" in by:
-        causes.append(f"a yaw bias of {quantity(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
+        causes.append(f"a yaw bias of {size_in_words(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
     if tilt := float(np.hypot(by.get("force_x", 0.0), by.get("force_y", 0.0))) / weight:
         causes.append(f"an autopilot that is mounted {np.degrees(tilt):.2g} deg off the rotors' plane, or wind")
-    return [f"What is constant is what these make: {'; '.join(causes)}."] if causes else []
+    return causes
 
 
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
@@ -146,6 +171,6 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
     if name in ("com_offset", "payload"):
         side = towards(vehicle, by.get("x", 0.0), by.get("y", 0.0))
         mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
-        return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards {side}"
+        return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards the {side}"
     words = ACTIONS.get(name, "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""

@@ -205,6 +205,8 @@ class ExplainBody(TypedDict):
     """Every candidate alone."""
     axes: list[str]
     summary: str
+    already: str
+    """What the given model's fitted effects hold beyond their typical size, in a line; empty where nothing does."""
     fitted: list[Fitted]
     """The chosen effects, fitted together."""
     steps: list[Step]

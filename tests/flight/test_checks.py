@@ -1,5 +1,6 @@
 """The search for the mend, masks and clocks: each fault alone, and healthy logs that look like it."""
 
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from wrenchgap import flight
 from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.attitude import rate_check
 from wrenchgap.flight.checks.motion import PERMUTATIONS, best_axes
 from wrenchgap.flight.checks.remedies import _with, option
 from wrenchgap.flight.clocks import relation, without_jumps
@@ -122,6 +124,51 @@ def test_what_may_stand_still_is_kept():
     still = slice(400, 700)
     every = moving(change=lambda n, v: spoilt(n, still)(n, v))
     assert "frozen" not in found_in(every)
+
+
+def landing(seconds=0.8):
+    """A flight of 8 s, then the ground, which carries the vehicle while a landed controller holds half of the thrust.
+
+    What the controller asks stands still for a while, above its idle at the end; gyroscope and attitude go on.
+    """
+
+    def change(name, values):
+        values = values.copy()
+        if name == "wrench":
+            values[800:, :3] *= 0.1
+            values[820 : 820 + round(100 * seconds), :3] = 0.0, 0.0, 7.0
+        return values
+
+    return moving(change=change)
+
+
+def test_a_thrust_that_is_held_on_the_ground_is_a_command_and_no_dead_channel():
+    """At half of the thrust of the flight the accelerometer reads all of g: the ground carries the vehicle."""
+    assert "frozen" not in found_in(landing())
+    flying = found_in(moving(change=spoilt("wrench", slice(400, 500), 14.7, 2)))["frozen"].words
+    assert flying.endswith("stands still for 0.99 s at 4.00 s, in mid-flight: left out.")
+
+
+def test_a_sensor_that_stands_still_on_the_ground_is_not_said_to_do_so_in_mid_flight():
+    idle = moving(change=lambda n, v: np.where(np.arange(len(v))[:, None] < 700, v, 0.1 * v) if n == "wrench" else v)
+    rate = idle.imu.omega_B.copy()
+    rate[800:1000, 1] = rate[800, 1]
+    (found,) = (c for c in with_checks(replace(idle, imu=replace(idle.imu, omega_B=rate))).checks if c.name == "frozen")
+    assert found.words.endswith("stands still for 1.99 s at 8.00 s: left out.")
+
+
+@pytest.mark.parametrize(("slope", "noise"), [(0.7, 0.8), (1.0, 1.0)])
+def test_the_scale_of_a_gyroscope_is_said_as_a_range_that_holds_it(slope, noise):
+    """Noise of the truth divides the regression by 1 + noise^2, that of the reading multiplies the inverse one."""
+    rng = np.random.default_rng(11)
+    rate = white(rng, 20_000)
+    pair = rate + white(rng, 20_000, noise), slope * rate + white(rng, 20_000, 0.2 * slope)
+    words = rate_check("gyroscope", moving(), pair, ("imu",), "gyro").words
+    low, high = (float(v) for v in re.findall(r"between ([\d.]+), if .* and ([\d.]+), if", words)[0])
+    assert low == pytest.approx(slope / (1.0 + noise**2), abs=0.02)
+    assert high == pytest.approx(1.04 * slope, abs=0.03)
+    least, most = (float(v) for v in re.findall(r"F between ([\d.]+) and ([\d.]+)", words)[0])
+    assert (least, most) == pytest.approx((1.0 / high, 1.0 / low), rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["omega", "force"])

@@ -108,6 +108,25 @@ def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved)
     assert presented.summary(nameless) == "Something changed, and no effect of the catalogue says what."
 
 
+def test_a_constant_change_without_a_name_says_its_axis_and_what_to_inspect(moved):
+    """A yaw torque that was nil, at 8 standard deviations; beside it a force that is chance."""
+    axes = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+    empty = Size("constant_wrench", "", 0.0, 1e-3, 0.0, 1e-3, "N", "")
+    sizes = tuple(replace(empty, name=axis, unit="N" if k < 3 else "Nm") for k, axis in enumerate(axes))
+    yaw = replace(sizes[5], healthy=1e-6, suspect=-2.4e-4, scatter=2.8e-5, std=9.5e-6)
+    found = replace(
+        moved, verdict=Verdict.UNKNOWN, firm=(), louder=(), names=("constant_wrench",), parameters=(*sizes[:5], yaw)
+    )
+    assert presented.summary(found).startswith("Changed: torque_z by -0.24 mNm (8.2 standard deviations).")
+    (words,) = what_to_inspect.sentences(found)
+    assert "a yaw bias of -0.24 mNm: look for a twisted motor mount or arm" in words
+    assert "force" not in words
+    weight = found.model.vehicle.body.mass * 9.80665
+    lift = replace(sizes[2], suspect=0.1 * weight)
+    (words,) = what_to_inspect.sentences(replace(found, parameters=(lift, yaw)))
+    assert "10 % more thrust than commanded: look at the battery" in words
+
+
 def test_it_begins_with_what_changed_and_what_to_inspect_and_tabulates(moved):
     text = str(moved)
     assert "one healthy flight" in text

@@ -22,12 +22,14 @@ from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant.effects import find
-from wrenchgap.replay.present import what_to_inspect
+from wrenchgap.plant.model import make_effect
+from wrenchgap.replay.present import fitted_effects, what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS, plain
-from wrenchgap.replay.present.explanation import members, short, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import brief, members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.posterior import oscillation_in_words
+from wrenchgap.replay.present.tables import Line
 
 NAME = "tilt_hexarotor"
 MODEL = wg.load_model(NAME)
@@ -92,11 +94,30 @@ def test_a_constant_wrench_is_said_as_check_says_it(named):
     fitted = replace(named.fit, parameters=parameters, theta=theta, covariance=1e-12 * np.eye(6))
     member = replace(named.members[0], name="constant_wrench")
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
-    assert "a centre of mass 12 mm towards back (" in words
+    assert "a centre of mass 12 mm towards the back (" in words
     assert "a yaw bias of" in words
     assert "2 deg off the rotors' plane" in words
     still = replace(fitted, covariance=np.eye(6) * weight**2)
     assert not what_to_inspect.of_explanation(replace(named, members=(member,), fit=still))
+
+
+def test_what_a_calibration_took_in_is_said_and_not_lost(named):
+    """32 mm back, of arms of 0.3 m; 1 mm up and a turn of the IMU that may be none are no answer."""
+    effects = (("com_offset", (-0.032, 0.0, 0.001), 0.0002), ("imu_misalignment", (0.03, 0.0, 0.0), 0.02))
+    fitted = [replace(make_effect(MODEL.vehicle, n, theta), std=np.full(3, std)) for n, theta, std in effects]
+    words = fitted_effects.already_in(MODEL.with_effects(fitted))
+    assert words.endswith("the centre of mass 32 mm towards the back (arm_3) (com_offset x -0.0320 m).")
+    assert "imu" not in words
+    assert not fitted_effects.already_in(MODEL)
+    weak = make_effect(MODEL.vehicle, "rotor_thrust", {"rotor_2": -0.2})
+    heavy = make_effect(MODEL.vehicle, "com_offset", (0.001, 0.0, 0.0))
+    model = MODEL.with_effects([replace(weak, std=np.full(12, 0.01)), replace(heavy, std=np.full(3, 1e-4))])
+    assert "M3 20 % weaker (rotor_thrust M3 -0.200)" in fitted_effects.already_in(model)
+    assert fitted_effects.largest_of(model, ["rotor_thrust", "com_offset"]).startswith("Largest: M3 is 20 % weaker (")
+    assert fitted_effects.largest_of(model, ["com_offset"]).startswith("The centre of mass is 1.0 mm towards the front")
+    given = replace(named, model=model)
+    assert any("The model already has" in part.text for part in brief(given) if isinstance(part, Line))
+    assert to_json(given)["already"] == fitted_effects.already_in(model)
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):

@@ -23,7 +23,17 @@ from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
-from wrenchgap.replay.present import changed, explanation, health, parameters, season, staircase, trend, what_to_inspect
+from wrenchgap.replay.present import (
+    changed,
+    explanation,
+    fitted_effects,
+    health,
+    parameters,
+    season,
+    staircase,
+    trend,
+    what_to_inspect,
+)
 from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
@@ -57,6 +67,7 @@ def page(report: Report, repetition: Repetition) -> str:
             verdict=str(found.verdict),
             summary=explanation.summary(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
+            already=fitted_effects.already_in(report.model),
             warnings=[
                 *warnings(findings(report)),
                 *([] if tested is None else explanation.validation_warnings(tested)),

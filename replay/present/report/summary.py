@@ -6,7 +6,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.plant.trajectory import file as trajectory_file
-from wrenchgap.replay.present import explanation, learning, staircase, timing, where
+from wrenchgap.replay.present import explanation, fitted_effects, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import checks_json, sentences
 from wrenchgap.replay.present.numbers import by_axis, entries, separation, unmeasured
@@ -63,6 +63,7 @@ def parts(report: Report) -> list[Part]:
     """The verdict, and by how much the error is reduced."""
     return [
         Line(explanation.summary(report.explanation), "bold"),
+        *(Line(text) for text in (fitted_effects.already_in(report.model),) if text),
         *(Line(staircase.sentence(case)) for case in report.staircases),
     ]
 

@@ -283,15 +283,15 @@ def test_without_pyulog_one_line_names_the_extra(log, tmp_path, monkeypatch):
 def test_the_commands_of_the_page_do_what_it_says(log, tmp_path, monkeypatch):
     """Those of docs/start/px4.md that read, and need no model: `check` and `convert`."""
     monkeypatch.chdir(tmp_path)
-    log.save(tmp_path / "flight.ulg")
+    log.save(tmp_path / "suspect.ulg")
     page = (Path(__file__).resolve().parents[3] / "docs" / "start" / "px4.md").read_text(encoding="utf-8")
     lines = re.findall(r"^wrenchgap ((?:check|inspect|convert) (?!.* -m ).*)$", page, re.MULTILINE)
     assert len(lines) >= 2
     for line in lines:
         done = CliRunner().invoke(app, shlex.split(line, comments=True), prog_name="wrenchgap")
         assert done.exit_code == 0, done.output
-    found = flight.load(tmp_path / "flight.mcap")
-    np.testing.assert_allclose(found.imu.omega_B, flight.load(tmp_path / "flight.ulg").imu.omega_B)
+    found = flight.load(tmp_path / "suspect.mcap")
+    np.testing.assert_allclose(found.imu.omega_B, flight.load(tmp_path / "suspect.ulg").imu.omega_B)
 
 
 def test_numbers_of_a_damaged_log_that_are_none_are_left_out(autopilots, tmp_path):
