@@ -99,10 +99,10 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
     excess = np.mean(target**2, axis=0) - noise**2
-    loud = excess > RESONANCE.faint * noise**2
+    loud = (excess > RESONANCE.faint * noise**2) & (noise > 0.0)  # a sensor that is stuck has no noise
     if not loud.any():
         return None
-    target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
+    target, noise, excess = target[:, loud], noise[loud], float(np.sum(excess[loud] / noise[loud] ** 2))
     levers = [cross(axis, inputs[:, :3]) for axis in np.eye(3)] if frame == "B" else []
 
     def left(f: float, zeta: float) -> Array:
