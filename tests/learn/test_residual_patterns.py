@@ -228,9 +228,8 @@ def test_without_a_pose_only_the_hull_can_be_asked(tumbling):
 def test_an_axis_whose_sensor_has_no_noise_is_left_out_without_a_division_by_zero(shaken):
     """A damaged uSD log whose gyroscope stands still: `discover` and `explain` printed numpy's warning."""
     residual = shaken.sprung(1.5, 0.02) + shaken.noise(1)
-    stuck = replace(shaken.data, measured=shaken.said + residual)
-    stuck.__dict__["noise"] = np.where(np.arange(6) == 4, 0.0, shaken.data.noise)
-    found = oscillation(stuck, residual)
+    still = tuple(replace(r, noise=np.where(np.arange(6) == 4, 0.0, r.noise)) for r in shaken.data.records)
+    found = oscillation(replace(shaken.data, records=still, measured=shaken.said + residual), residual)
     assert found is not None
     assert np.isfinite([found.share, found.significance]).all()
 
