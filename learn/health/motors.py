@@ -2,17 +2,20 @@
 
 In hover the commanded thrusts balance weight and torques. What they deviate by from their mean has a shape: two
 neighbours against the opposite two balance a centre of mass that is off; motors of one turning direction against those
-of the other balance a yaw torque; a motor alone makes up for a propeller or motor that is weak.
+of the other balance a yaw torque; a motor alone makes up for a propeller or motor that is weak. Hover counts where the
+vehicle is level: rotors on arms that tilt share the thrust by the attitude. A coaxial pair that is commanded alike
+counts as one motor here: its command does not tell which of the two is weak.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Level
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases
+from wrenchgap.learn.health.phases import AIRBORNE, LEVEL, FlightPhases
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
 
 
@@ -34,7 +37,11 @@ class MotorThresholds:
     idle: float = 0.05
     """Share of the time in the air at the smallest command that is worth a word: fast descents touch it."""
     briefest: float = 3.0
-    """Time [s] of hover, or of flight, below which nothing is said of the balance."""
+    """Time [s] of level hover, or of flight, below which nothing is said of the balance."""
+    together: float = 0.02
+    """Distance of two rotors seen from above, in distances of the farthest rotor, up to which they are coaxial."""
+    alike: float = 0.01
+    """Largest difference of two commanded thrusts, over the mean thrust, up to which they are one command."""
 
 
 MOTORS = MotorThresholds()
@@ -58,19 +65,22 @@ class Motor:
     A vehicle whose rotors stand evenly about its centre of mass asks for the mean of all, as one of unknown places.
 
     `at_most` and `at_least` are shares of the time in the air at the ends of its range; None where these are not known.
+    `alike` are the rotors that are coaxial with it and commanded alike.
     """
 
     rotor: RotorPlace
     deviation: float
     at_most: float | None
     at_least: float | None
+    alike: tuple[RotorPlace, ...] = ()
 
 
 @dataclass(frozen=True)
 class Motors:
     """All motors of a flight.
 
-    `condition` is "hover", or "flight" where there was too little of it, for `seconds` in all. `centre` is where the
+    `condition` is "hover", which is level, or "flight" where there was too little of it and the balance is not known,
+    for `seconds` in all. `centre` is where the
     thrust is centred (x forward, y left; in distances of the farthest rotor), `yaw` the excess of the motors that turn
     counter-clockwise over the mean; None where the places are not known.
     """
@@ -123,24 +133,48 @@ def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
     if thrusts is None or not phases.phases:
         return None
     flown = phases.within(thrusts.time, *AIRBORNE)
-    hovering = phases.seconds("hover") >= MOTORS.briefest
-    used = phases.within(thrusts.time, "hover") if hovering else flown
-    seconds = phases.seconds("hover") if hovering else phases.seconds(*AIRBORNE)
+    level = FlightPhases(phases.level)
+    hovering = level.seconds(LEVEL) >= MOTORS.briefest
+    used = level.within(thrusts.time, LEVEL) if hovering else flown
+    seconds = level.seconds(LEVEL) if hovering else phases.seconds(*AIRBORNE)
     if seconds < MOTORS.briefest or used.sum() < 2 or not thrusts.share[used].mean() > 0.0:
         return None
     mean = thrusts.share[used].mean(axis=0)
     deviation = mean / mean.mean() - _asked(thrusts.rotors)
     low, high = (None, None) if thrusts.limits is None else (limit[flown].mean(axis=0) for limit in thrusts.limits)
+    alike = _alike(thrusts.rotors, thrusts.share[flown] / mean.mean())
     motors = tuple(
-        Motor(rotor, float(value), None if high is None else float(high[k]), None if low is None else float(low[k]))
+        Motor(
+            rotor,
+            float(value),
+            None if high is None else float(high[k]),
+            None if low is None else float(low[k]),
+            tuple(other for other, same in zip(thrusts.rotors, alike[k], strict=True) if same and other is not rotor),
+        )
         for k, (rotor, value) in enumerate(zip(thrusts.rotors, deviation, strict=True))
     )
-    shape, centre, yaw = _shape(thrusts.rotors, deviation)
+    shape, centre, yaw = _shape(thrusts.rotors, deviation, alike)
     return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw)
 
 
-def _shape(rotors: tuple[RotorPlace, ...], deviation: Array) -> tuple[Shape, tuple[float, float] | None, float | None]:
-    """What deviations (R,) balance, where the thrust is centred, and the excess by turning direction."""
+def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> NDArray[np.bool_]:
+    """Which rotors (R, R) are coaxial and commanded alike, by thrusts (N, R) over their mean; each is with itself."""
+    same = np.eye(len(rotors), dtype=bool)
+    places = _places(rotors)
+    if places is not None:
+        apart = np.hypot(*np.moveaxis(places[:, None, :2] - places[None, :, :2], -1, 0))
+        for a, b in np.argwhere(apart < MOTORS.together):
+            same[a, b] = np.abs(thrusts[:, a] - thrusts[:, b]).max() < MOTORS.alike
+    return same
+
+
+def _shape(
+    rotors: tuple[RotorPlace, ...], deviation: Array, alike: NDArray[np.bool_]
+) -> tuple[Shape, tuple[float, float] | None, float | None]:
+    """What deviations (R,) balance, where the thrust is centred, and the excess by turning direction.
+
+    `alike` (R, R) are the rotors that count as one.
+    """
     places = _places(rotors)
     if places is None:
         even = np.abs(deviation).max() < MOTORS.uneven
@@ -151,7 +185,7 @@ def _shape(rotors: tuple[RotorPlace, ...], deviation: Array) -> tuple[Shape, tup
     if np.abs(deviation).max() < MOTORS.uneven:
         return Shape.EVEN, centre, yaw
     explained = {
-        Shape.ONE: _explained(deviation, np.eye(len(rotors))[:, [int(np.argmax(deviation))]]),
+        Shape.ONE: _explained(deviation, alike[:, [int(np.argmax(deviation))]].astype(float)),
         Shape.YAW: _explained(deviation, spin[:, None]),
         Shape.COM: _explained(deviation, arms),
     }

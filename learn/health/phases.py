@@ -35,6 +35,9 @@ class HoverThresholds:
     """Speed [m/s]: below, the drag of common multirotors is below 0.03 g."""
     tilt: float = 0.26
     """Tilt [rad] where the speed is not known, 15 deg: more is not held without drifting away or a strong wind."""
+    level: float = 0.1
+    """Tilt [rad] up to which a hover is level, 6 deg: of rotors on arms that tilt, the even shares of thrust change by
+    the square of it and by the lateral force, a tenth of the weight; no wind to speak of holds a level hover."""
     joined: float = 0.5
     """Interruptions up to so long [s] do not end a hover."""
     briefest: float = 1.0
@@ -45,6 +48,7 @@ class HoverThresholds:
 
 HOVER = HoverThresholds()
 AIRBORNE = ("hover", "moving")
+LEVEL = "level hover"
 
 
 class NoPhases(StrEnum):
@@ -61,12 +65,15 @@ class NoPhases(StrEnum):
 class FlightPhases:
     """Every phase of a flight in order of time; hover and moving flight are named so.
 
-    `lack` says why there is none. Where the speed is not known (`speed_known`), steady flight counts as hover.
+    `lack` says why there is none. Where the speed is not known (`speed_known`), steady flight counts as hover. `level`
+    are the parts of hover in which the vehicle stands level, by its attitude or, without one, by the specific force,
+    which points up where nothing accelerates.
     """
 
     phases: tuple[Phase, ...] = ()
     lack: NoPhases | None = None
     speed_known: bool = False
+    level: tuple[Phase, ...] = ()
 
     def seconds(self, *names: str) -> float:
         """Time [s] in the phases of these names."""
@@ -118,8 +125,9 @@ def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
     known = [(s, signals_of(s, pushed, felt, np.nan_to_num(s.omega_B))) for s, pushed, felt in forces]
     found = grounded([signals for _, signals in known], CONTACT.least_clearance)
     airborne = [phase for samples, signals in known for phase in _in_the_air(samples, signals, found)]
-    every = tuple(sorted([*found, *airborne], key=lambda p: (p.start, p.stop)))
-    return FlightPhases(every, speed_known=all(signals.speed is not None for _, signals in known))
+    level = tuple(phase for phase in airborne if phase.name == LEVEL)
+    every = tuple(sorted([*found, *(p for p in airborne if p not in level)], key=lambda p: (p.start, p.stop)))
+    return FlightPhases(every, speed_known=all(signals.speed is not None for _, signals in known), level=level)
 
 
 def _commanded_force(flight: Flight, thrusts: Thrusts | None) -> WrenchSeries | None:
@@ -155,14 +163,17 @@ def _unit(stretches: Sequence[Samples]) -> float | None:
 
 
 def _in_the_air(samples: Samples, signals: Signals, others: Sequence[Phase]) -> list[Phase]:
-    """Hover and moving flight, in what of a stretch is in no other phase."""
+    """Hover, what of it is level, and moving flight, in what of a stretch is in no other phase."""
     free = used_samples(samples.time, others)
+    up = signals.slow_felt / np.maximum(lengths(signals.slow_felt), 1e-9)[:, None]
+    if samples.quat_EB is not None:
+        up = so3.rotate_inverse(samples.quat_EB, np.tile([0.0, 0.0, 1.0], (len(samples), 1)))
+    upright = up[:, 2]  # cosine of the tilt
     still = (signals.turning < HOVER.turning) & (np.abs(lengths(signals.slow_felt) - 1.0) < HOVER.force)
     if signals.speed is not None:
         still &= signals.speed < HOVER.speed
     elif samples.quat_EB is not None:
-        up = so3.rotate_inverse(samples.quat_EB, np.tile([0.0, 0.0, 1.0], (len(samples), 1)))
-        still &= up[:, 2] > np.cos(HOVER.tilt)
+        still &= upright > np.cos(HOVER.tilt)
     hover = closed(still & free, signals.samples(HOVER.joined)) & free
     for a, b in runs(hover):
         hover[a:b] = (b - a) * signals.dt >= HOVER.briefest
@@ -170,6 +181,7 @@ def _in_the_air(samples: Samples, signals: Signals, others: Sequence[Phase]) -> 
         Phase(name, float(samples.time[a]), float(samples.time[b - 1]), why, left_out=False)
         for name, flags, why in (
             ("hover", hover, "neither turns, moves nor is accelerated"),
+            (LEVEL, hover & (upright > np.cos(HOVER.level)), "a hover that is level"),
             ("moving", free & ~hover, "in the air, and no hover"),
         )
         for a, b in runs(flags)

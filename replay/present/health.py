@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn.health.health import Health, LogHealth
+from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.plant.drafts.px4 import placeholders
 from wrenchgap.replay.present import inspection, parameters
@@ -83,8 +84,15 @@ def summary(found: Health) -> str:
     checked: dict[str, object] = {"motors": log.motors, "battery": log.battery, "estimator": log.estimator}
     checked["vibration levels"] = log.vibration if log.vibration is not None and log.vibration.levels else None
     unseen = [name for name, one in checked.items() if one is None]
+    if log.motors is not None and log.motors.condition != "hover":
+        unseen.insert(0, "motor balance (no level hover)")
     unknown = f" Not judged, for want of data: {', '.join(unseen)}." if unseen else ""
     return f"{log.name}: {flown(log)}; {count}.{unknown}"
+
+
+def _when(motors: Motors) -> str:
+    """The time of which the deviations of motors are."""
+    return "level hover" if motors.condition == "hover" else motors.condition
 
 
 def flown(log: LogHealth) -> str:
@@ -174,7 +182,7 @@ def _details(log: LogHealth, *, several: bool) -> list[Part]:
         for m in log.motors.motors:
             ends = ("-" if v is None else share(v) for v in (m.at_least, m.at_most))
             each.append((rotor(m.rotor), f"{100 * m.deviation:+.1f} %", *ends))
-        heads = ("motor", f"thrust in {log.motors.condition}, of the mean", "at smallest command", "at largest command")
+        heads = ("motor", f"thrust in {_when(log.motors)}, of the mean", "at smallest command", "at largest command")
         out.append(table("motors", heads, each))
     if log.phases.phases:
         out.append(inspection.phases(log.phases.phases, title="phases"))
@@ -230,7 +238,7 @@ def _draw(found: Health, axes: Any) -> None:
             names = [m.rotor.name for m in log.motors.motors]
             left.bar(names, [100.0 * m.deviation for m in log.motors.motors], color=style.MODELS[0])
             left.axhline(0.0, color="0.4", lw=0.8)
-            style.labelled(left, f"thrust in {log.motors.condition}, of the mean", "%")
+            style.labelled(left, f"thrust in {_when(log.motors)}, of the mean", "%")
         density = None if log.vibration is None else log.vibration.spectrum
         if density is None:
             style.nothing(right, "no spectrum: the IMU is not logged, too slow, or it did not fly")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from wrenchgap.learn.health.answers import NEEDS
 from wrenchgap.learn.health.health import LogHealth
+from wrenchgap.learn.health.motors import MOTORS
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.vibration import SLOW_HZ
 from wrenchgap.replay.present.numbers import number, share
@@ -44,7 +45,9 @@ def _balance(log: LogHealth) -> str:
     if log.motors is None:
         return _missing(log, "actuators")
     each = ", ".join(f"{m.rotor.name} {round(100 * m.deviation):+d} %" for m in log.motors.motors)
-    return f"{each} of the mean thrust in {log.motors.condition} ({log.motors.shape})"
+    if log.motors.condition != "hover":
+        return f"not known: less than {MOTORS.briefest:g} s of level hover (in all of the flight: {each} of the mean)"
+    return f"{each} of the mean thrust in level hover ({log.motors.shape})"
 
 
 def _saturation(log: LogHealth) -> str:

@@ -1,7 +1,7 @@
 """What a pilot should know of a log, each in one sentence or two: what, where, how much, what to do."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
 from wrenchgap.learn.health.autopilot_messages import ESTIMATOR, Estimator
 from wrenchgap.learn.health.health import LogHealth
-from wrenchgap.learn.health.motors import MOTORS, Motors, Shape
+from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace
 from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
@@ -128,17 +128,19 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
 
 def _balance(motors: Motors, drift: str) -> str:
     """Which motor works harder, what that looks like, and what to do."""
-    hard, when = motors.hardest, "in hover" if motors.condition == "hover" else "in flight"
-    alone = " alone" if motors.shape is Shape.ONE else ""
-    said = f"{_first(rotor(hard.rotor))}{alone} is commanded {share(hard.deviation)} more thrust than the mean {when}"
+    hard = motors.hardest
+    amount = f"commanded {share(hard.deviation)} more thrust than the mean in level hover"
+    said = f"{_first(rotor(hard.rotor))} is {amount}"
+    if hard.alike:
+        said = f"The coaxial pair {_pair(hard)} is {amount}"
     if motors.shape is Shape.YAW and motors.yaw is not None:
         turning = "counter-clockwise" if motors.yaw > 0.0 else "clockwise"
         side = [m.rotor for m in motors.motors if (m.rotor.spin or 0) * motors.yaw > 0.0]
         amount = share(float(np.mean([m.deviation for m in motors.motors if m.rotor in side])))
         who = " and ".join(map(rotor, side))
         return (
-            f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean {when}: a yaw "
-            f"bias. Look for {YAW_BIAS}; a sound vehicle may have a part of it: compare with an earlier flight."
+            f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean in level hover: "
+            f"a yaw bias. Look for {YAW_BIAS}; a sound vehicle may have a part of it: compare with an earlier flight."
         )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
@@ -147,14 +149,28 @@ def _balance(motors: Motors, drift: str) -> str:
             f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
             f"centre of mass is there, or the propellers there are weak. Move the battery away from there.{drift}"
         )
-    weak = f"Inspect the propeller of {hard.rotor.name}, then its motor and ESC."
+    if motors.shape is Shape.ONE and hard.alike:
+        names = " and ".join(one.name for one in (hard.rotor, *hard.alike))
+        return (
+            f"{said}, the others are even. One command drives both, so that the log does not show which of {names} is "
+            "weak: inspect both propellers, then motors and ESCs."
+        )
     if motors.shape is Shape.ONE:
-        return f"{said}. {weak}"
+        return f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC."
     if motors.shape is Shape.UNKNOWN:
         return f"{said}. Give its model with -m, to see whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)
-    less = f"{rotor(least.rotor)} {share(-least.deviation)} less, in no single pattern"
-    return f"{said}, {less}. A sound vehicle may have this: compare an earlier log. Balance it first. {weak}"
+    less = f"{_pair(least) if least.alike else rotor(least.rotor)} {share(-least.deviation)} less"
+    return (
+        f"{said}, {less}: neither one weak propeller, nor a weight, nor a yaw bias alone makes this pattern. Compare "
+        "with a log from when it flew well (`wrenchgap changed`) before you change a part."
+    )
+
+
+def _pair(motor: Motor) -> str:
+    """A motor and those that are coaxial with it and commanded alike: "back left (M5 and M6)"."""
+    named = " and ".join(one.name for one in (motor.rotor, *motor.alike))
+    return rotor(replace(motor.rotor, name=named))
 
 
 def _vibration(found: Vibration | None, motors: Motors | None) -> Iterator[Statement]:

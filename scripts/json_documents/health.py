@@ -51,10 +51,13 @@ class Motor(TypedDict):
     at_most: Number
     """Share of the time in the air at its largest command; null where the ends are not known."""
     at_least: Number
+    alike: list[RotorPlace]
+    """Rotors that are coaxial with it and commanded alike."""
 
 
 class Motors(TypedDict):
     condition: Literal["hover", "flight"]
+    """Level hover; "flight" where there was too little of it, and the balance is not known."""
     seconds: Number
     shape: str
     """What the deviations balance."""

@@ -1,15 +1,18 @@
 """What motors, spectra and parameters say, against closed forms."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from wrenchgap.flight.autopilot import Autopilot, parameter_differences
-from wrenchgap.flight.flight import Flight, ImuSeries
+from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
 from wrenchgap.flight.formats.table import Table
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of
-from wrenchgap.learn.health.phases import FlightPhases
+from wrenchgap.learn.health.phases import FlightPhases, phases_of
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
 from wrenchgap.learn.health.vibration import VIBRATION, vibration_of
 
@@ -20,7 +23,12 @@ QUAD = tuple(
 HEXA = tuple(
     RotorPlace(f"M{k + 1}", np.cos(a), np.sin(a), (-1) ** k) for k, a in enumerate(np.radians(np.arange(6) * 60.0))
 )
-HOVER = FlightPhases((Phase("hover", 0.0, 20.0, ""),), speed_known=True)
+HOVER = FlightPhases(
+    (Phase("hover", 0.0, 20.0, ""),),
+    speed_known=True,
+    level=(Phase("level hover", 0.0, 20.0, "a hover that is level"),),
+)
+COAXIAL = tuple(replace(r, name=f"{r.name}{which}") for r in QUAD for which in "ab")
 
 
 def balance(rotors, com=(0.0, 0.0), yaw=0.0):
@@ -93,6 +101,56 @@ def test_without_places_no_shape_is_told_and_nothing_of_moving_flight():
     assert moving.condition == "flight"
     assert moving.balance_level == "ok"
     assert motors_of(thrusts, FlightPhases((Phase("hover", 0.0, 1.0, ""),))) is None
+
+
+@pytest.mark.parametrize("weak", range(4))
+def test_of_a_coaxial_pair_that_is_commanded_alike_neither_is_named_alone(weak):
+    """Half of each pair's thrust is commanded to each of its rotors, whichever of them is weak."""
+    commanded = np.repeat(np.where(np.arange(4) == weak, 1.4, 1.0), 2)
+    found = motors(COAXIAL, commanded)
+    assert found.shape is Shape.ONE
+    assert {found.hardest.rotor, *found.hardest.alike} == set(COAXIAL[2 * weak : 2 * weak + 2])
+    apart = motors(COAXIAL, commanded + np.tile([0.05, 0.0], 4))
+    assert not any(motor.alike for motor in apart.motors)
+
+
+def pitching(attitude):
+    """20 s that pitch to 60 deg and back on the spot; of rotors on arms that tilt the shares go with the pitch."""
+    time = np.arange(0.0, 20.0, 0.01)
+    pitch = np.radians(60.0) * np.clip((time - 6.0) / 4.0, 0.0, 1.0) * np.clip((18.0 - time) / 4.0, 0.0, 1.0)
+    zero = np.zeros_like(time)
+    felt = 9.81 * np.column_stack((-np.sin(pitch), zero, np.cos(pitch)))  # R^T (0, 0, g), pitch about y
+    turning = np.column_stack((zero, np.gradient(pitch, time), zero))
+    quat = np.column_stack((np.cos(0.5 * pitch), zero, np.sin(0.5 * pitch), zero))
+    odometry = OdometrySeries("/odometry", time, np.zeros_like(felt), quat, np.zeros_like(felt), turning)
+    share = 0.25 * (1.0 + 0.5 * np.outer(np.sin(pitch), [1.0, 1.0, -1.0, -1.0]))
+    flight = Flight("log", Path("log"), "", 0, imu=ImuSeries("/imu", time, turning, felt))
+    flight = replace(flight, actuators=ActuatorSeries("/speeds", time, np.zeros((len(time), 0)), np.sqrt(share)))
+    return replace(flight, odometry=odometry) if attitude else flight, Thrusts(time, share, QUAD), time, pitch
+
+
+@pytest.mark.parametrize("attitude", [True, False])
+def test_the_balance_is_that_of_level_hover(attitude):
+    flight, thrusts, time, pitch = pitching(attitude)
+    phases = phases_of(flight, thrusts)
+    assert phases.seconds("hover") > 17.0
+    level = FlightPhases(phases.level).within(time, "level hover")
+    assert np.abs(pitch[level]).max() < np.radians(7.0)
+    assert level.sum() * 0.01 == pytest.approx((np.abs(pitch) < 0.1).sum() * 0.01, abs=0.5)
+    found = motors_of(thrusts, phases)
+    assert found.condition == "hover"
+    assert found.unevenness < 0.01
+    hover = phases.within(time, "hover")
+    assert np.abs(thrusts.share[hover].mean(axis=0) / 0.25 - 1.0).max() > 0.1
+
+
+def test_without_a_level_hover_the_balance_is_not_known():
+    flight, thrusts, time, pitch = pitching(True)
+    tilted = replace(thrusts, share=thrusts.share[np.abs(pitch) > 0.1], time=time[np.abs(pitch) > 0.1])
+    phases = replace(phases_of(flight, thrusts), level=())
+    found = motors_of(tilted, phases)
+    assert found.unevenness > 0.1
+    assert (found.condition, found.balance_level) == ("flight", "ok")
 
 
 def shaken(tones, rate, seconds=20.0, noise=0.02, seed=0):

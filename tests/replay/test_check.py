@@ -24,6 +24,7 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
 from wrenchgap.learn.health.answers import Lack, Question
+from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer
@@ -97,6 +98,22 @@ def test_a_weak_motor_is_named_by_its_place_with_its_size(made, kind):
     assert motors.hardest.deviation == pytest.approx(1.45 / 1.1125 - 1.0, abs=0.005)
     assert motors.shape == "one motor"
     assert "ack right (M4)" in said(made(kind, "motors"))["motors"].words
+
+
+def test_a_coaxial_pair_is_to_be_inspected_together(made):
+    """Commands that are one for both rotors of a pair do not tell which of the two is weak."""
+    log = made("ulg", "motors").logs[0]
+    twice = [
+        [replace(m, rotor=replace(m.rotor, name=f"{m.rotor.name}{side}")) for m in log.motors.motors] for side in "ab"
+    ]
+    pairs = [replace(m, alike=(other.rotor,)) for ab in zip(*twice, strict=True) for m, other in (ab, ab[::-1])]
+    (words,) = [one.words for one in statements(replace(log, motors=replace(log.motors, motors=tuple(pairs))))]
+    assert "coaxial pair back right (M4a and M4b)" in words
+    assert "inspect both propellers" in words
+    mixed = replace(log.motors, shape=Shape.MIXED)
+    (words,) = [one.words for one in statements(replace(log, motors=mixed))]
+    assert "nspect" not in words
+    assert "Compare with a log from when it flew well" in words
 
 
 def test_saturation_is_the_share_of_the_flight(made):
