@@ -17,7 +17,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection, inspected
 from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.opening import checks_against
+from wrenchgap.learn.data.opening import OpenFlight, checks_against
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
@@ -124,31 +124,34 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
     rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
-    against, follows = _against(seen.flight, model, options)
+    against, opened = _against(seen.flight, model, options)
     if seen.flight is not None:
-        rest = _of_flight(seen.flight, recorded, None if against else model, follows=follows)
+        rest = _of_flight(seen.flight, recorded, None if against else model, opened)
     if not rest["phases"].seconds(*AIRBORNE):
         against = ()  # no model fits a log without a flight, which is said
     settings = settings_of(log.autopilot, rest["answers"], names)
     return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **rest)
 
 
-def _against(flight: Flight | None, model: Model | None, options: ReadOptions) -> tuple[tuple[Check, ...], bool]:
-    """Bad checks of a flight against a model, but for the rate, which is the log's own; and whether its motion follows
-    the commands about x or y, as far as a model tells (`learn.diagnose.timing`).
-    """  # noqa: D205
+def _against(
+    flight: Flight | None, model: Model | None, options: ReadOptions
+) -> tuple[tuple[Check, ...], OpenFlight | None]:
+    """Bad checks of a flight against a model, but for the rate, which is the log's own; and the flight if it fits."""
     if flight is None or model is None:
-        return (), True
+        return (), None
     found, opened = checks_against(flight, model, options)
     bad = tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
-    if bad or opened is None:
-        return bad, True
-    return bad, not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
+    return bad, None if bad else opened
 
 
-def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, *, follows: bool) -> dict[str, Any]:
+def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: OpenFlight | None) -> dict[str, Any]:
+    """All that is known of a flight; `opened` with the model, where that fits, has its phases as `inspect` tells them.
+
+    Whether the motion follows the commands about x or y, only a model tells (`learn.diagnose.timing`).
+    """
     thrusts = thrusts_of(flight, model)
-    phases = phases_of(flight, thrusts)
+    phases = phases_of(flight, thrusts, None if opened is None else opened.phases)
+    follows = opened is None or model is None or not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
     battery = battery_of(flight, recorded, phases)
     rotors = () if thrusts is None else tuple(rotor.name for rotor in thrusts.rotors)
     vibration = vibration_of(flight, recorded, phases, rotors)

@@ -16,6 +16,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
 from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.ground import CONTACT, grounded
 from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, runs, signals_of, used_samples
 from wrenchgap.learn.health.rotors import Thrusts, is_multirotor
@@ -38,6 +39,12 @@ class HoverThresholds:
     level: float = 0.1
     """Tilt [rad] up to which a hover is level, 6 deg: of rotors on arms that tilt, the even shares of thrust change by
     the square of it and by the lateral force, a tenth of the weight; no wind to speak of holds a level hover."""
+    large: tuple[float, ...] = (90.0, 75.0, 50.0)
+    """Percentiles of the commanded force that tell which commands are large, the first that holds."""
+    proportion: float = 0.2
+    """Relative distance within which commanded and measured force are in proportion: the error of a thrust curve."""
+    mostly: float = 0.5
+    """Share of the large commands that are, where they are those of a flight."""
     joined: float = 0.5
     """Interruptions up to so long [s] do not end a hover."""
     briefest: float = 1.0
@@ -101,8 +108,8 @@ def doubtful(flight: Flight) -> bool:
     return any(c.stops and c.name not in SPEAKS_OF_OTHERS for c in flight.checks or ())
 
 
-def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
-    """The phases of a flight."""
+def phases_of(flight: Flight, thrusts: Thrusts | None, by_model: Sequence[Phase] | None = None) -> FlightPhases:
+    """The phases of a flight; `by_model` are those on the ground and of crashes where a model told them."""
     if doubtful(flight):
         return FlightPhases(lack=NoPhases.DOUBT)
     if not is_multirotor(flight.autopilot):
@@ -123,7 +130,10 @@ def phases_of(flight: Flight, thrusts: Thrusts | None) -> FlightPhases:
         return FlightPhases(lack=NoPhases.MOTION)
     forces = [(s, _force(s) / unit, np.nan_to_num(s.specific_force_B) / GRAVITY) for s in long]
     known = [(s, signals_of(s, pushed, felt, np.nan_to_num(s.omega_B))) for s, pushed, felt in forces]
-    found = grounded([signals for _, signals in known], CONTACT.least_clearance)
+    if by_model is None:
+        found = grounded([signals for _, signals in known], CONTACT.least_clearance)
+    else:
+        found = [replace(phase, left_out=True) for phase in by_model if phase.name != "saturation"]
     airborne = [phase for samples, signals in known for phase in _in_the_air(samples, signals, found)]
     level = tuple(phase for phase in airborne if phase.name == LEVEL)
     every = tuple(sorted([*found, *(p for p in airborne if p not in level)], key=lambda p: (p.start, p.stop)))
@@ -149,17 +159,28 @@ def _force(samples: Samples) -> Array:
 
 
 def _unit(stretches: Sequence[Samples]) -> float | None:
-    """The commanded force that carries the weight: per measured one, while it is large; None where none ever is."""
-    pushed = np.concatenate([lengths(_force(s)) for s in stretches] or [np.zeros(0)])
-    felt = np.concatenate([lengths(s.specific_force_B) for s in stretches] or [np.zeros(0)]) / GRAVITY
+    """The commanded force that carries the weight: per measured one, while it is large; None where none ever is.
+
+    In flight the two are in proportion. Where the largest commands are those of a loss of control, most of them are
+    not, and large is what is large without them.
+    """
+    pushed = np.concatenate([lengths(_slow(_force(s), s.dt)) for s in stretches] or [np.zeros(0)])
+    felt = np.concatenate([lengths(_slow(s.specific_force_B, s.dt)) for s in stretches] or [np.zeros(0)]) / GRAVITY
     if not len(pushed) or not np.isfinite(pushed).all():
         return None
-    busy: NDArray[np.bool_] = np.asarray(pushed > SIGNALS.pushing * np.percentile(pushed, 90.0))
-    known: NDArray[np.bool_] = busy & np.isfinite(felt) & (felt > SIGNALS.scales[0])
-    if not known.any():
-        return None
-    unit = float(np.median(pushed[known] / felt[known]))
-    return unit if unit > 0.0 else None
+    found = []
+    for high in np.percentile(pushed, HOVER.large):
+        known = (pushed > SIGNALS.pushing * high) & np.isfinite(felt) & (felt > SIGNALS.scales[0])
+        if known.any() and (unit := float(np.median(ratio := pushed[known] / felt[known]))) > 0.0:
+            found.append(unit)
+            if np.mean(np.abs(np.log(ratio / unit)) < np.log1p(HOVER.proportion)) > HOVER.mostly:
+                return unit
+    return found[0] if found else None
+
+
+def _slow(force: Array, dt: float) -> Array:
+    """Forces (N, 3) as phases are found of them."""
+    return low_pass(np.nan_to_num(force), dt, min(SIGNALS.slow_hz, SIGNALS.of_nyquist / dt))
 
 
 def _in_the_air(samples: Samples, signals: Signals, others: Sequence[Phase]) -> list[Phase]:

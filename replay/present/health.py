@@ -210,7 +210,7 @@ def _log_json(log: LogHealth) -> dict[str, Any]:
         **entries(log, "motors", "battery", "estimator", "rates", "answers", "settings", "contradictions"),
         "statements": statements(log),
         "autopilot": None if one is None else entries(one, *autopilot),
-        "phases": [entries(phase, "name", "start", "stop", "why") for phase in log.phases.phases],
+        "phases": [entries(phase, "name", "start", "stop", "why", "event") for phase in log.phases.phases],
         "phases_lack": log.phases.lack,
         "vibration": None if shaken is None else entries(shaken, *vibration),
         "notes": grouped(log.inspection.notes),

@@ -66,8 +66,9 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
         if events:
             more = f" (and {len(events) - 1} more)" if len(events) > 1 else ""
             todo = "inspect the whole vehicle before it flies again" if name == "crash" else "inspect it for damage"
-            words = f"{_first(name)} at {events[0].start:.1f} s{more}: {events[0].why}; {todo}."
-            yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {events[0].start:.1f} s", words)
+            at = events[0].start if events[0].event is None else events[0].event
+            words = f"{_first(name)} at {at:.1f} s{more}: {events[0].why}; {todo}."
+            yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
         words = "The motors never ran: this log holds no flight. Give another log."
         yield Statement("warn", "flight", "no flight", words)

@@ -36,6 +36,9 @@ class Phase(TypedDict):
     start: Number
     stop: Number
     why: str
+    event: Number
+    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, the loss of control;
+    null of other phases."""
     left_out: bool
 
 

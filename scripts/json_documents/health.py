@@ -32,6 +32,9 @@ class FlightPhase(TypedDict):
     start: Number
     stop: Number
     why: str
+    event: Number
+    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, the loss of control;
+    null of other phases."""
 
 
 class RotorPlace(TypedDict):

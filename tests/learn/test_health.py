@@ -13,7 +13,7 @@ from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of
 from wrenchgap.learn.health.phases import FlightPhases, phases_of
-from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
+from wrenchgap.learn.health.rotors import RotorPlace, Thrusts, thrusts_of
 from wrenchgap.learn.health.vibration import VIBRATION, vibration_of
 
 QUAD = tuple(
@@ -142,6 +142,38 @@ def test_the_balance_is_that_of_level_hover(attitude):
     assert found.unevenness < 0.01
     hover = phases.within(time, "hover")
     assert np.abs(thrusts.share[hover].mean(axis=0) / 0.25 - 1.0).max() > 0.1
+
+
+def losing_control():
+    """18 s at 5 m and 1.2 m/s; from 14 s on the commands grow to nine weights, and the vehicle feels one."""
+    time = np.arange(0.0, 18.0, 0.01)
+    zero, one = np.zeros_like(time), np.ones_like(time)
+    level, still = np.column_stack((one, zero, zero, zero)), np.zeros((len(time), 3))
+    felt = np.random.default_rng(2).normal((0.0, 0.0, 9.81), 0.1, (len(time), 3))
+    place = np.column_stack((1.2 * time, zero, 5.0 * one))
+    weights = 1.0 + 2.0 * np.clip(time - 14.0, 0.0, None)
+    speeds = 100.0 * np.sqrt(np.repeat(0.25 * weights[:, None], 4, axis=1))
+    odometry = OdometrySeries("/odometry", time, place, level, np.column_stack((1.2 * one, zero, zero)), still)
+    flight = Flight("log", Path("log"), "", 0, imu=ImuSeries("/imu", time, still, felt), odometry=odometry)
+    return replace(flight, actuators=ActuatorSeries("/speeds", time, np.zeros((len(time), 0)), speeds))
+
+
+def test_the_commands_of_a_loss_of_control_are_not_what_carries_the_weight():
+    flight = losing_control()
+    phases = phases_of(flight, thrusts_of(flight))
+    assert {p.name for p in phases.phases} == {"moving", "crash"}
+    (crash,) = phases.named("crash")
+    assert crash.start == pytest.approx(14.1, abs=0.2)
+    assert crash.event == crash.start
+    assert crash.stop == pytest.approx(18.0, abs=0.05)
+
+
+def test_what_a_model_tells_of_crashes_is_taken_over():
+    flight = losing_control()
+    told = (Phase("crash", 15.0, 17.0, ""), Phase("saturation", 3.0, 4.0, ""))
+    phases = phases_of(flight, thrusts_of(flight), told)
+    assert phases.named("crash") == told[:1]
+    assert phases.seconds("moving", "crash") == pytest.approx(18.0, abs=0.1)
 
 
 def test_without_a_level_hover_the_balance_is_not_known():

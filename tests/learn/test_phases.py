@@ -10,7 +10,8 @@ from wrenchgap import load_model
 from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.data.phases.phase import NAMES, Phase, phase_names, used_samples
+from wrenchgap.learn.data.phases.ground import contact
+from wrenchgap.learn.data.phases.phase import NAMES, Phase, Signals, phase_names, used_samples
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +86,7 @@ def test_a_blow_is_left_out_and_the_flight_goes_on(model):
     (impact,) = one.phases
     assert impact.name == "impact"
     assert impact.start < 4.0 < impact.stop < 4.6
+    assert impact.event == pytest.approx(4.0, abs=0.03)
     assert len(one.flown) == 2
     assert [c.name for c in one.checks if c.level == "warn"] == ["crash"]
 
@@ -94,6 +96,8 @@ def test_a_crash_begins_with_the_loss_of_control(model):
     (crash,) = found(flown.flight, model, gate=False)["crash"]
     assert 5.7 < crash.start < flown.first_contact_after(6.0) + 0.1
     assert crash.stop == pytest.approx(14.0, abs=0.02)
+    assert crash.event == pytest.approx(flown.first_contact_after(6.0), abs=0.02)
+    assert crash.why.startswith("an impact, 1.3 s after the loss of control")
     with pytest.raises(LogError, match=r"no 2 s of flight \(.*crash 6\.\d s\); keep a phase with --keep crash"):
         opened(fly(Plan(dead=6.0, off=None)).flight, model)
 
@@ -129,6 +133,17 @@ def test_a_limit_that_the_flight_is_beyond_throughout_is_doubted(model):
     one = opened(flight, weak)
     assert not [p for p in one.phases if p.left_out]
     assert next(c for c in one.checks if c.name == "saturation").words.endswith("speed_max too low?; kept.")
+
+
+@pytest.mark.parametrize(("pushed", "speed", "touches"), [(0.5, 0.3, True), (0.5, 1.2, False), (0.0, 1.2, True)])
+def test_what_moves_with_turning_rotors_is_not_held(pushed, speed, touches):
+    """Half of the weight is carried by something else; a vehicle is carried away once its rotors stand."""
+    time = np.arange(0.0, 4.0, 0.02)
+    up = np.tile([0.0, 0.0, 1.0], (len(time), 1))
+    still = np.zeros(len(time))
+    part = Signals(time, 0.02, pushed * up, up, pushed * up, up, still, still, np.full(len(time), speed), vertical=True)
+    assert contact(part, 1.0).all() == touches
+    assert contact(part, 1.0).any() == touches
 
 
 def test_names_of_phases():

@@ -124,6 +124,8 @@ def test_the_crash_is_where_it_happens(made):
     for kind in WRITERS:
         (crash,) = made(kind, "crash").logs[0].phases.named("crash")
         assert crash.start == pytest.approx(20.0, abs=0.5)
+        assert crash.event == pytest.approx(20.0, abs=0.03)  # its impact, whatever the filters mix of it
+        assert said(made(kind, "crash"))["crash"].words.startswith("Crash at 20.0 s: an impact")
 
 
 def test_a_voltage_of_a_twentieth_of_a_volt_is_no_battery_and_a_low_one_is(made):

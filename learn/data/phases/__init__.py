@@ -96,9 +96,12 @@ def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
         if events:
             first = events[0]
             more = f", and {len(events) - 1} time(s) more" if len(events) > 1 else ""
-            kept = ": left out" if first.left_out else ": kept (--keep)"
-            words = f"{first.start:.2f} to {first.stop:.2f} s{more}: {first.why}{kept}."
-            found.append(Check("crash", "warn", f"{name.capitalize()} at {words}"))
+            kept = " left out" if first.left_out else " kept (--keep)"
+            at = first.start if first.event is None else first.event
+            spell = f"{first.start:.2f} to {first.stop:.2f} s"
+            found.append(
+                Check("crash", "warn", f"{name.capitalize()} at {at:.2f} s{more}: {first.why}; {spell}{kept}.")
+            )
     limited = [p for p in phases if p.name == "saturation" and (p.left_out or "too low" in p.why)]
     if limited:
         seconds = sum(p.stop - p.start for p in limited)

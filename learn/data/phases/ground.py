@@ -13,13 +13,13 @@ crash.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import Flags, Phase, Signals, closed, command_scale, runs, sizes
+from wrenchgap.learn.data.phases.phase import SIGNALS, Flags, Phase, Signals, closed, command_scale, runs, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -37,8 +37,12 @@ class ContactThresholds:
     """Slow rate [rad/s] up to which a vehicle stands still."""
     still_force: float = 0.06
     """Distance of the felt force from the weight up to which it does [weights]."""
-    quick: float = 1.5
+    quick: float = 1.0
     """Speed [m/s] beyond which nothing stands on the ground: rotors that are driven by the air carry as well."""
+    walking: float = 2.0
+    """The same [m/s] while the rotors stand: a vehicle that is carried away."""
+    stopped: float = 0.05
+    """Commanded force up to which the rotors stand [weights]."""
     mostly: float = 0.5
     """Share of a contact in which a vehicle stands still that stands on the ground."""
     at_rest: float = 0.4
@@ -85,13 +89,16 @@ def contact(part: Signals, scale: float) -> Flags:
         return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
     share, felt, still = part.carried(scale), sizes(part.slow_felt), stands(part)
     certain = (share > CONTACT.carried) & (felt > CONTACT.rests)
+    slow = np.ones(len(certain), dtype=bool)
     if part.speed is not None:
-        certain &= part.speed < CONTACT.quick
+        stopped = scale * sizes(part.slow_pushed) < CONTACT.stopped
+        slow = part.speed < np.where(stopped, CONTACT.walking, CONTACT.quick)
+    certain &= slow
     for a, b in runs(certain):
         least = CONTACT.at_rest if still[a:b].mean() > CONTACT.mostly else CONTACT.held
         if (b - a) * part.dt < least and a > 0 and b < len(certain):
             certain[a:b] = False
-    touching = certain | (still & (share > CONTACT.touching))
+    touching = certain | (still & slow & (share > CONTACT.touching))
     found = np.zeros(len(certain), dtype=bool)
     for a, b in runs(touching):
         found[a:b] = certain[a:b].any()
@@ -180,6 +187,7 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
     """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of spikes in the air."""
     sudden, doubt = part.spikes(scale), part.contradiction(scale)
     struck = (sudden > max(CRASH.spike, CRASH.outstanding * usual)) & ~on
+    struck[: part.samples(CRASH.one_event)] = False  # where filters, and derivatives of an odometry, begin
     out = []
     for a, b in runs(~on):
         lies = _lies(part, on, b)
@@ -191,15 +199,22 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
             begin = min(begin, ending[0]) if begin is not None else ending[0]
         if begin is not None:
             stop = float(part.time[_end_of_rest(on, b) - 1])
-            words = "an impact, and " if ending else ""
+            event, words = begin, ""
+            if ending:
+                event = ending[0]
+                seconds = (event - _last_obeyed(part, scale, begin, event)) * part.dt
+                words = (
+                    f"an impact{f', {seconds:.1f} s after the loss of control' if seconds > CRASH.before else ''}, and "
+                )
             words += "the vehicle comes to lie" if lies else "motion contradicts the commands until the end"
-            out.append(Phase("crash", float(part.time[begin]), stop, words))
+            out.append(Phase("crash", float(part.time[begin]), stop, words, event=float(part.time[event])))
         for first, last in events:
             hard_landing = b < len(on) and (b - last) * part.dt < CRASH.dropped
             if not hard_landing and (begin is None or first < begin):
                 start, stop = float(part.time[first] - CRASH.before), float(part.time[last] + CRASH.after)
                 peak = float(sudden[first : last + 1].max())
-                out.append(Phase("impact", start, stop, f"a force of {peak:.1f} weights that no rotor makes"))
+                why = f"a force of {peak:.1f} weights that no rotor makes"
+                out.append(Phase("impact", start, stop, why, event=float(part.time[first])))
     return _joined(out, part, on)
 
 
@@ -215,7 +230,18 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
         if begin < start and end > start - CRASH.bounces:
             start = begin
     rest = [p for p in found if p.name == "impact" and p.stop < start]
-    return [*rest, Phase("crash", start, stop, crash.why)]
+    return [*rest, replace(crash, start=start, stop=stop)]
+
+
+def _last_obeyed(part: Signals, scale: float, begin: int, event: int) -> int:
+    """The last sample before an impact at which motion follows the commands; `begin` is where slow signals put it.
+
+    These mix the impact into as much of the time before it as their filter is long, where quicker ones tell.
+    """
+    if (event - begin) * part.dt > 1.0 / SIGNALS.slow_hz:
+        return begin
+    lost = part.contradiction_at(scale)[begin : event + 1] > CRASH.lost
+    return begin + int(np.flatnonzero(~lost)[-1]) if not lost.all() else begin
 
 
 def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:
