@@ -95,7 +95,8 @@ def _packed(found: Flight) -> dict[str, Any]:
         roles[role] = {name: own[name] for name in ("topic", "gaps", "dropped", "unit") if name in own}
     about = {name: getattr(found, name) for name in ("name", "content_hash", "start_ns", "mapping", "notes")}
     about |= {
-        name: getattr(found, name) for name in ("unmeasured", "checks", "left_out", "autopilot", "command_option")
+        name: getattr(found, name)
+        for name in ("unmeasured", "checks", "left_out", "autopilot", "command_option", "firmware")
     }
     text = json.dumps(about | {"roles": roles}, default=asdict)
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}

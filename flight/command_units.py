@@ -78,10 +78,10 @@ def option_for(table: Table | None) -> str | None:
     return f"rotor_speed={table.topic}.{name}{word}" if table is not None else None
 
 
-def in_si(flight: Flight) -> Flight:
+def in_si(flight: Flight, remedy: str = REMEDY) -> Flight:
     """The flight without commands that are not in SI, which its notes say, where others remain.
 
-    Raises LogError, with the remedy, where no command remains: nothing there could be compared with a measured wrench.
+    Raises LogError with the `remedy` where no command remains: nothing there could be compared with a measured wrench.
     """
     units = {role: getattr(series, "unit", "") for role, series in flight.series().items()}
     out = {role: unit for role, unit in units.items() if unit in ROTOR_WORDS}
@@ -91,5 +91,5 @@ def in_si(flight: Flight) -> Flight:
     said = ", ".join(f"{flight.series()[role].topic} ({role}, {words[role]})" for role in out)
     left = replace(flight, **dict.fromkeys(out))  # type: ignore[arg-type]
     if left.commanded is None and left.actuators is None and left.desired is None:
-        raise LogError(f"{flight.path.name}: its commands are not in SI: {said}; {REMEDY}")
-    return replace(left, notes=(*left.notes, f"{flight.name}: not in SI and left out: {said}; {REMEDY}."))
+        raise LogError(f"{flight.path.name}: its commands are not in SI: {said}; {remedy}")
+    return replace(left, notes=(*left.notes, f"{flight.name}: not in SI and left out: {said}; {remedy}."))

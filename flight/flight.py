@@ -161,7 +161,8 @@ class Flight:
     (`flight.unmeasured`). `mapping` is where each part comes from, as in an override (`flight.roles`), empty where no
     file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
     times without samples that can be true; `autopilot` is None where none wrote the log. `command_option` is the value
-    of `--topic` that maps commands which were not recognised.
+    of `--topic` that maps commands which were not recognised. `firmware` is the one whose names the columns of a table
+    have ("Crazyflie"), empty for other logs.
     """
 
     name: str
@@ -183,6 +184,7 @@ class Flight:
     unmeasured: dict[str, str] = field(default_factory=dict)
     autopilot: Autopilot | None = None
     command_option: str = "commanded=/your/topic"
+    firmware: str = ""
 
     def __repr__(self) -> str:
         roles = ", ".join(f"{role} {len(series.time):,}" for role, series in self.series().items())

@@ -34,7 +34,8 @@ def tables_of_columns(
         made, words = from_columns(columns, stamps)
     except LogError as error:
         raise LogError(f"{where}: {error}") from error
-    return {topic: Table(topic, "table", stamps, stamps, _fields(columns))} | made, words
+    firmware = next((found.firmware for found in map(meaning, columns) if found is not None and found.firmware), "")
+    return {topic: Table(topic, "table", stamps, stamps, _fields(columns), firmware=firmware)} | made, words
 
 
 def _fields(columns: Columns) -> Columns:

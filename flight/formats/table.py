@@ -17,7 +17,8 @@ class Table:
     """One topic's messages: N log times [ns] and, where the topic was wanted, its fields as columns.
 
     `header_ns` are the header's stamps [ns], or None where the type has none or nobody filled it in. `problem` says
-    why a wanted topic could not be decoded. Rows are in the order of the log time.
+    why a wanted topic could not be decoded. Rows are in the order of the log time. `firmware` is the one whose
+    names the columns of a table have.
     """
 
     topic: str
@@ -26,6 +27,7 @@ class Table:
     header_ns: NDArray[np.int64] | None = None
     columns: Columns = field(default_factory=dict)
     problem: str | None = None
+    firmware: str = ""
 
     def __len__(self) -> int:
         return len(self.log_time_ns)

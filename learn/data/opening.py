@@ -10,8 +10,10 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.command_units import REMEDY
 from wrenchgap.flight.errors import FitError, LogError, UsageError, WrenchgapError
 from wrenchgap.flight.flight import Flight, Gap, Samples
+from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, sentence
@@ -108,7 +110,7 @@ def opened(
     """
     options = (options or ReadOptions()).changed(**more)
     cutoff_hz, between, keep = options.low_pass_hz(model), options.between, options.keep
-    found = flight.in_si(as_speeds(found, model.command, model.vehicle, model.name))
+    found = flight.in_si(as_speeds(found, model.command, model.vehicle, model.name), _remedy(found, model))
     asked = _Asked(found.path.name, accepted_names(options.accept), gate)
     found, unlikely = without_impossible_commands(with_checks(found), model)
     asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
@@ -148,6 +150,17 @@ def opened(
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, stretches)]
     cut = stretches, tuple(flown), tuple(records), (*times_outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases, asked.accept)
+
+
+def _remedy(found: Flight, model: Model) -> str:
+    """What to do where a model cannot make newtons of the commands: take that of the vehicle that flew."""
+    sent = 0 if found.actuators is None else found.actuators.rotor_speed.shape[1]
+    own = len(model.vehicle.rotors) if model.vehicle.rotors is not None else sent
+    other = f"{model.name} is of another vehicle: it has {own} rotors, the log commands {sent}"
+    if found.firmware == CRAZYFLIE:
+        columns = "the columns have the names of the Crazyflie's firmware: take its model with -m crazyflie"
+        return f"{other}; {columns}" if sent != own else columns
+    return f"{other}; {REMEDY}" if sent != own else REMEDY
 
 
 @dataclass

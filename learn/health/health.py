@@ -77,12 +77,13 @@ class Health(Result):
     """What `wrenchgap check` finds in logs, and which parameters of the autopilot differ between them.
 
     `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one, and
-    where a log contradicts it.
+    where a log contradicts it. `repeated` are files that were left out, each with the one before that it equals.
     """
 
     logs: tuple[LogHealth, ...]
     parameters: ParameterDifferences
     model: str = ""
+    repeated: tuple[tuple[str, str], ...] = ()
 
 
 def check(
@@ -93,24 +94,25 @@ def check(
 ) -> Health:
     """Look at logs without a model, or with the rotors and topics of one.
 
-    Raises LogError for what is no log, UsageError for no log at all, for one log given twice, and for options that
-    are not understood.
+    A log that is byte by byte one of those before is left out. Raises LogError for what is no log, UsageError for no
+    log at all and for options that are not understood.
     """
     if not logs:
         raise UsageError("check: got no logs; expected one at least")
     found: list[LogHealth] = []
+    repeated = []
     for number, path in enumerate(logs):
         if progress is not None:
             progress(number / len(logs), Path(path).name)
         found.append(examined(Path(path), model, options or ReadOptions()))
         hashes = [log.inspection.content_hash for log in found]
-        if (first := hashes.index(hashes[-1])) < number:
-            raise UsageError(f"check: {path} is the same log as {logs[first]}; name each log once")
+        if (first := hashes.index(hashes[-1])) < len(found) - 1:
+            repeated.append((str(found.pop().inspection.path), str(found[first].inspection.path)))
     names = [log.name for log in found]
     named = [log.name if names.count(log.name) == 1 else str(log.inspection.path) for log in found]
     differences = parameter_differences(zip(named, (log.autopilot for log in found), strict=True))
     used = None if any(log.contradictions for log in found) else model
-    return Health(tuple(found), differences, "" if used is None else model_file.as_argument(used))
+    return Health(tuple(found), differences, "" if used is None else model_file.as_argument(used), tuple(repeated))
 
 
 def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth:

@@ -13,6 +13,7 @@ from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.plant.drafts import ardupilot, px4, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
@@ -170,6 +171,12 @@ def parameters_of(path: Path, budget: Budget | str | None = None) -> dict[str, f
 def _table(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     """Of a table of shares of full throttle (Betaflight, INAV), the thrust curve; the vehicle is as the user says."""
     flown, notes = _flown(source, budget)
+    if flown is not None and flown.firmware == CRAZYFLIE and user.frame not in (None, CRAZYFLIE_FRAME):
+        raise UsageError(
+            f"--frame {user.frame}: {source.name} has the columns of the Crazyflie's firmware, whose motors M1 to M4 "
+            f"go clockwise from the front right: say --frame {CRAZYFLIE_FRAME}. The Crazyflie itself needs no new "
+            "model: -m crazyflie"
+        )
     draft = Draft(source.stem, source.name, notes=notes)
     if flown is None or flown.actuators is None or flown.actuators.unit != "normalised":
         return _over(draft, user)
@@ -224,6 +231,8 @@ def beside(source: Path | None) -> list[Path]:
     return sorted(path for path in compiled.files_of(source) if path.is_file())
 
 
+CRAZYFLIE_FRAME = "quad_cw_x"
+"""The frame with the order and the turning directions of the Crazyflie's motors."""
 Ask = Callable[[str, type, str | None, Sequence[str]], str]
 """Asks a question: words, kind (float or str), default (None: an answer is needed, "": it may stay open), choices."""
 WAYS = {"ccw": 1, "cw": -1}

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -48,6 +49,8 @@ def answer(found: Health) -> list[tuple[str, str]]:
         tail[:0] = _lacks(found)
     if found.parameters.differ:
         tail.insert(0, (f"Parameters that differ: {parameters.named(found.parameters)}.", "yellow"))
+    if found.repeated:
+        tail.insert(0, (_repeated(found), "yellow"))
     room = ANSWER_LINES - 1 - len(tail)
     if len(found.logs) > 1:
         every = sorted(map(_in_short, found.logs), key=lambda line: list(LOOKS.values()).index(line[1]))
@@ -57,6 +60,13 @@ def answer(found: Health) -> list[tuple[str, str]]:
         what = "things"
     shown = every if len(every) <= room else [*every[: room - 1], (f"and {len(every) - room + 1} more {what}.", "")]
     return [(summary(found), "bold"), *shown, *tail]
+
+
+def _repeated(found: Health) -> str:
+    """Which logs were given more than once."""
+    (again, first), *others = found.repeated
+    more = f", and {len(others)} more of this kind" if others else ""
+    return f"{again} is the same file as {first}, and is left out{more}."
 
 
 def _in_short(log: LogHealth) -> tuple[str, str]:
@@ -128,9 +138,16 @@ def next_command(found: Health) -> str:
         return "wrenchgap check ANOTHER_LOG"
     if found.model and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
         return shlex.join([*_comparison(flown_ones), "-m", found.model])
+    if not found.model and all(_firmware(log) == CRAZYFLIE for log in flown_ones):
+        return shlex.join(["wrenchgap", "check", *logs, "-m", "crazyflie"])
     if found.model:
         return shlex.join(["wrenchgap", "inspect", str(flown_ones[0].inspection.path), "-m", found.model])
     return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(flown_ones[0])])} -o vehicle.toml"
+
+
+def _firmware(log: LogHealth) -> str:
+    """The one whose names the columns of a table have."""
+    return "" if log.inspection.flight is None else log.inspection.flight.firmware
 
 
 def _kind(log: LogHealth) -> tuple[str, ...]:
@@ -197,6 +214,7 @@ def to_json(found: Health) -> dict[str, Any]:
     return {
         "answer": [text for text, _ in answer(found)],
         "logs": [_log_json(log) for log in found.logs],
+        "repeated": [{"log": again, "same_as": first} for again, first in found.repeated],
         "autopilot_parameters": parameters.to_json(found.parameters),
     }
 

@@ -181,8 +181,15 @@ class LogHealth(TypedDict):
     notes: list[str]
 
 
+class Repeated(TypedDict):
+    log: str
+    same_as: str
+
+
 class Check(Document):
     answer: list[str]
     """The first lines: what to look at, what is not answered, the next command."""
     logs: list[LogHealth]
+    repeated: list[Repeated]
+    """Files that equal one before, and were left out."""
     autopilot_parameters: AutopilotParameters

@@ -434,10 +434,17 @@ def test_what_a_tenth_of_a_role_lacks_is_said_of_measurements_not_of_setpoints(l
     assert ("samples left out" in {one.short for one in statements(wg.check(log).logs[0])}) == word
 
 
-def test_one_log_given_twice_is_refused(run, logs):
-    done = run("check", logs.train, logs.train)
-    assert done.exit_code == 2
-    assert "is the same log as" in done.output
+def test_of_two_equal_files_the_second_is_left_out_and_said(run, logs, tmp_path):
+    """`check FOLDER/*` where somebody copied a log."""
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(logs.train.read_bytes())
+    done = run("check", logs.train, copy, logs.ideal, "--json", tmp_path / "found.json")
+    assert done.exit_code == 0
+    assert f"{copy} is the same file as {logs.train}, and is left out." in done.output.replace("\n", " ")
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert [one["path"] for one in found["logs"]] == [str(logs.train), str(logs.ideal)]
+    assert found["repeated"] == [{"log": str(copy), "same_as": str(logs.train)}]
+    assert len(wg.check([logs.train, copy]).logs) == 1
 
 
 def test_files_are_written_though_whoever_reads_the_output_has_seen_enough(logs, tmp_path):
