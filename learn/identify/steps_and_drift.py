@@ -15,6 +15,13 @@ on n - K - 1 degrees of freedom. Because its place was sought, p is multiplied b
 by the number of parameters that are looked at together; steps count below `COURSE.significant`. A slope likewise, on
 n - 2.
 A segment has two flights at least: one flight by itself is an outlier, no step.
+
+What neither steps nor drifts may come and go. Flights lie apart by the generalised test of Rosner (Technometrics 25,
+1983) for up to (n - 1) / 2 outliers, which takes the farthest one away and tests it against the others, their standard
+deviation at least the rms error, then the next; the last that is significant counts, and all before it. For few flights
+its probability of a false alarm is up to twice its level, so half the level is taken. And flights differ where their
+standard deviation is twice the rms error or more, and chance makes it so large below `COURSE.significant`, by
+chi^2 = (n - 1) s^2 / mean e_i^2: in groups as large as each other none lies apart.
 """
 
 from dataclasses import dataclass
@@ -23,7 +30,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
+from scipy.special import chdtrc, stdtr, stdtrit
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.extras import needed_for
@@ -40,6 +47,8 @@ class CourseThresholds:
     """Flights at most: the search takes the square of their number, 20 s for a parameter of so many."""
     significant: float = 0.01
     """Probability, corrected for all that was looked at, below which a step or a drift is believed."""
+    differing: float = 2.0
+    """Scatter over the error of a flight from which on flights differ: errors of short flights are known to a half."""
 
 
 COURSE = CourseThresholds()
@@ -51,6 +60,7 @@ class Verdict(StrEnum):
     STEADY = "steady"
     STEPS = "steps"
     DRIFT = "drift"
+    SCATTERED = "scattered"  # neither, but flights lie apart, or differ by more than their errors
     FEW = "few"  # flights: nothing can be said
     OPEN = "open"  # the flights do not show the parameter
 
@@ -92,7 +102,8 @@ class Drift:
 class Course:
     """A number over n flights: `level` (n,) of the description that was chosen, `scatter` about it, one sigma.
 
-    `drift` is there wherever a line through all flights is significant, also where steps describe them better.
+    `drift` is there wherever a line through all flights is significant, also where steps describe them better. `apart`
+    are the flights (indices) that lie outside the scatter of the others, of what neither steps nor drifts.
     """
 
     verdict: Verdict
@@ -100,6 +111,7 @@ class Course:
     scatter: float
     steps: tuple[Step, ...] = ()
     drift: Drift | None = None
+    apart: tuple[int, ...] = ()
 
 
 def course(values: Array, errors: Array, looks: int = 1) -> Course:
@@ -119,7 +131,7 @@ def course(values: Array, errors: Array, looks: int = 1) -> Course:
         left = max(float(np.sum((values - level) ** 2)), own, 1e-300)
         return float(count * np.log(left / count) + parameters * np.log(count))
 
-    found = [(criterion(constant, 1), Course(Verdict.STEADY, constant, _scatter(values, constant, 1, 0.0)))]
+    found = [(criterion(constant, 1), _without_order(values, errors, looks))]
     line = _line(values, errors, looks)
     if line is not None:
         found.append((criterion(line.level, 2), line))
@@ -128,6 +140,29 @@ def course(values: Array, errors: Array, looks: int = 1) -> Course:
         chosen = Course(Verdict.STEPS, level, scatter, steps, drift)
         found.append((criterion(level, 1 + 2 * len(steps)), chosen))
     return min(found, key=lambda one: one[0])[1]
+
+
+def _without_order(values: Array, errors: Array, looks: int) -> Course:
+    """Steady about the mean, or scattered: whatever the order of the flights is."""
+    level, own, free = np.full(len(values), values.mean()), float(np.sqrt(np.mean(errors**2))), len(values) - 1
+    scatter, apart = _scatter(values, level, 1, 0.0), _apart(values, own, 0.5 * COURSE.significant / looks)
+    chance = looks * float(chdtrc(free, free * (scatter / max(own, 1e-300)) ** 2)) if own > 0.0 else 1.0
+    differ = scatter >= COURSE.differing * own and chance < COURSE.significant
+    return Course(Verdict.SCATTERED if apart or differ else Verdict.STEADY, level, scatter, apart=apart)
+
+
+def _apart(values: Array, own: float, level: float) -> tuple[int, ...]:
+    """Indices of the flights outside the scatter of the others, at least `own`, at a `level` of significance."""
+    rest, removed, count = list(range(len(values))), [], 0
+    for _ in range((len(values) - 1) // 2):
+        x, n = values[rest], len(rest)
+        away, spread = np.abs(x - x.mean()), max(float(x.std(ddof=1)), own)
+        t = float(stdtrit(n - 2, 1.0 - level / (2 * n)))
+        farthest = int(np.argmax(away))
+        removed.append(rest.pop(farthest))
+        if away[farthest] > spread * t * (n - 1) / np.sqrt((n - 2 + t**2) * n):
+            count = len(removed)
+    return tuple(sorted(removed[:count]))
 
 
 def _scatter(values: Array, level: Array, levels: int, own: float) -> float:

@@ -8,7 +8,7 @@ left out of all of them, so that every flight is fitted alike. Steps and drifts:
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -129,6 +129,12 @@ class Trend(Result):
         found = [p for p in self.parameters if p.course.verdict in (Verdict.STEPS, Verdict.DRIFT)]
         return tuple(sorted(found, key=lambda p: _least(p.course)))
 
+    @property
+    def scattered(self) -> tuple[ParameterTrend, ...]:
+        """Parameters that differ between flights and neither step nor drift, the most over their errors first."""
+        found = [p for p in self.parameters if p.course.verdict is Verdict.SCATTERED]
+        return tuple(sorted(found, key=lambda p: -p.course.scatter / max(float(np.median(p.errors)), 1e-300)))
+
 
 def _least(course: Course) -> float:
     """The smallest probability of its steps or its drift."""
@@ -145,7 +151,8 @@ def trend(
 ) -> Trend:
     """Fit `names` (else the effects of the model, `ROTORS` or `TRIMS`) to each flight and follow every parameter.
 
-    With `parts` those of `PARTS` that the vehicle has, and the flights in order of date where all logs have one.
+    With `parts` those of `PARTS` that the vehicle has, and the flights in order of date where all logs have one and no
+    two overlap.
 
     On axes on which the motion does not plainly follow the commands, what answers to it could make is left out. Other
     effects of the model stay as they are; those that a flight does not allow are left out of all. Raises UsageError for
@@ -156,8 +163,7 @@ def trend(
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
     if parts and names:
         raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
-    if parts and all(one.flight.start_ns > DATED for one in flights):
-        flights = sorted(flights, key=lambda one: one.flight.start_ns)
+    flights = _by_date(flights) if parts else flights
     report = progress or (lambda fraction, words: None)
     chosen, alike, left_out = _effects(flights, model, names, parts=parts)
     answering = unfollowed_axes([timing_of(one, model) for one in flights])
@@ -166,6 +172,14 @@ def trend(
         report(k / len(flights), f"fitting {one.records[0].flight}")
         fits.append(_values(one, alike, chosen, answering))
     return trend_of([followed_flight(one) for one in flights], fits, model, left_out)
+
+
+def _by_date(flights: Sequence[OpenFlight]) -> Sequence[OpenFlight]:
+    """The flights in order of date; as given where stamps are no dates: of no era, or of flights at the same time."""
+    spans = [(one.flight.start_ns, one.flight.start_ns + int(1e9 * one.records[-1].time[-1])) for one in flights]
+    order = sorted(range(len(flights)), key=lambda k: spans[k])
+    apart = all(spans[k][1] <= spans[following][0] for k, following in pairwise(order))
+    return [flights[k] for k in order] if apart and all(start > DATED for start, _ in spans) else flights
 
 
 def trend_of(

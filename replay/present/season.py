@@ -26,7 +26,7 @@ SIGMAS = 2.0
 """Half-width of intervals and of the band of scatter, in standard deviations."""
 LEGEND = (
     "changes from the model, of the flights since the last step (of a drift: the last flight), +- 2 standard errors   "
-    ">: it stepped   ~: it drifts   -: these flights do not show it"
+    ">: it stepped   ~: it drifts   ?: it differs between flights   -: these flights do not show it"
 )
 
 
@@ -72,7 +72,7 @@ def _now(p: ParameterTrend | None) -> str:
         return "-"
     _, factor, _ = QUANTITIES[p.effect]
     level, error = latest(p)
-    mark = {Verdict.STEPS: "> ", Verdict.DRIFT: "~ "}.get(p.course.verdict, "")
+    mark = {Verdict.STEPS: "> ", Verdict.DRIFT: "~ ", Verdict.SCATTERED: "? "}.get(p.course.verdict, "")
     wide = SIGMAS * factor * error
     digits = max(0, 1 - math.floor(math.log10(max(wide, 1e-9)))) if wide < 10.0 else 0
     return f"{mark}{round(factor * level, digits) + 0.0:.{digits}f} +-{wide:.{digits}f}"  # + 0.0: no -0

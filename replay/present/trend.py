@@ -26,6 +26,7 @@ WORDS = {
     Verdict.STEADY: "steady",
     Verdict.STEPS: "steps",
     Verdict.DRIFT: "drifts",
+    Verdict.SCATTERED: "differs between flights",
     Verdict.FEW: "too few flights",
     Verdict.OPEN: "not shown by these flights",
 }
@@ -56,9 +57,9 @@ def parts(found: Trend) -> list[Part]:
 def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
     """The summary, of which the first is the clearest, and the parameters."""
     said = summary(found)
-    looks = said[-1:] if found.changed and places(found) else []
+    looks = said[-1:] if places(found) else []
     said = said if len(said) <= most else [*said[: most - 1 - len(looks)], "More parameters changed.", *looks]
-    caveat = [Line(CAVEAT, "dim")] if found.changed else []
+    caveat = [Line(CAVEAT, "dim")] if found.changed or found.scattered else []
     shown = season.health(found) if found.by_part else overview(found)
     return [*(Line(text, "bold") for text in said), *caveat, Line(), shown]
 
@@ -68,16 +69,19 @@ def summary(found: Trend) -> list[str]:
     count = len(found.flights)
     if count < COURSE.fewest:
         return [f"{count} flights: nothing can be said about steps and drifts; {COURSE.fewest} or more are needed."]
-    if not found.changed:
+    if not found.changed and not found.scattered:
         return [f"Nothing changed over these {count} flights beyond the scatter between them."]
+    first = [] if found.changed else [f"No step and no drift over these {count} flights."]
     looks = places(found)
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
-    return [*(sentence(p, found) for p in found.changed), *inspect]
+    return [*first, *(sentence(p, found) for p in (*found.changed, *found.scattered)), *inspect]
 
 
 def sentence(p: ParameterTrend, found: Trend, most_steps: int = 2) -> str:
     """What one parameter did; of more steps than `most_steps` the clearest, and the line where that is significant."""
     name = f"{p.effect} {user_name(p.name, found.model.vehicle)}"
+    if p.course.verdict is Verdict.SCATTERED:
+        return f"{name} {_differs(p, found)}."
     if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
         return f"{name} drifts by {_slope(p.course.drift, p.unit)}."
     steps, line = p.course.steps, p.course.drift
@@ -86,6 +90,21 @@ def sentence(p: ParameterTrend, found: Trend, most_steps: int = 2) -> str:
     clearest = max(steps, key=lambda step: abs(step.t))
     told = f"{name} steps {len(steps)} times; the clearest is {_step(clearest, p.unit, found.names)}."
     return told + (f" A line through all flights: {_slope(line, p.unit)}." if line else "")
+
+
+def _differs(p: ParameterTrend, found: Trend, most: int = 6) -> str:
+    """Between which flights a parameter differs, by how much, and which of them lie apart."""
+    low, high = int(np.argmin(p.values)), int(np.argmax(p.values))
+    ends = " to ".join(f"{_signed(float(p.values[k]), p.unit)} (flight {k + 1}, {found.names[k]})" for k in (low, high))
+    scatter, error = (size_in_words(float(x), p.unit) for x in (p.course.scatter, np.median(p.errors)))
+    said = f"differs between flights, {ends}: scatter {scatter}, error of a flight {error}"
+    if not p.course.apart:
+        return said
+    flights = [str(k + 1) for k in p.course.apart]
+    more = f" and {len(flights) - most} more" if len(flights) > most else ""
+    return (
+        f"{said}; outside the scatter of the others: flight{'s' * (len(flights) > 1)} {', '.join(flights[:most])}{more}"
+    )
 
 
 def _step(step: Step, unit_name: str, names: Sequence[str]) -> str:
@@ -109,7 +128,7 @@ def _signed(value: float, unit_name: str) -> str:
 def places(found: Trend) -> list[str]:
     """Parts of the vehicle whose parameters changed, by the user's names, each once."""
     vehicle = found.model.vehicle
-    return list(dict.fromkeys(w for p in found.changed if (w := where(p, vehicle)) is not None))
+    return list(dict.fromkeys(w for p in (*found.changed, *found.scattered) if (w := where(p, vehicle)) is not None))
 
 
 def where(p: ParameterTrend, vehicle: Vehicle) -> str | None:
@@ -126,7 +145,9 @@ def overview(found: Trend) -> Table:
     for first, p in zip(first_only(p.effect for p in found.parameters), found.parameters, strict=True):
         numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
         name = label(p.name, found.model.vehicle)
-        style = "bold" if p in found.changed else "dim" if p.course.verdict is Verdict.OPEN else ""
+        style = (
+            "bold" if p in found.changed or p in found.scattered else "dim" if p.course.verdict is Verdict.OPEN else ""
+        )
         out.add_row(first, name, WORDS[p.course.verdict], *numbers, unit(p.unit), style=style)
     return out
 
@@ -153,7 +174,7 @@ def column(p: ParameterTrend, found: Trend) -> str:
 def values(found: Trend, most: int = 7) -> Table:
     """Every value by flight, with a mark on the first flight after a step; of more than `most`, those that changed."""
     shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
-    shown = shown if len(shown) <= most else list(found.changed[:most])
+    shown = shown if len(shown) <= most else [*found.changed, *found.scattered][:most]
     heads = [column(p, found).split(" ", 1) for p in shown]
     rows = []
     for k, name in enumerate(found.names):
@@ -190,7 +211,7 @@ def to_json(found: Trend) -> dict[str, Any]:
     noise = np.sum([f.noise for f in found.flights], axis=0)
     few = len(found.flights) < COURSE.fewest
     return {
-        "verdict": "few" if few else "changed" if found.changed else "steady",
+        "verdict": "few" if few else "changed" if found.changed else "scattered" if found.scattered else "steady",
         "summary": " ".join(summary(found)),
         "model": found.model.name,
         "effects": list(found.effects),
@@ -224,6 +245,7 @@ def _parameter_json(p: ParameterTrend, found: Trend) -> dict[str, Any]:
             for s in p.course.steps
         ],
         "drift": None if line is None else entries(line, "slope", *test),
+        "apart": [found.names[k] for k in p.course.apart],
         "at_limit": [found.names[k] for k in p.at_limit],
     }
 

@@ -225,14 +225,16 @@ class ParameterTrend(TypedDict):
     errors: list[Number]
     """`std` without the law's own error, which is alike on all flights."""
     where: str | None
-    verdict: Literal["steady", "steps", "drift", "few", "open"]
-    """`few`: fewer than four flights; `open`: not shown by these flights."""
+    verdict: Literal["steady", "steps", "drift", "scattered", "few", "open"]
+    """`scattered`: flights differ, in neither way; `few`: fewer than four; `open`: not shown by these flights."""
     scatter: Number
     """Deviation about the level."""
     level: list[Number]
     """Mean of the segment, or the line, at each flight."""
     steps: list[Step]
     drift: Drift | None
+    apart: list[str]
+    """Flights outside the scatter of the others."""
     at_limit: list[str]
 
 
@@ -243,8 +245,8 @@ class NotFitted(TypedDict):
 
 
 class Trend(Document):
-    verdict: Literal["changed", "steady", "few"]
-    """`few`: fewer than four flights."""
+    verdict: Literal["changed", "scattered", "steady", "few"]
+    """`scattered`: no step and no drift, and flights differ; `few`: fewer than four flights."""
     summary: str
     model: str
     effects: list[str]

@@ -92,3 +92,25 @@ def test_rotors_that_do_not_tilt_have_no_arms():
 def test_parts_say_themselves_what_is_fitted(flights):
     with pytest.raises(UsageError, match="leave out --fit"):
         wg.trend(flights, MODEL, ["mass"], parts=True)
+
+
+def test_a_rotor_that_is_weak_on_some_flights_is_told_with_these_flights():
+    """All at the same time, so that their stamps are no dates: numbered as they are given."""
+    model = wg.load_model("asymmetric_quadrotor")
+    flown = []
+    for k, loss in enumerate((0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0)):
+        hide = [f"rotor_thrust=rotor_2:{-loss}"] if loss else []
+        flown.append(
+            wg.simulate(model, "multi_axis", duration=6, excitation=1, seed=40 + k, hide=hide, name=f"f{k + 1}")
+        )
+    found = wg.trend(wg.open_flights(flown[::-1], model), model, parts=True)
+    assert found.names == tuple(f"f{k}" for k in range(7, 0, -1))
+    (weak,) = found.scattered
+    assert (weak.effect, weak.name, weak.course.apart) == ("rotor_thrust", "rotor_2", (1, 4))
+    first, second, last = present.summary(found)
+    assert first == "No step and no drift over these 7 flights."
+    assert "outside the scatter of the others: flights 2, 5." in second
+    assert last == f"Look at: {model.vehicle.called('rotor_2')}."
+    body = present.to_json(found)
+    assert (body["verdict"], body["inspect"]) == ("scattered", [model.vehicle.called("rotor_2")])
+    assert next(p for p in body["parameters"] if p["verdict"] == "scattered")["apart"] == ["f6", "f3"]
