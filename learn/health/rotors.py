@@ -142,7 +142,7 @@ def _drafts(flight: Flight) -> tuple[RotorDraft, ...]:
         return ()
     try:
         if autopilot.name == "ArduPilot":
-            return ardupilot.rotors_from(autopilot.parameters, 1.0, flight.path.name)
+            return ardupilot.rotors_from(autopilot.parameters, 1.0, flight.path.name, autopilot.frame)
         return px4.rotors_of(autopilot.parameters, flight.path.name, arm=1.0)
     except ModelError:  # a frame that is not in the table
         return ()

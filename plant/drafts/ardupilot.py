@@ -1,11 +1,14 @@
 """A vehicle from the parameters of ArduPilot, in a parameter file or a log: frame, motors, IMU; frames by name.
 
-The parameters name a frame (FRAME_CLASS, FRAME_TYPE) and no lengths, so the arm has to be said. Angles of a frame are
+The parameters name a frame (FRAME_CLASS, FRAME_TYPE) and no lengths, so the arm has to be said. Firmware before 3.5 has
+FRAME for its type and is compiled for a class, which its log says as text ("Frame: QUAD"). Angles of a frame are
 ArduPilot's, clockwise from the nose as seen from above [deg]; turning +1 is counter-clockwise. Motors are in the order
 of the outputs; PX4 numbers those of quad_x and hexa_x alike.
 Motor outputs are pulse widths: u = 0 at MOT_PWM_MIN + MOT_SPIN_MIN (MAX - MIN), u = 1 at MOT_SPIN_MAX likewise; thrust
 goes with MOT_THST_EXPO u^2 + (1 - MOT_THST_EXPO) u, which is MOT_THST_HOVER in hover. Where MOT_PWM_MIN and _MAX are 0,
 the default of firmware before 4.1, the range is that of the throttle's channel, RC3_MIN to RC3_MAX (RCMAP_THROTTLE).
+Firmware before 3.5 has THR_MIN, in thousandths of the range, for MOT_SPIN_MIN, and MOT_THST_MAX, a share of the range
+above that, for MOT_SPIN_MAX; until 3.3 there is no MOT_PWM_MIN.
 INS_POS1_* are in x forward, y right, z down. Source: ArduPilot parameter reference, "Motor Thrust Scaling" and "Connect
 ESCs and Motors" (ardupilot.org), AP_MotorsMulticopter, AP_MotorsMatrix; PX4's airframe reference.
 """
@@ -25,6 +28,8 @@ USUAL = {
     "MOT_PWM_MAX": 2000.0,
     "MOT_SPIN_MIN": 0.15,
     "MOT_SPIN_MAX": 0.95,
+    "THR_MIN": 130.0,
+    "MOT_THST_MAX": 0.95,
     "MOT_THST_EXPO": 0.65,
     "MOT_THST_HOVER": 0.35,
 }
@@ -90,26 +95,49 @@ def rotors_of(frame: str, arm: float, source: str) -> tuple[RotorDraft, ...]:
     return tuple(out)
 
 
-def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[RotorDraft, ...]:
-    """The rotors of the frame in the parameters, empty without one.
+def frame_of(parameters: Parameters, text: str = "") -> tuple[str, str] | None:
+    """The frame and what says so, by the parameters and the log's `text` of it; None where they say none.
+
+    A frame that is not in `FRAMES` has None in its name.
+    """
+    if "FRAME_CLASS" in parameters:
+        kind, shape = parameters["FRAME_CLASS"], parameters.get("FRAME_TYPE", 1.0)
+        words = f"FRAME_CLASS {kind:g} with FRAME_TYPE {shape:g}"
+        return f"{CLASSES.get(kind)}_{TYPES.get(shape)}", words  # what is no whole number of the tables: None
+    if "FRAME" in parameters and text:
+        shape = parameters["FRAME"]
+        return f"{text.lower()}_{TYPES.get(shape)}", f"FRAME {shape:g} with the log's text Frame: {text}"
+    return None
+
+
+def rotors_from(parameters: Parameters, arm: float | None, where: str, text: str = "") -> tuple[RotorDraft, ...]:
+    """The rotors of the frame in the parameters and the log's `text` of it, empty without one.
 
     Raises ModelError for a frame that is not in the table, and without the length of an arm.
     """
-    if "FRAME_CLASS" not in parameters:
+    found = frame_of(parameters, text)
+    if found is None:
         return ()
-    kind, shape = parameters["FRAME_CLASS"], parameters.get("FRAME_TYPE", 1.0)
-    frame = f"{CLASSES.get(kind)}_{TYPES.get(shape)}"  # whatever is no whole number of the tables: None
+    frame, words = found
     if frame not in FRAMES:
         raise ModelError(
-            f"{where}: FRAME_CLASS {kind:g} with FRAME_TYPE {shape:g} is not known here; known: "
+            f"{where}: {words} is not known here; known: "
             f"{', '.join(FRAMES)}. Say the nearest with --frame, or write the model file by hand (docs/model-file.md)"
         )
     if arm is None:
         raise ModelError(
-            f"{where}: the frame is {frame} (FRAME_CLASS, FRAME_TYPE), and its size is not among the parameters; "
+            f"{where}: the frame is {frame} ({words}), and its size is not among the parameters; "
             "measure from the middle to a motor and say --arm METRES"
         )
-    return rotors_of(frame, arm, f"frame {frame} of FRAME_CLASS, FRAME_TYPE; --arm {arm:g}")
+    return rotors_of(frame, arm, f"frame {frame} of {words}; --arm {arm:g}")
+
+
+def frame_notes(parameters: Parameters, text: str, typed: str | None, where: str) -> tuple[str, ...]:
+    """A note where the frame that was typed is not that of the parameters."""
+    found = frame_of(parameters, text)
+    if typed is None or found is None or found[0] not in FRAMES or found[0] == typed:
+        return ()
+    return (f"{where}: the frame is {found[0]} ({found[1]}), and --frame {typed} is used: which of them is flown?",)
 
 
 def command_of(parameters: Parameters) -> CommandDraft:
@@ -118,26 +146,39 @@ def command_of(parameters: Parameters) -> CommandDraft:
     def read(name: str) -> tuple[float, bool]:
         return float(parameters.get(name, USUAL[name])), name not in parameters
 
-    (low, high), named, unknown = _pulses(parameters)
-    (idle, _), (full, _) = (read(f"MOT_{name}") for name in ("SPIN_MIN", "SPIN_MAX"))
+    low, high, names = _pulses(parameters)
+    start, end = "MOT_SPIN_MIN", "MOT_SPIN_MAX"
+    if "THR_MIN" in parameters and start not in parameters:  # firmware before 3.5
+        start, end = "THR_MIN", "MOT_THST_MAX"
+        idle = low + 1e-3 * read(start)[0] * (high - low)
+        ends = [idle, idle + read(end)[0] * (high - idle)]
+    else:
+        ends = [low + read(name)[0] * (high - low) for name in (start, end)]
     (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
-    ends = [low + share * (high - low) for share in (idle, full)]
+    names = (*names, start, end)
+    assumed = [name for name in names if name not in parameters or (name in names[:2] and not parameters[name])]
+    words = ", ".join(name for name in names if name not in assumed)
+    if assumed:
+        words += f"{'; ' if words else ''}ArduPilot's default of {', '.join(assumed)}"
     keys = {
         "unit": Sourced("pwm", "motor outputs of RCOU [us]"),
-        "range": Sourced(ends, f"{named}, MOT_SPIN_MIN, _MAX", assumed=unknown),
+        "range": Sourced(ends, words, assumed=bool(assumed)),
         "factor": Sourced(factor, "MOT_THST_EXPO" + (", ArduPilot's default" if curve else ""), assumed=curve),
     }
     words = f"hovering at MOT_THST_HOVER = {hover:.3g}" + (", ArduPilot's default" if still else "")
     return CommandDraft(keys, hover=Sourced(hover, words, assumed=still))
 
 
-def _pulses(parameters: Parameters) -> tuple[tuple[float, float], str, bool]:
-    """Smallest and largest pulse [us], the names of their parameters, and whether they are defaults."""
+def _pulses(parameters: Parameters) -> tuple[float, float, tuple[str, str]]:
+    """Smallest and largest pulse [us], and the names of their parameters; of the defaults, where these tell none."""
     throttle = f"RC{int(parameters.get('RCMAP_THROTTLE', 3.0))}"
-    for low, high in (("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"{throttle}_MIN", f"{throttle}_MAX")):
-        if high not in parameters:
+    usual = ("MOT_PWM_MIN", "MOT_PWM_MAX")
+    for names in (usual, (f"{throttle}_MIN", f"{throttle}_MAX")):
+        if names[1] not in parameters:
+            if "THR_MIN" in parameters:
+                continue  # firmware that has no such parameter
             break  # a file of some parameters: what the others are is not known
-        found = float(parameters.get(low, 0.0)), float(parameters[high])
-        if 0.0 < found[0] < found[1]:
-            return found, f"{low}, _MAX", False
-    return (USUAL["MOT_PWM_MIN"], USUAL["MOT_PWM_MAX"]), "MOT_PWM_MIN, _MAX", True
+        low, high = float(parameters.get(names[0], 0.0)), float(parameters[names[1]])
+        if 0.0 < low < high:
+            return low, high, names
+    return USUAL[usual[0]], USUAL[usual[1]], usual

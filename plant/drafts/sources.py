@@ -140,14 +140,15 @@ def _ardupilot(source: Path, user: Given, budget: Budget | str | None) -> Draft:
     log = source.suffix.lower() == ".bin"
     logged = dataflash.parameters(source, budget) if log else ardupilot.read_parameters(source)
     flown, notes = _flown(source, budget) if log else (None, ())
-    rotors = () if user.frame else ardupilot.rotors_from(logged, user.arm, source.name)
+    text = "" if flown is None or flown.autopilot is None else flown.autopilot.frame
+    rotors = () if user.frame else ardupilot.rotors_from(logged, user.arm, source.name, text)
     draft = Draft(
         source.stem,
         source.name,
         rotors,
         imu_position=px4.imu_of(logged, "INS_POS1", "ArduPilot"),
         command=ardupilot.command_of(logged),
-        notes=notes,
+        notes=(*ardupilot.frame_notes(logged, text, user.frame, source.name), *notes),
     )
     return _level(_over(draft, user), flown)
 

@@ -11,6 +11,7 @@ from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
+from wrenchgap.plant.drafts.ardupilot import frame_of
 from wrenchgap.plant.drafts.px4 import placeholders
 from wrenchgap.replay.present import inspection, parameters
 from wrenchgap.replay.present.figures import style
@@ -178,7 +179,7 @@ def _source(log: LogHealth) -> list[str]:
     said = ["--from", str(log.inspection.path), "--mass", "KG"]
     if log.autopilot.name == "PX4":
         return said if "CA_ROTOR_COUNT" in known and not placeholders(known) else [*said, "--arm", "METRES"]
-    return [*said, "--arm", "METRES", *([] if "FRAME_CLASS" in known else ["--frame", "FRAME"])]
+    return [*said, "--arm", "METRES", *([] if frame_of(known, log.autopilot.frame) else ["--frame", "FRAME"])]
 
 
 def overview(found: Health) -> Table:

@@ -11,7 +11,7 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries, OdometrySeries
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.drafts import px4
+from wrenchgap.plant.drafts import ardupilot, px4
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
 from wrenchgap.plant.drafts.draft import Draft, Sourced, completed, inertia_of_mass, text_of
 from wrenchgap.plant.drafts.sources import Given, draft_of_source, parameters_of
@@ -320,6 +320,39 @@ def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_pat
     said = draft_of_source(tmp_path / "less.param", Given(mass=2.2, arm=0.3)).command.keys["range"]
     assert said.value == pytest.approx((1150.0, 1950.0))
     assert said.assumed
+
+
+BEFORE_3_5 = {"RC3_MIN": 1100, "RC3_MAX": 1900, "THR_MIN": 100, "MOT_THST_MAX": 0.9, "MOT_THST_EXPO": 0.5, "FRAME": 1}
+
+
+def test_firmware_before_3_5_has_the_range_of_the_throttle_and_its_own_ends():
+    """100 thousandths of 800 us above 1100 us; and of the 720 us above that 90 %."""
+    found = ardupilot.command_of(BEFORE_3_5).keys["range"]
+    assert found.value == pytest.approx([1180.0, 1180.0 + 0.9 * 720.0])
+    assert not found.assumed
+    assert found.source == "RC3_MIN, RC3_MAX, THR_MIN, MOT_THST_MAX"
+    less = ardupilot.command_of({k: v for k, v in BEFORE_3_5.items() if k != "MOT_THST_MAX"}).keys["range"]
+    assert less.value == pytest.approx([1180.0, 1180.0 + 0.95 * 720.0])
+    assert less.assumed
+    assert less.source == "RC3_MIN, RC3_MAX, THR_MIN; ArduPilot's default of MOT_THST_MAX"
+
+
+@pytest.mark.parametrize(("shape", "name"), [(0, "quad_plus"), (1, "quad_x"), (3, "quad_h")])
+def test_firmware_before_3_5_says_its_frame_by_parameter_and_text(shape, name):
+    parameters = {**BEFORE_3_5, "FRAME": shape}
+    found = ardupilot.rotors_from(parameters, 0.25, "log.bin", "QUAD")
+    expected = rotors_of(name, 0.25, "")
+    assert [(r.position_B.value, r.spin.value) for r in found] == [(r.position_B.value, r.spin.value) for r in expected]
+    assert ardupilot.rotors_from(parameters, 0.25, "old.param") == ()  # a class that nothing says
+    with pytest.raises(ModelError, match="FRAME 2 with the log's text Frame: QUAD is not known here"):
+        ardupilot.rotors_from({**BEFORE_3_5, "FRAME": 2}, 0.25, "log.bin", "QUAD")
+
+
+def test_a_typed_frame_that_contradicts_the_parameters_is_used_and_told(tmp_path):
+    (tmp_path / "quad.param").write_text(ARDUPILOT)
+    (note,) = draft_of_source(tmp_path / "quad.param", Given(mass=2.0, frame="quad_plus", arm=0.2)).notes
+    assert "the frame is quad_x (FRAME_CLASS 1 with FRAME_TYPE 1), and --frame quad_plus is used" in note
+    assert draft_of_source(tmp_path / "quad.param", Given(mass=2.0, frame="quad_x", arm=0.2)).notes == ()
 
 
 @pytest.mark.parametrize(
