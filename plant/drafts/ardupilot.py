@@ -155,9 +155,9 @@ def command_of(parameters: Parameters) -> CommandDraft:
     else:
         ends = [low + read(name)[0] * (high - low) for name in (start, end)]
     (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
-    names = (*names, start, end)
-    assumed = [name for name in names if name not in parameters or (name in names[:2] and not parameters[name])]
-    words = ", ".join(name for name in names if name not in assumed)
+    every = (*names, start, end)
+    assumed = [name for name in every if name not in parameters or (name in names and not parameters[name])]
+    words = ", ".join(name for name in every if name not in assumed)
     if assumed:
         words += f"{'; ' if words else ''}ArduPilot's default of {', '.join(assumed)}"
     keys = {
