@@ -14,6 +14,7 @@ from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import as_argument
 
 
 @dataclass(frozen=True, repr=False)
@@ -21,7 +22,7 @@ class LogReport(Result):
     """What is in a log: `inspection`, what the model's numbers say of it, and the timing of its topics.
 
     `model_checks` and `phases` are empty without a model, `timing` None where no topic plays a role; `shifts` [s] moved
-    stamps; `left_out` are the times that an analysis with the model does without.
+    stamps; `left_out` are the times that an analysis with the model does without. `model` is its file or name.
     """
 
     inspection: Inspection
@@ -31,6 +32,7 @@ class LogReport(Result):
     notes: tuple[str, ...]
     phases: tuple[Phase, ...] = ()
     left_out: tuple[TimeLeftOut, ...] = ()
+    model: str = ""
 
 
 def inspect(path: str | Path, model: Model | None = None, options: ReadOptions | None = None) -> LogReport:
@@ -56,4 +58,5 @@ def inspect(path: str | Path, model: Model | None = None, options: ReadOptions |
     left = alone if opened is None else tuple(n for n in opened.notes if isinstance(n, TimeLeftOut))
     phases = () if opened is None else opened.phases
     moves = {} if moved is None else moved.shifts
-    return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)
+    notes = tuple(seen.notes if moved is None else moved.notes)
+    return LogReport(seen, against, found, moves, notes, phases, left, "" if model is None else as_argument(model))

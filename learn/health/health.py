@@ -46,7 +46,8 @@ class Rate:
 class LogHealth:
     """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases.
 
-    `contradictions` are the bad checks of the log against the model that was given, which was then not used.
+    `contradictions` are the bad checks of the log against the model that was given, which was then not used. `follows`
+    says whether the motion follows the commands about x or y, None without a model that tells it.
     """
 
     inspection: Inspection
@@ -60,6 +61,7 @@ class LogHealth:
     answers: tuple[Answer, ...]
     settings: tuple[Setting, ...]
     contradictions: tuple[Check, ...] = ()
+    follows: bool | None = None
 
     @property
     def name(self) -> str:
@@ -125,7 +127,12 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     seen = inspected(replace(log, tables=tables), assignment, absent, accepted_names(options.accept))
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
-    rest |= {"phases": FlightPhases(lack=NoPhases.COMMANDS), "rates": (), "answers": ()}  # where no topic plays a role
+    rest |= {
+        "phases": FlightPhases(lack=NoPhases.COMMANDS),
+        "rates": (),
+        "answers": (),
+        "follows": None,
+    }  # where no topic plays a role
     against, opened = _against(seen.flight, model, options)
     if seen.flight is not None:
         rest = _of_flight(seen.flight, recorded, None if against else model, opened)
@@ -153,7 +160,9 @@ def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: 
     """
     thrusts = thrusts_of(flight, model)
     phases = phases_of(flight, thrusts, None if opened is None else opened.phases)
-    follows = opened is None or model is None or not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
+    follows = None
+    if opened is not None and model is not None:
+        follows = not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
     battery = battery_of(flight, recorded, phases)
     rotors = () if thrusts is None else tuple(rotor.name for rotor in thrusts.rotors)
     vibration = vibration_of(flight, recorded, phases, rotors)
@@ -175,5 +184,6 @@ def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: 
         "battery": battery,
         "estimator": estimator_of(flight.autopilot, recorded, phases),
         "rates": tuple(rates),
-        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows),
+        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows is not False),
+        "follows": follows,
     }

@@ -142,7 +142,9 @@ def next_command(found: Health) -> str:
     if not found.model and all(_firmware(log) == CRAZYFLIE for log in flown_ones):
         return shlex.join(["wrenchgap", "check", *logs, "-m", "crazyflie"])
     if found.model:
-        return shlex.join(["wrenchgap", "inspect", str(flown_ones[0].inspection.path), "-m", found.model])
+        fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
+        command = "compare" if fine else "inspect"
+        return shlex.join(["wrenchgap", command, str(flown_ones[0].inspection.path), "-m", found.model])
     return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(flown_ones[0])])} -o vehicle.toml"
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from wrenchgap.learn.health.answers import NEEDS
+from wrenchgap.learn.health.answers import ASKED, NEEDS, Lack, Question
 from wrenchgap.learn.health.health import LogHealth
 from wrenchgap.learn.health.motors import MOTORS
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -122,7 +122,17 @@ def _noticed(log: LogHealth) -> str:
 def _can(log: LogHealth) -> str:
     if not log.answers:
         return _missing(log, "imu")
-    return ", ".join(answer.question for answer in log.answers if answer.lack is None) or "none of these questions"
+    can = [answer.question for answer in log.answers if answer.lack is None]
+    if log.follows is not None:
+        return ", ".join(can) or "none of these questions"
+    alone = [question for question in can if question is Question.SPECTRUM]
+    unsure = [question for question in can if Lack.FOLLOWING in ASKED[question]]
+    sure = [question for question in can if question not in (*alone, *unsure)]
+    said = [", ".join(alone)] if alone else []
+    said += [f"with a model: {', '.join(sure)}"] if sure else []
+    if unsure:
+        said.append(f"{', '.join(unsure)} if the motion follows the commands, which `check -m MODEL` tells")
+    return "; ".join(said) or "none of these questions"
 
 
 ROWS: tuple[tuple[str, Callable[[LogHealth], str], str], ...] = (

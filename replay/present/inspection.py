@@ -136,6 +136,16 @@ def _answer(seen: LogReport) -> list[Line]:
     return [Line(f"{name}: checks: {', '.join(counts) or 'none'}; {topics_said}.", "bold"), Line()]
 
 
+def next_command(seen: LogReport) -> str:
+    """The one command to run next: what mends the first bad check, else the question that comes after this one."""
+    log, model = str(seen.inspection.path), ["-m", seen.model] if seen.model else []
+    bad = [c for c in (*seen.inspection.checks, *seen.model_checks) if c.level == "bad" and not c.accepted]
+    if bad:
+        mend = next((check.mend for check in bad if check.mend), "--details")
+        return f"{shlex.join(['wrenchgap', 'inspect', log, *model])} {mend}"
+    return shlex.join(["wrenchgap", "compare" if model else "check", log, *model])
+
+
 def frame(seen: LogReport) -> list[dict[str, Any]]:
     """One row for each topic."""
     return [{**asdict(t), "plays": ", ".join(t.plays)} for t in seen.inspection.topics]

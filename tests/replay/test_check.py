@@ -21,13 +21,17 @@ from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
 from wrenchgap import flight
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.check import Check
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
+from wrenchgap.learn.diagnose.model_checks import inspect
 from wrenchgap.learn.health.answers import Lack, Question
 from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer
+from wrenchgap.replay.present.health_rows import ROWS
+from wrenchgap.replay.present.inspection import next_command
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.statements import statements
 
@@ -284,12 +288,39 @@ def test_the_next_command_is_one_that_runs(hover, made):
     shipped model has the name that its user gave.
     """
     assert answer(wg.check(hover))[-1][0] == "next: wrenchgap model new --interactive -o vehicle.toml"
-    assert answer(wg.check(hover, wg.load_model("crazyflie")))[-1][0].endswith(" -m crazyflie")
+    sound = wg.check(hover, wg.load_model("crazyflie"))
+    assert answer(sound)[-1][0] == f"next: wrenchgap compare {hover} -m crazyflie"
+    log = sound.logs[0]
+    odd = (Check("gaps", "warn", "1 gap"), *log.inspection.checks)
+    told = replace(sound, logs=(replace(log, inspection=replace(log.inspection, checks=odd)),))
+    assert answer(told)[-1][0] == f"next: wrenchgap inspect {hover} -m crazyflie"
     assert "--arm METRES" in answer(made("bin"))[-1][0]
     ratios = {f"CA_ROTOR{n}_P{axis}": 1.0 for n in range(4) for axis in "XY"}
     health = made("ulg", "", Wrong(parameters=ratios))
     assert "--arm METRES" in answer(health)[-1][0]
     assert all(m.rotor.x is not None for m in health.logs[0].motors.motors)
+
+
+def test_inspect_ends_with_the_next_command(hover, run):
+    """Of a sound log the next question; of a bad one what mends it."""
+    assert f"next: wrenchgap check {hover}" in " ".join(run("inspect", hover).output.split())
+    assert f"next: wrenchgap compare {hover} -m crazyflie" in " ".join(
+        run("inspect", hover, "-m", "crazyflie").output.split()
+    )
+    seen = inspect(hover)
+    bad = (Check("imu-unit", "bad", "g", "--topic imu=/imu:g"),)
+    wrong = replace(seen, inspection=replace(seen.inspection, checks=bad))
+    assert next_command(wrong) == f"wrenchgap inspect {hover} --topic imu=/imu:g"
+
+
+def test_without_a_model_nothing_is_promised_that_needs_one(hover):
+    (alone,), (told,) = (wg.check(hover, *model).logs for model in ((), (wg.load_model("crazyflie"),)))
+    can = tuple(replace(a, lack=None) for a in alone.answers)
+    row = {head: cell for head, cell, _ in ROWS}["enough for"]
+    said = row(replace(alone, answers=can))
+    assert said.startswith(f"{Question.SPECTRUM}; with a model: {Question.ROTORS}, ")
+    assert said.endswith("if the motion follows the commands, which `check -m MODEL` tells")
+    assert row(replace(told, answers=can)) == ", ".join(Question)
 
 
 def test_a_log_that_ends_in_the_air_is_told_so(tmp_path, monkeypatch):

@@ -144,6 +144,7 @@ def test_nothing_that_helps_leaves_the_model_as_it_is(run, tmp_path):
     ("arguments", "message"),
     [
         (("-o", "x.toml"), "nothing to start from; say --from SOURCE, or --mass KG"),
+        (("--frame", "quad_x", "--arm", "0.2", "-o", "x.toml"), "model new: say --mass KG too, or --interactive"),
         (("--frame", "quad_x", "--arm", "0.25", "--mass", "1500", "-o", "x.toml"), "say the mass in kilograms"),
         (("--from", "nix.ulg", "-o", "x.toml"), "no such file; expected .ulg"),
         (("--from", "here.param", "-o", "x.toml"), "say --mass KG"),

@@ -77,19 +77,19 @@ def inspect(
 
     with uncollected():
         from wrenchgap.learn.diagnose import model_checks
+        from wrenchgap.replay.present.inspection import next_command
 
     asked = reading.options
     run.claim({"--output": output}, *logs)
     known = None if model is None else run.model(model)
     said = asked.topics or asked.shifts or asked.cutoff_hz or asked.unmeasured
     if output is not None and (known is None or not said):
-        raise usage_error(
-            "inspect -o: expected -m MODEL and what to keep in it: --topic, --shift, --cutoff, --unmeasured"
-        )
+        raise usage_error("inspect -o: expected -m MODEL and what to keep: --topic, --shift, --cutoff, --unmeasured")
     bodies = []
     for path in logs:
         seen = model_checks.inspect(path, known, asked)
         run.result(seen)
+        run.line(f"next: {next_command(seen)}{run.common_options()}", style="bold")
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]

@@ -66,11 +66,12 @@ def new(
     from wrenchgap.replay import api_models
 
     run.claim({"--output": output, "--figure": figure}, source)
-    if source is None and not interactive and None in (mass, frame, arm):
-        raise usage_error(
-            "model new: nothing to start from; say --from SOURCE, or --mass KG, --frame FRAME and --arm METRES, or "
-            "--interactive to be asked"
-        )
+    needed = {"--mass KG": mass, "--frame FRAME": frame, "--arm METRES": arm}
+    missing = [option for option, value in needed.items() if value is None]
+    if source is None and not interactive and missing:
+        listed = " and ".join(", ".join(missing).rsplit(", ", 1))
+        start = f"nothing to start from; say --from SOURCE, or {listed}" if len(missing) == 3 else f"say {listed} too"
+        raise usage_error(f"model new: {start}, or --interactive to be asked")
     given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
     allowed = parse_budget(budget)
