@@ -17,6 +17,7 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose import where
 from wrenchgap.learn.identify.staircase import Basis, Kind
+from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file
 from wrenchgap.plant.trajectory import file as trajectory_file
@@ -161,6 +162,16 @@ def test_commands_are_commands(repetition):
     for words in lines[1:]:
         known[words[1]].make_context(words[1], words[2:])
         assert words[-2:] == ["--cutoff", "8"]
+
+
+def test_what_is_unknown_gets_the_command_that_looks_for_its_law(made, repetition, without_charts):
+    unknown = replace(made, explanation=replace(made.explanation, verdict=Verdict.UNKNOWN))
+    again = Repetition.of(unknown, MODEL, "", " --cutoff 8")
+    (said,) = (shlex.split(line) for line in again.commands if "discover" in line)
+    typer.main.get_command(app).commands["discover"].make_context("discover", said[2:])
+    assert "--validate" in said
+    assert "discover looks for its law" in page(unknown, again)
+    assert "discover" not in page(made, repetition)
 
 
 def test_nothing_from_a_log_becomes_markup(made, repetition, without_charts, monkeypatch):

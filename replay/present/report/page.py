@@ -57,6 +57,8 @@ def page(report: Report, repetition: Repetition) -> str:
     """The whole page."""
     found, tested = report.explanation, report.explanation.validation
     flights = ", ".join(f.records[0].flight for f in report.flights)
+    unknown = any(line.startswith("wrenchgap discover") for line in repetition.commands)
+    law = " wrenchgap discover looks for its law: the command is under How to repeat this." if unknown else ""
     return (
         environment()
         .get_template("page.html.jinja")
@@ -65,7 +67,7 @@ def page(report: Report, repetition: Repetition) -> str:
             date=repetition.date,
             vehicle=report.model.vehicle.name,
             verdict=str(found.verdict),
-            summary=explanation.summary(found),
+            summary=explanation.summary(found) + law,
             errors=" ".join(map(staircase.sentence, report.staircases)),
             already=fitted_effects.already_in(report.model),
             warnings=[

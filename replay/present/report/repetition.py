@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.model_file import as_argument, dumps, next_version, tool_version
 from wrenchgap.replay.present.documents import sha256
@@ -73,6 +74,9 @@ def _commands(report: Report, model: str, gp_file: Path | None) -> list[str]:
         listed.append(f"wrenchgap add {' '.join(names)} -m {target} --from {logs} -o {fitted}")
         listed.append(f"wrenchgap compare {unseen or logs} -m {target} --against {fitted}")
     listed.append(f"wrenchgap where {unseen or logs} -m {fitted}")
+    if report.explanation.verdict is Verdict.UNKNOWN:
+        held_out = f" --validate {unseen}" if unseen else ""
+        listed.append(f"wrenchgap discover {logs} -m {target}{held_out} -o law.py")
     if gp_file is None:
         listed.append(f"wrenchgap learn {logs} -m {fitted} -o rest.gp")
     return listed
