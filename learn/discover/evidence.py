@@ -17,8 +17,8 @@ statistic, Westfall and Young, "Resampling-Based Multiple Testing", 1993.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,8 @@ class Evidence:
 
     `X` (rows, columns) of `atoms`, of which atom a has the columns `of[a]`; `y` (rows,) the residual; `nulls` (rows,
     N). `cell` (rows,) numbers axis and band, `moment` (rows,) the block of time and `flight` (rows,) its flight;
-    `count` (cells,) are coefficients that count, `floor` (cells,) the sensors' share of the variance.
+    `count` (cells,) are coefficients that count, `floor` (cells,) the sensors' share of the variance. `same` are atoms
+    that were left out as they are one of these here, by its name.
     """
 
     atoms: tuple[Atom, ...]
@@ -58,6 +59,7 @@ class Evidence:
     flight: NDArray[np.intp]
     count: Array
     floor: Array
+    same: Mapping[str, tuple[Atom, ...]] = field(default_factory=dict)
 
     def columns(self, some: Sequence[int]) -> Array:
         """Those of some atoms, side by side (rows, P)."""
@@ -236,9 +238,13 @@ def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Ar
 
 
 def distinct(found: Evidence) -> Evidence:
-    """Without atoms that these flights do not move, and those that are the same as one before them."""
+    """Without atoms that these flights do not move, and those that are the same as one before them, as far as names and
+    earlier laws leave it: a yaw torque by sideways velocity is a pitch torque by climbing, where drag has a free point.
+    """  # noqa: D205
     kept: list[int] = []
     seen: list[Array] = []
+    single: list[str] = []
+    same = dict(found.same)
     for k, own in enumerate(found.of):
         columns = found.X[:, own]
         size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
@@ -246,15 +252,19 @@ def distinct(found: Evidence) -> Evidence:
             continue
         if columns.shape[1] == 1:
             unit = columns[:, 0] / size
-            if seen and np.abs(np.stack(seen) @ unit).max() > SETTINGS.same:
+            alike = np.abs(np.stack(seen) @ unit) if seen else np.zeros(1)
+            if alike.max() > SETTINGS.same:
+                first, atom = single[int(alike.argmax())], found.atoms[k]
+                same[first] = (*same.get(first, ()), atom, *found.same.get(atom.name, ()))
                 continue
             seen.append(unit)
+            single.append(found.atoms[k].name)
         kept.append(k)
     columns = (
         np.concatenate([np.arange(found.of[k].start, found.of[k].stop) for k in kept]) if kept else np.zeros(0, int)
     )
     names = tuple(found.atoms[k] for k in kept)
-    return replace(found, atoms=names, of=_slices(names), X=found.X[:, columns.astype(int)])
+    return replace(found, atoms=names, of=_slices(names), X=found.X[:, columns.astype(int)], same=same)
 
 
 REPORTED = ("speed", "rate", "height", "thrust", "time", "voltage_excess")

@@ -137,9 +137,8 @@ class Residual:
         again = sum(best_on(on, np.isin(on.moment // 2, half)) in near for half in halves)
         atom = on.atoms[one.atom]
         parts = self._parts(on, one.atom)
-        return FoundAtom(
-            one, atom, tuple(on.atoms[k] for k in one.equivalents), parts, again / SETTINGS.halves, self.driven(atom)
-        )
+        alike = [a for k in (one.atom, *one.equivalents) for a in (on.atoms[k], *on.same.get(on.atoms[k].name, ()))]
+        return FoundAtom(one, atom, tuple(alike[1:]), parts, again / SETTINGS.halves, self.driven(atom))
 
     def driven(self, atom: Atom) -> bool:
         """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
@@ -307,11 +306,12 @@ def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
 def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut:
     before, after = (_centred(data, x) for x in (before, after))
     noise = np.nan_to_num(data.noise) ** 2
-    acts = np.mean((after - before) ** 2, axis=0) > noise  # other axes may hold what these laws do not speak of
+    made = np.mean((after - before) ** 2, axis=0) * data.weights**2
+    acts = made > SETTINGS.acts * made.max()  # other axes may hold what these laws do not speak of
     scale = np.where(acts, data.weights**2, 0.0)
     excess = [float(np.maximum(np.mean(x**2, axis=0) - noise, 0.0) @ scale) for x in (before, after)]
     axes = tuple(axis for axis, acting in zip(AXES, acts, strict=True) if acting)
-    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / max(excess[0], 1e-300), axes, where)
+    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0, axes, where)
 
 
 def _centred(data: Dataset, left: Array) -> Array:

@@ -35,6 +35,9 @@ class DiscoverySettings:
     energy_reduction: float = 0.5
     """Share of the energy above the sensors' noise that laws take off the axes on which they act, in time that they
     were not fitted to; less is no law: what hides there has a memory, or a form that is not among the atoms."""
+    acts: float = 0.1
+    """Share of what laws make on the axis on which they make most, in squares over the axes' weights, from which on
+    they act on another: below it the named effects, fitted again, move as much."""
     sure: float = 3.0
     """Standard deviations that the coefficients of a law are from zero, fitted with everything that was named."""
     apart: float = 3.0

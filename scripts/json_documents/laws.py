@@ -88,7 +88,7 @@ class Discover(Document):
     energy_reduction: float
     """Share of the energy above the sensors' noise that the laws take off `axes` on held-out time."""
     axes: list[str]
-    """On which the laws make more than the sensors' noise."""
+    """On which the laws act."""
     regression_reduction: float
     """Share of the variance that regressions on all logged quantities take off."""
     held_out: str

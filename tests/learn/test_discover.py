@@ -15,9 +15,9 @@ import wrenchgap as wg
 from scripts.json_documents import schema
 from tests.independent import flown_quadrotor as engine
 from wrenchgap.flight import so3
-from wrenchgap.learn.discover.atoms import atoms, constants
+from wrenchgap.learn.discover.atoms import Atom, Term, atoms, constants
 from wrenchgap.learn.discover.discover import Outcome
-from wrenchgap.learn.discover.evidence import surrogate_residuals
+from wrenchgap.learn.discover.evidence import Evidence, distinct, surrogate_residuals
 from wrenchgap.learn.discover.law_file import evaluator, source
 from wrenchgap.learn.discover.quantities import Unit
 from wrenchgap.learn.discover.residual import _compared, loaded, renamed
@@ -189,6 +189,25 @@ def test_most_of_what_was_left_goes_on_a_flight_that_was_not_fitted(found):
     assert found.axes == ("torque_z",)
 
 
+def test_an_atom_that_is_another_one_here_is_told_as_its_like():
+    """Also when they become the same behind what a name, or a law found before, can say."""
+    rng = np.random.default_rng(3)
+    a, b, c = rng.normal(size=(3, 200))
+    laws = {n: Atom(n, n, (Term(n, "", "", 1.0),)) for n in "abcd"}
+    X = np.stack((a, b, 2.0 * a + 0.01 * c, c - b), axis=1)
+    none, cell = np.zeros(0, int), np.zeros(200, int)
+    on = Evidence(
+        tuple(laws.values()), tuple(slice(k, k + 1) for k in range(4)), X, a, X[:, :0], cell, cell, cell, none, none
+    )
+    first = distinct(on)
+    assert [x.name for x in first.atoms] == ["a", "b", "d"]
+    assert first.same == {"a": (laws["c"],)}
+    free_of_c = first.X - np.outer(c, c @ first.X) / (c @ c)
+    second = distinct(replace(first, X=free_of_c))
+    assert [x.name for x in second.atoms] == ["a", "b"]
+    assert second.same == {"a": (laws["c"],), "b": (laws["d"],)}
+
+
 def test_energy_is_that_of_the_axes_on_which_a_law_acts():
     """Three quarters of what is above noise on M_z, whatever is left on F_x, and also where noise moves both."""
     rng, time = np.random.default_rng(5), np.arange(4000) / 50.0
@@ -203,6 +222,8 @@ def test_energy_is_that_of_the_axes_on_which_a_law_acts():
     found = _compared(data, before, after, "elsewhere")
     assert found.axes == ("torque_z",)
     assert found.energy_reduction == pytest.approx(0.75, abs=0.01)
+    same = _compared(data, before, before, "elsewhere")
+    assert (same.energy_reduction, same.axes) == (0.0, ())
 
 
 def test_the_file_of_a_law_is_an_effect_that_is_added(found, hidden):
