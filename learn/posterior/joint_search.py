@@ -7,10 +7,14 @@ bends             what the heaviest sets leave without a member, as far as that 
 names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
 """
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column, compatible, confused
 from wrenchgap.learn.posterior.posterior import (
     LIGHT,
@@ -120,7 +124,8 @@ def with_aliases(
     on: ModelResidual, linear: Scorer, weighed: Sequence[tuple[ScoredSet, float]], jobs: int
 ) -> tuple[tuple[ScoredSet, float], ...]:
     """The same, with those beside the heaviest set that predict the same with another effect, of no more parameters, in
-    the place of one.
+    the place of one; of an effect with more parameters, those count that are large enough for a name: two opposite
+    rotors that lose as much are no better a reason than less thrust and a yaw torque.
 
     Beside it they weigh by their fit and price alone: how wide the priors of their parameters are is no finding, and a
     centre of mass that is low, and in the middle, loses nothing for the places across that it could have had.
@@ -131,10 +136,17 @@ def with_aliases(
     def fitted(one: ScoredSet) -> float:
         return one.scored.log_probability - one.scored.prior - price * sum(linear.kinds[k] for k in one.keys)
 
-    swaps = [
-        (k, a) for k in heaviest.keys for a in confused(k, columns) if columns[a].scale.size <= columns[k].scale.size
-    ]
-    swapped = dict.fromkeys(s for pair in swaps for s in exchanges(heaviest.keys, pair, columns))
+    def large(one: Scored, key: str) -> int:
+        return int(np.sum(np.abs(one.theta[key]) >= MATERIAL * columns[key].scale))
+
+    def no_more(keys: Keys, gone: str, new: str) -> bool:
+        fewer = columns[new].scale.size <= columns[gone].scale.size
+        return fewer or large(linear(keys), new) <= large(heaviest.scored, gone)
+
+    swaps = [(gone, new) for gone in heaviest.keys for new in confused(gone, columns)]
+    swapped = dict.fromkeys(
+        keys for pair in swaps for keys in exchanges(heaviest.keys, pair, columns) if no_more(keys, *pair)
+    )
     begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in swapped]
     found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
     alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
@@ -219,11 +231,28 @@ def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[Sc
         straight = scorer(leaf.keys).log_probability
         if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - settings.behind:
             least = straight - settings.moved
-            likely = [k for k in exchanges(leaf.keys, others, columns) if scorer(k).log_probability > least]
-            found = [c for c in (scored_set(scorer, k) for k in likely) if all(p.named for p in c.parts)]
-            alike += [c for c in found if predict_the_same(leaf, c, scorer)]
+            swapped = dict.fromkeys((*exchanges(leaf.keys, others, columns), *for_two(leaf.keys, columns)))
+            found = [scored_set(scorer, k) for k in swapped if scorer(k).log_probability > least]
+            bare = [c for c in found if all(p.named for p in c.parts) or not likely_without_one(scorer, c.keys, least)]
+            alike += [c for c in bare if predict_the_same(leaf, c, scorer)]
         out += zip(alike, [part * share for share in shares(scorer, [c.keys for c in alike])], strict=True)
     return tuple(out)
+
+
+def likely_without_one(scorer: Scorer, keys: Keys, least: float) -> bool:
+    """Whether a set without one of these members would be likely enough, its prior counted: with a constant wrench a
+    loss of thrust is idle as far as the fit goes, and makes the wrench ten times more plausible.
+    """  # noqa: D205
+    return any(scorer(tuple(k for k in keys if k != gone)).log_probability > least for gone in keys)
+
+
+def for_two(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
+    """The sets with two candidates that are known to be confused with one in its place."""
+    out = []
+    for gone in keys:
+        rest = tuple(k for k in keys if k != gone)
+        out += [tuple(sorted((*rest, *pair))) for pair in itertools.combinations(confused(gone, columns), 2)]
+    return [k for k in out if len(set(k)) == len(k) and compatible(k, columns)]
 
 
 def exchanges(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:

@@ -15,7 +15,7 @@ class RotorThrust(ThrustEffect):
 
     name = "rotor_thrust"
     excited_by = "tilt about two axes; force and torque together separate it from a centre-of-mass offset"
-    confused_with = ("com_offset", "thrust_scale", "coaxial_loss")
+    confused_with = ("com_offset", "thrust_scale", "coaxial_loss", "constant_wrench")
     sparse = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

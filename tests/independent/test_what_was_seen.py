@@ -22,6 +22,13 @@ ROTOR_OR_NOT = ("rotor_thrust", "com_offset", "mass", "thrust_scale", "drag_torq
 ANYWAY = {"body_drag", "motor_lag"}
 """Drag and motors that follow in 20 ms, which all of these flights have and the model has not."""
 LAGS = ("motor_lag", "asymmetric_motor_lag", "command_delay")
+
+
+def twisted(*state):
+    """A yaw torque, of motor mounts that are twisted alike."""
+    return np.zeros(3), np.array([0.0, 0.0, 0.025])
+
+
 SEEN = {
     "curves": (
         Case("curves", 1.0, seed=2, thrust_linear=0.15, torque_linear=0.1, torque=1.04),
@@ -46,6 +53,11 @@ SEEN = {
         Case("off centre", seed=102, gusts=0.5, com=OFF, mass=1.04),
         {"com_offset", "mass", "thrust_scale", "payload"},
         ("rotor_thrust", "com_offset", "mass", "thrust_scale", "thrust_curve", "tether"),
+    ),
+    "yaw trim": (
+        Case("yaw trim", seed=213, gusts=0.4, mass=1.13, lag=(0.06, 0.06), motor_hz=100.0, imu_hz=100.0, law=twisted),
+        {"constant_wrench", "mass", "thrust_scale", "payload"},
+        ("rotor_thrust", "constant_wrench", "mass", "thrust_scale", "thrust_curve", "com_offset"),
     ),
 }
 """What is flown; the effects, beside `ANYWAY`, of which a firm name is no wrong one; those that are tried every day."""
@@ -123,6 +135,14 @@ def test_a_lag_of_40_ms_behind_a_delay_of_4_is_no_delay(explained):
     values = {e.effect.name: e.theta for e in found.fit.effects}
     np.testing.assert_allclose(values.get("motor_lag", values.get("asymmetric_motor_lag")), 0.04, atol=3e-3)
     assert values.get("command_delay", 0.0) < 8e-3
+
+
+def test_less_thrust_and_a_yaw_trim_are_no_two_weak_rotors(explained):
+    """Two rotors that turn the same way and lose as much make the same constant force and torque."""
+    found = explained("yaw trim")
+    assert found.firm == ()
+    named = {name for s in found.classes[0].sets for name in s.names}
+    assert {"rotor_thrust", "constant_wrench"} <= named
 
 
 def test_a_hover_in_gusts_lacks_nothing(explained):
