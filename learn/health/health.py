@@ -22,6 +22,7 @@ from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
+from wrenchgap.learn.health.flight_modes import FlightMode, modes_of
 from wrenchgap.learn.health.motors import Motors, motors_of
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
 from wrenchgap.learn.health.rotors import thrusts_of
@@ -62,6 +63,7 @@ class LogHealth:
     settings: tuple[Setting, ...]
     contradictions: tuple[Check, ...] = ()
     follows: bool | None = None
+    modes: tuple[FlightMode, ...] = ()
 
     @property
     def name(self) -> str:
@@ -139,7 +141,8 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     if not rest["phases"].seconds(*AIRBORNE):
         against = ()  # no model fits a log without a flight, which is said
     settings = settings_of(log.autopilot, rest["answers"], names)
-    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **rest)
+    modes = modes_of(recorded)
+    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, modes=modes, **rest)
 
 
 def _against(

@@ -14,7 +14,7 @@ class ThrustFade(WrenchEffect):
     """
 
     name = "thrust_fade"
-    excited_by = "minutes in the air (of use for logs that have no voltage)"
+    excited_by = "minutes in the air (for logs without a voltage)"
     stands_in_for = "battery_sag"
     confused_with = ("battery_sag", "thrust_scale")
 

@@ -8,6 +8,7 @@ import numpy as np
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
 from wrenchgap.learn.health.autopilot_messages import ESTIMATOR, Estimator
+from wrenchgap.learn.health.flight_modes import changed_before
 from wrenchgap.learn.health.health import LogHealth
 from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -67,7 +68,9 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             more = f" (and {len(events) - 1} more)" if len(events) > 1 else ""
             todo = "inspect the whole vehicle before it flies again" if name == "crash" else "inspect it for damage"
             at = events[0].start if events[0].event is None else events[0].event
-            words = f"{_first(name)} at {at:.1f} s{more}: {events[0].why}; {todo}."
+            mode = changed_before(log.modes, at)
+            after = "" if mode is None else f"; flight mode {mode.name} since {mode.start:.1f} s"
+            words = f"{_first(name)} at {at:.1f} s{more}: {events[0].why}{after}; {todo}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
         words = "The motors never ran: this log holds no flight. Give another log."

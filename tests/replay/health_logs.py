@@ -37,6 +37,8 @@ class Wrong:
     pause: float = 0.0
     """Of the IMU in hover [s]."""
     crash: bool = False
+    acro: float | None = None
+    """When it is switched to the flight mode Acro [s]."""
     rate: float = 100.0
     """Of the motor commands [Hz]."""
     turns: float = 0.0
@@ -117,6 +119,9 @@ def ulog(path, wrong=None):
     if wrong.turns:
         speeds = [[int(t), 60.0 * wrong.turns] for t in _micro(at)]
         log.nested("esc_status", f"{STAMP};esc_report[1] esc", {"esc_report": "float esc_rpm"}, "Qf", speeds)
+    if wrong.acro is not None:
+        rows = {"timestamp": _micro([0.0, 10.0, wrong.acro]), "nav_state": np.array([2, 2, 10], np.uint8)}
+        log.topic("vehicle_status", f"{STAMP};uint8_t nav_state", rows)
     for milliseconds in wrong.dropouts:
         log.dropout(milliseconds)
     return log.save(path)
@@ -142,6 +147,8 @@ def dataflash(path, wrong=None):
     clipped = np.where(second > 12.0, wrong.clips, 0)
     names = "TimeUS,IMU,VibeX,VibeY,VibeZ,Clip"
     log.add("VIBE", "QBfffI", names, _micro(second), none, shaken, 0.5 * shaken, shaken, clipped, instance="IMU")
+    if wrong.acro is not None:
+        log.add("MODE", "QBB", "TimeUS,Mode,ModeNum", _micro([0.0, 10.0, wrong.acro]), [5, 5, 1], [5, 5, 1])
     ratio, faults = np.where(flying(at), wrong.ratio, 0.0), np.where(flying(at), wrong.faults, 0)
     names = "TimeUS,C,SV,SP,SH,SM,FS,PI"
     small = np.full(len(at), 0.05)

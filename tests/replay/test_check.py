@@ -26,6 +26,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
 from wrenchgap.learn.diagnose.model_checks import inspect
 from wrenchgap.learn.health.answers import Lack, Question
+from wrenchgap.learn.health.flight_modes import changed_before
 from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
@@ -130,6 +131,18 @@ def test_the_crash_is_where_it_happens(made):
         assert crash.start == pytest.approx(20.0, abs=0.5)
         assert crash.event == pytest.approx(20.0, abs=0.03)  # its impact, whatever the filters mix of it
         assert said(made(kind, "crash"))["crash"].words.startswith("Crash at 20.0 s: an impact")
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_flight_mode_that_was_chosen_before_the_crash_is_said(made, kind):
+    health = made(kind, "crash", Wrong(crash=True, acro=18.5))
+    assert "flight mode Acro since 18.5 s; inspect" in said(health)["crash"].words
+    assert "flight mode" not in said(made(kind, "crash"))["crash"].words
+    modes = health.logs[0].modes
+    assert [mode.name for mode in modes][-1] == "Acro"
+    assert changed_before(modes, 18.5 + 29.0) is modes[-1]
+    assert changed_before(modes, 18.5 + 31.0) is None
+    assert changed_before(modes, 18.0) is None  # the first mode was not changed to
 
 
 def test_a_voltage_of_a_twentieth_of_a_volt_is_no_battery_and_a_low_one_is(made):
