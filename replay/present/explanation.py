@@ -9,6 +9,7 @@ from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, timing, what_to_inspect
@@ -88,25 +89,40 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    names = " and ".join(
-        f"{posterior.with_values(found.fit, found.model, m.name)}, {_confidence(found, m)}" for m in found.members
-    )
+    sure, others = _members(found, True), _members(found, False)
+    names = f"{sure}{'; less sure: ' * bool(sure and others)}{others}"
     turbulence, unproven = posterior.turbulence(found), posterior.unproven(found)
     residual = posterior.largest_residual(found)
     if found.verdict is Verdict.NOTHING:
         none = posterior.nothing_missing(found)
         return _joined(none, posterior.nearest(found), turbulence, unproven, residual)
     if found.verdict is Verdict.UNKNOWN:
-        partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
+        partly = f"{_by(found, 'Partly explained')} {names}; more is missing than the catalogue can explain." * bool(
+            names
+        )
         if short(found) and not names:
             return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
         return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
     groups = "; ".join(map(_alike, found.groups))
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
-    said = f"Explained by {names}."
+    said = f"{_by(found, 'Explained')} {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
     return _joined(*first, turbulence, unproven, residual)
+
+
+def _members(found: Explanation, sure: bool) -> str:
+    """The named effects with their sizes, those that are sure or the others."""
+    some = [m for m in found.members if (found.confidence(m) >= DEFAULT.firm) is sure]
+    return " and ".join(
+        f"{posterior.with_values(found.fit, found.model, m.name)}, {_confidence(found, m)}" for m in some
+    )
+
+
+def _by(found: Explanation, word: str) -> str:
+    """How strongly it is said."""
+    sure = any(found.confidence(m) >= DEFAULT.firm for m in found.members)
+    return f"{word} by" if sure else f"Perhaps {word.lower()} by"
 
 
 def _joined(*sentences: str) -> str:

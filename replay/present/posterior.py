@@ -17,7 +17,7 @@ from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import where
-from wrenchgap.replay.present.numbers import quantity, share, unit_of, user_name
+from wrenchgap.replay.present.numbers import number, quantity, share, unit_of, user_name
 from wrenchgap.replay.present.tables import Line
 
 LIGHT = 0.02
@@ -157,7 +157,8 @@ def nearest(
 
 
 def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:
-    """The effect with its parameters, or of many the three largest above `prominent` times the largest of them.
+    """The effect with its parameters and their standard deviations, or of many the three largest above `prominent`
+    times the largest of them.
 
     Sizes are compared as multiples of the parameters' typical ones.
     """
@@ -169,7 +170,11 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> st
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
     if not shown:
         return name
-    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
+    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {_with_std(v)}' for v in shown)})"
+
+
+def _with_std(v: Value) -> str:
+    return quantity(v.value, v.unit) if not v.std else f"{number(v.value)} +- {quantity(v.std, v.unit, 2)}"
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:

@@ -71,7 +71,7 @@ def swinging(found):
 def test_an_effect_is_told_with_its_values_and_how_sure(named):
     words = summary(named)
     assert named.verdict == "effect"
-    told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) m\b", words)}
+    told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) \+- [\d.]+ m\b", words)}
     assert told == pytest.approx({"x": -0.004, "y": 0.007, "z": -0.005}, abs=2e-4)
     assert f"confidence {100 * named.confidence(named.members[0]):.0f} %" in words
 
@@ -83,7 +83,7 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     loss[[3, 8]] = -0.2, -0.1
     fitted = replace(named.fit, parameters=tuple(rotors), theta=loss, covariance=1e-6 * np.eye(12))
     member = replace(named.members[0], name="rotor_thrust")
-    assert "rotor_thrust (M4 -0.200, M9 -0.100)," in summary(replace(named, members=(member,), fit=fitted))
+    assert "rotor_thrust (M4 -0.200 +- 0.0010, M9 -0.100 +- 0.0010)," in summary(replace(named, members=(member,), fit=fitted))
 
 
 def test_a_constant_wrench_is_said_as_check_says_it(named):
