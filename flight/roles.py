@@ -328,21 +328,22 @@ def assignment(
 ) -> Assignment:
     """Who plays what under `topics` and, where the log can follow them, `preferred`, those of a model file.
 
-    What a model file says of a topic's numbers where this log has the role but not that topic is noted. Errors as of
-    `propose`.
+    Where this log has the role but not the topic of a model file, the notes say what is used instead, and what the
+    file says of that topic's numbers. Errors as of `propose`.
     """
     topics, preferred = topics or {}, preferred or {}
     said = {role: None if is_none(value) else parse_source(value) for role, value in preferred.items()}
     followed = {role: preferred[role] for role, own in said.items() if own is None or own.topic in tables}
     found = propose(tables, {**followed, **topics}, where)
-    lost = []
+    lost, plain = [], []
     for role, own in said.items():
-        if own is None or own.topic in tables or role in topics or own == Said(own.topic, own.field, None, 1.0, ""):
-            continue
         played = [found.sources[p].topic for p in ROLE_PARTS.get(role, (role,)) if p in found.sources]
-        if played:
-            lost.append(
-                f"The model file maps {role} to {preferred[role]}; this log has no {own.topic}, {played[0]} is used as "
-                "it is."
-            )
-    return replace(found, notes=(*found.notes, *lost))
+        if own is None or own.topic in tables or role in topics or not played:
+            continue
+        if own == Said(own.topic, own.field, None, 1.0, ""):
+            plain.append(f"{role} from {played[0]}, not {own.topic}")
+            continue
+        words = f"this log has no {own.topic}, {played[0]} is used as it is."
+        lost.append(f"The model file maps {role} to {preferred[role]}; {words}")
+    all_plain = [f"This log lacks topics that the model file names; read are {'; '.join(plain)}."] if plain else []
+    return replace(found, notes=(*found.notes, *lost, *all_plain))

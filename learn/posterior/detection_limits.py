@@ -94,7 +94,7 @@ def detection_limits(
         beside = tuple(k for k in named if k in search.others[key])
         for index, parameter in enumerate(find(key).parameters(vehicle)):
             if parameter.alone:
-                one = Injections(search, rule, key, index, beside, silent)
+                one = Injections(search, rule, key, index, beside, silent, vehicle)
                 size, instead = one.limit()
                 found.append(DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead))
     return tuple(found)
@@ -129,9 +129,19 @@ class Injections:
     """One parameter of a candidate at different sizes, beside the set that was found."""
 
     def __init__(
-        self, search: SubsetSearch, rule: Rule, key: str, index: int, found: Keys, silent: NDArray[np.bool_] | None
+        self,
+        search: SubsetSearch,
+        rule: Rule,
+        key: str,
+        index: int,
+        found: Keys,
+        silent: NDArray[np.bool_] | None,
+        vehicle: Vehicle,
     ) -> None:
-        """Of the parameter `index` of the candidate `key`; the rest as for `detection_limits`."""
+        """Of the parameter `index` of the candidate `key`; the rest as for `detection_limits`.
+
+        A change is plausible up to the effect's own bounds: those of a search between flights are wider.
+        """
         self.search, self.rule, self.silent = search, rule, silent
         self.settings = search.settings
         self.seldom = math.exp(-0.5 * (math.sqrt(-2.0 * math.log(self.settings.otherwise)) + ADVERSE) ** 2)
@@ -139,7 +149,8 @@ class Injections:
         self.key, self.index, self.found = key, index, found
         columns = search.space.columns
         column = columns[key]
-        low, high = column.low[index], column.high[index]
+        own, origin = find(key).parameters(vehicle)[index], float(column.origin[index])
+        low, high = max(column.low[index], own.low - origin), min(column.high[index], own.high - origin)
         self.least = MATERIAL * float(column.scale[index])
         self.plausible = float(low if -low > high else high)
         self.bend = float(column.theta[0]) if len(column.theta) == 1 else 0.0

@@ -7,6 +7,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.reading import loads
+from wrenchgap.plant.model_file.shipped import as_argument, find_model, shipped_models
 from wrenchgap.plant.model_file.writing import (
     changed_since,
     content_hash,
@@ -31,34 +32,6 @@ __all__ = [
     "tool_version",
     "with_reading",
 ]
-
-_SHIPPED = Path(__file__).parents[2] / "models"
-
-
-def find_model(name_or_path: str | Path) -> Path:
-    """Path of a model file: as given, or a shipped model by its name."""
-    path = Path(name_or_path)
-    if path.is_file():
-        return path
-    if path.is_dir():
-        raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
-    if str(name_or_path) in shipped_models():
-        return _SHIPPED / f"{name_or_path}.toml"
-    raise ModelError(
-        f"{name_or_path}: no such model file; give a path to a .toml file or one of the shipped models: "
-        f"{', '.join(shipped_models())}"
-    )
-
-
-def shipped_models() -> list[str]:
-    """Names of the models that come with this package."""
-    return sorted(path.stem for path in _SHIPPED.glob("*.toml"))
-
-
-def as_argument(model: Model) -> str:
-    """What `-m` takes for a model: the name of a shipped one, the path of a file."""
-    path = model.path
-    return path.stem if path is not None and path.parent == _SHIPPED else str(path or model.name)
 
 
 def load(name_or_path: str | Path) -> Model:

@@ -19,6 +19,7 @@ from wrenchgap.plant.history import BY_HAND, GIVEN, Trial, Version
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.command import table_of
 from wrenchgap.plant.model_file.reading import SCHEMA
+from wrenchgap.plant.model_file.shipped import as_argument
 from wrenchgap.plant.vehicle import Rotors, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
@@ -203,7 +204,7 @@ def next_version(
     content = content_hash(parent)
     if not versions or versions[-1].content != content:
         reason, before = (BY_HAND, versions[-1].content) if versions else (GIVEN, "")
-        number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else str(parent.path)
+        number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else as_argument(parent)
         versions.append(Version(number, reason, content, file, before, effects=parent.snapshot))
     last, date = versions[-1], datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     new = Version(

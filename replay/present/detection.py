@@ -36,7 +36,7 @@ def sentences(
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     if missed or hidden or lacking:
-        words = [f"{_injected(one, vehicle)} (injected, it was not firm)" for one in missed.values()]
+        words = [f"{_injected(one, vehicle)} (injected as a test, and missed)" for one in missed.values()]
         alike = {
             name: " or ".join(dict.fromkeys(n for one in own for n in one.instead)) for name, own in hidden.items()
         }
@@ -47,7 +47,7 @@ def sentences(
         halves += [f"Could not have been told apart: {_listed(unlike, most_hidden)}."] if unlike else []
         said.append(" ".join(halves))
     more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
-    advice = [f"fly {'; '.join(more)}"] if more else []
+    advice = [f"fly with {'; with '.join(more)}"] if more else []
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
         advice.insert(0, "log the commands at the rate of the loop")
     said += [f"To show more: {'; '.join(advice)}."] if advice else []
@@ -82,10 +82,11 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
     shown = [one for one in limits if one.shown]
     same_unit = len({one.unit for one in limits}) == 1
     worst = max(shown, key=_part if not same_unit else lambda one: abs(one.size))
-    size = size_in_words(abs(worst.size), worst.unit)
-    if len(limits) == 1:
+    size = _size(name, worst.parameter, abs(worst.size), worst.unit, vehicle)
+    factor = _is_factor(name, worst.parameter, vehicle)
+    if len(limits) == 1 and not factor:
         return f"{name} from {size}"
-    if len(shown) == len(limits) and same_unit:
+    if len(shown) == len(limits) and same_unit and not factor:
         return f"{name} from {size} (any of {len(limits)})" if find(name).sparse else f"{name} from {size}"
     names = "/".join(user_name(one.parameter, vehicle) for one in shown if one.unit == worst.unit)
     return f"{name} {names} from {size}"
@@ -93,20 +94,33 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
 
 def _injected(one: Recovery, vehicle: Vehicle) -> str:
     """What was put into the flights."""
-    return f"{one.effect} {user_name(one.parameter, vehicle)} {size_in_words(one.size, one.unit)}"
+    size = _size(one.effect, one.parameter, one.size, one.unit, vehicle)
+    return f"{one.effect} {user_name(one.parameter, vehicle)} {size}"
+
+
+def _is_factor(effect: str, parameter: str, vehicle: Vehicle) -> bool:
+    """Whether a pure number is a factor, which may be above one, and no relative change, which is said in per cent."""
+    own = next((p for p in find(effect).parameters(vehicle) if p.name == parameter), None)
+    return own is not None and own.unit == "1" and own.high > 1.0
+
+
+def _size(effect: str, parameter: str, size: float, unit_name: str, vehicle: Vehicle) -> str:
+    return number(size, 2) if _is_factor(effect, parameter, vehicle) else size_in_words(size, unit_name)
 
 
 def _checked(recoveries: Sequence[Recovery], vehicle: Vehicle) -> list[str]:
     """What injections say of the limits."""
     if not recoveries:
         return []
-    good = sum(one.as_stated for one in recoveries)
+    wrong = sum(not one.as_stated for one in recoveries)
     listed = [
-        f"{_injected(one, vehicle)} {'was firm' if one.firm else 'was not firm'}"
-        + (f", but {' and '.join(one.others)} too" * bool(one.others))
+        f"{_injected(one, vehicle)} was {'found' if one.firm else 'missed'}"
+        + (f", and {' and '.join(one.others)}, which was not injected" * bool(one.others))
+        + (", as it may be at half of its limit" if one.as_stated and not one.firm else "")
         for one in recoveries
     ]
-    return [f"Checked by injection into these flights, {good} of {len(recoveries)} as stated: {'; '.join(listed)}."]
+    held = f"{wrong} of {len(recoveries)} did not hold (take them as optimistic)" if wrong else "the limits held"
+    return [f"Limits checked by injection into these flights, {held}: {'; '.join(listed)}."]
 
 
 def lines(found: Explanation | Changed) -> list[Line]:

@@ -67,9 +67,8 @@ def parts(found: Explanation) -> list[Part]:
 
 def short(found: Explanation) -> list[str]:
     """A warning where hardly any flight was left to judge by."""
-    records = [r for f in found.flights for r in f.records]
-    seconds = sum(float(r.time[-1] - r.time[0]) for r in records)
-    return too_short(seconds) if records else []
+    seconds = [float(r.time[-1] - r.time[0]) for f in found.flights for r in f.records]
+    return too_short(sum(seconds)) if seconds else []
 
 
 def validation_warnings(tested: Validation) -> list[str]:
@@ -104,7 +103,7 @@ def summary(found: Explanation) -> str:
             return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
         return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
-    groups = "; ".join(map(_alike, found.groups))
+    groups = "; ".join(map(in_words, found.groups))
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     said = f"{_by(found, 'Explained')} {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
@@ -129,10 +128,11 @@ def _joined(*sentences: str) -> str:
     return " ".join(filter(None, sentences))
 
 
-def _alike(group: Sequence[str], most: int = 3) -> str:
+def in_words(group: Sequence[str], most: int = 3) -> str:
     """What cannot be told apart; of many, the likeliest."""
     more = len(group) - most
-    return " or ".join([*group[:most], *([f"{more} others (--details)"] if more > 0 else [])])
+    rest = [f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] if more > 0 else []
+    return " or ".join([*group[:most], *rest])
 
 
 def _confidence(found: Explanation, member: Member) -> str:
@@ -165,8 +165,8 @@ MOST_PLACES = 2
 MEMBERS_LEGEND = (
     "confidence: weight of the sets of effects that name it, in any of its forms, or one of its group, less "
     "what its own evidence leaves to chance   share: of the error energy that "
-    "returns without it   group: indistinguishable from it here   nearest other: and by how many standard errors it "
-    "fits worse"
+    "returns without it   group: indistinguishable from it here   nearest other: and by how many standard errors "
+    "(sigma) it fits worse"
 )
 RANKING_LEGEND = (
     "* named   = indistinguishable from one that is   score: share of the error energy that is gone   F, M: change of "
@@ -188,7 +188,7 @@ def members(found: Explanation) -> Table:
     for m in found.members:
         group = ", ".join(f"{r.name} ({share(r.weight)})" for r in m.alike)
         others = [r for r in m.rivals if not r.alike]
-        far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
+        far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
         sure = f"{100 * found.confidence(m):.0f} %"
         rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far))
     return table("named", ("effect", "confidence", "share", "t", "group", "nearest other"), rows, texts=(-2, -1))

@@ -22,6 +22,8 @@ from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, styled, table
 
+SHORT = 20.0
+"""Time in the air [s] below which tenths are said: some answers need ten seconds."""
 SIDE_BY_SIDE = 6
 """Logs in one table: of more, a terminal shows columns that are narrower than words, and of many none at all."""
 
@@ -109,9 +111,10 @@ def _when(motors: Motors) -> str:
 def flown(log: LogHealth) -> str:
     """How long a log is, and how much of it is flight."""
     length = f"{log.inspection.duration:.0f} s"
+    air = log.phases.seconds(*AIRBORNE)
     if log.phases.lack is not None:
         return f"{length}, phases unknown ({log.phases.lack})"
-    return f"{length}, {log.phases.seconds(*AIRBORNE):.0f} s of them in the air"
+    return f"{length}, {air:.{0 if air >= SHORT else 1}f} s in the air"
 
 
 def _lacks(found: Health) -> list[tuple[str, str]]:

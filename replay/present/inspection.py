@@ -13,6 +13,7 @@ from wrenchgap.flight.flight import Series
 from wrenchgap.flight.inspection import Inspection, TopicReport
 from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases.phase import Phase
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.documents import VERSIONS
@@ -23,6 +24,14 @@ from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, style
 
 LOOKS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 NAMES: dict[Level, str] = {"bad": "bad", "warn": "to look at", "ok": "passed"}
+
+
+def kept_in_words(asked: ReadOptions) -> str:
+    """What of reading a log a model file keeps."""
+    said = [f"{role} = {topic}" for role, topic in (asked.topics or {}).items()]
+    said += [f"shift of {role} {seconds:+g} s" for role, seconds in (asked.shifts or {}).items()]
+    said += [] if asked.cutoff_hz is None else [f"cut-off {asked.cutoff_hz:g} Hz"]
+    return ", ".join([*said, *(f"{axis} not measured" for axis in asked.unmeasured)])
 
 
 def parts(seen: LogReport) -> list[Part]:

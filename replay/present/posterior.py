@@ -88,8 +88,10 @@ def turbulence(found: Explanation, most: float = 0.05) -> str:
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
     if not axes:
         return ""
-    words = "more than noise is left, as turbulence leaves it"
-    words += "." if unproven(found) else ": nothing that was logged predicts it."
+    words = "the remaining error is larger than sensor noise"
+    words += (
+        ", as gusts make it." if unproven(found) else ", and nothing that was logged predicts it: as gusts make it."
+    )
     force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
     of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
     if of_weight > most:
@@ -116,8 +118,8 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
         return ""
     listed = ", ".join(f"{share(best.reduction[k])} of the rms of {AXES[k]}" for k in axes(best))
     return (
-        f"Not established: {with_values(best.fit, found.model, best.name)} alone takes off {listed}, where commands "
-        "answer the motion; what a controller does about a disturbance can look the same."
+        f"Not established: {with_values(best.fit, found.model, best.name)} alone removes {listed}, where commands "
+        "answer the motion: the controller's answer to a disturbance can look the same."
     )
 
 
@@ -153,7 +155,7 @@ def nearest(
     alike = [c.name for c in near[1:3] if c.score > alike_least * best.score]
     first = with_values(best.fit, found.model, best.name)
     names = " or ".join([first, *alike])
-    return f"Nearest, and not established: {names}, which would take off {share(best.score)} of the error energy."
+    return f"Nearest, and not established: {names}, which would remove {share(best.score)} of the error energy."
 
 
 def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:

@@ -42,8 +42,8 @@ def summary(found: OpenLoop) -> list[str]:
     worse = [WORDS.get(q, q) for k, q in enumerate(QUANTITIES) if last.mae[at, k] > naive.mae[at, k]]
     if worse:
         out.append(
-            f"Of {', '.join(worse)} that is worse than no model at all: what is missing in the model pushes from the "
-            "start on (wrenchgap where, wrenchgap explain)."
+            f"For {', '.join(worse)} that is worse than no model at all: a force or torque that the model lacks or has "
+            "wrong acts from the first moment on. `wrenchgap where` and `wrenchgap explain` look for it."
         )
     return out
 

@@ -15,7 +15,7 @@ from wrenchgap.learn.diagnose.timing import (
     TimingWarning,
     UnevenOffset,
 )
-from wrenchgap.replay.present.numbers import by_reason, entries
+from wrenchgap.replay.present.numbers import by_reason, entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 TWO_CLOCKS = "two clocks; record both with one"
@@ -159,7 +159,8 @@ def milliseconds(offset: Offset, absolute: bool = False) -> str:
 
 
 def _per_minute(slope: float | None, sign: bool = True) -> str:
-    return f"{6e4 * (slope or 0.0):{'+' if sign else ''}.2g}"
+    value = 6e4 * (slope or 0.0)
+    return f"{'+' if sign and value > 0.0 else ''}{number(value, 2)}"
 
 
 def to_json(found: FlightTiming) -> dict[str, Any]:

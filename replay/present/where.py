@@ -40,7 +40,10 @@ def parts(result: Where) -> list[Part]:
 def summary(where: Where) -> tuple[str, ...]:
     """The result in a few sentences, most important first."""
     shares = where.budget.whole()
-    process = {Source.FITTED: "a Gaussian process would explain", Source.GIVEN: "the GP explains"}
+    process = {
+        Source.FITTED: "a Gaussian process of the commands, constant errors included, would explain",
+        Source.GIVEN: "the GP explains",
+    }
     listed = [f"{share(shares['noise'])} is sensor noise"]
     if shares["physics"] != 0.0:
         listed.append(f"the effects of {where.name.removesuffix('+GP')} explain {share(shares['physics'])}")
@@ -91,7 +94,8 @@ def _relevant(relevant: Relevance) -> str:
         f"{g.label} ({share(g.alone)} alone, {share(g.lost)} lost without{_on_axes(', on', g.lost_axes)})"
         for g in relevant.chosen
     )
-    return f"On held-out time {share(relevant.explained)} of the residual is predicted by {listed}."
+    changes = "of the residual's changes about its mean"
+    return f"On held-out time {share(relevant.explained)} {changes} are predicted by {listed}."
 
 
 def _autocorrelation(auto: Autocorrelation) -> str:

@@ -171,6 +171,14 @@ def test_a_role_from_the_columns_of_an_array(logs, tmp_path):
         flight.load(path, topics={"imu": "/debug[0:5]"})
 
 
+def test_a_topic_of_the_model_file_that_a_log_lacks_is_not_replaced_in_silence(logs, tmp_path):
+    path = logs.plain_flight(1.0).save(tmp_path / "log.mcap")
+    saved = {"battery": "/not/in/this/log", "imu": "/cf/imu", "commanded": "/command/wrench"}
+    (note,) = (text for text in flight.load(path, preferred=saved).notes if "model file" in text)
+    assert note == "This log lacks topics that the model file names; read are imu from /imu, not /cf/imu."
+    assert not [n for n in flight.load(path, topics={"imu": "/imu"}, preferred=saved).notes if "model file" in n]
+
+
 def test_a_saved_mapping_is_followed_as_far_as_the_log_can(logs, tmp_path):
     path = logs.plain_flight(1.0).save(tmp_path / "log.mcap")
     saved = {"battery": "/not/in/this/log", "odometry": "none", "imu": "/imu"}

@@ -1,12 +1,14 @@
 """What flights could have shown: limits that hold when the effect is put into the flights, and what they depend on."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.posterior import detection_limits
 from wrenchgap.learn.posterior.detection_limits import (
     DetectionLimit,
     InjectedSpectrum,
@@ -142,6 +144,40 @@ def test_what_is_named_has_no_limit_and_others_have_theirs_beside_it(offset, hex
     assert limit_of(found, "rotor_thrust", "rotor_0").shown
 
 
+def test_a_size_beyond_what_an_effect_can_be_is_no_limit(searched, plain, hexarotor, monkeypatch):
+    """A search between flights allows changes of twice the bounds; no rotor loses 114 % of its thrust."""
+    seen = abs(limit_of(searched, "rotor_thrust", "rotor_3").size)
+    narrow = tuple(
+        replace(p, low=-0.5 * seen, high=0.5 * seen) for p in find("rotor_thrust").parameters(hexarotor.vehicle)
+    )
+    own = Mock(parameters=lambda vehicle: narrow)
+    monkeypatch.setattr(detection_limits, "find", lambda name: own if name == "rotor_thrust" else find(name))
+    found = search_dataset(plain, hexarotor, Candidates(NAMES, ()))
+    assert not limit_of(found, "rotor_thrust", "rotor_3").shown
+    assert limit_of(found, "com_offset", "x").shown
+
+
+def test_a_factor_is_said_as_one_and_a_relative_change_in_per_cent(searched):
+    """Of `ground_effect` the gain is 8.6 times the law of one rotor, which is no 860 %."""
+    gain = DetectionLimit("ground_effect", "gain", "1", 8.6, 100.0)
+    thrust = DetectionLimit("thrust_scale", "scale", "1", 0.086, 0.3)
+    said = detection.sentences(replace(searched, limits=(gain, thrust), recoveries=()))[0]
+    assert "ground_effect gain from 8.6" in said
+    assert "thrust_scale from 8.6 %" in said
+
+
+def test_what_injections_say_of_limits_is_said_as_good_or_bad(searched):
+    limit = limit_of(searched, "thrust_scale", "scale")
+    one = Recovery(limit.effect, limit.parameter, limit.unit, 0.01, 1.0, True, ())
+    *_, held = detection.sentences(replace(searched, recoveries=(one,)))
+    assert (
+        held == "Limits checked by injection into these flights, the limits held: thrust_scale scale 1.0 % was found."
+    )
+    *_, failed = detection.sentences(replace(searched, recoveries=(one, replace(one, firm=False))))
+    assert "1 of 2 did not hold (take them as optimistic)" in failed
+    assert failed.endswith("thrust_scale scale 1.0 % was missed.")
+
+
 def test_injections_are_drawn_from_what_would_be_shown(hexarotor):
     limits = [DetectionLimit("mass", "added", "kg", size, 1.0) for size in (0.1, float("nan"), 0.2, 0.3)]
     asked = []
@@ -175,7 +211,7 @@ def test_what_was_injected_and_not_firm_is_not_said_to_have_been_shown(searched)
     assert "thrust_scale from" in before[0]
     assert "thrust_scale" not in would
     assert "thrust_scale scale " in could
-    assert "(injected, it was not firm)" in could
+    assert "(injected as a test, and missed)" in could
 
 
 def test_what_is_seen_under_another_name_is_no_effect_that_could_not_have_been_shown(searched):

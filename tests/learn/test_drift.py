@@ -1,6 +1,7 @@
 """An offset that drifts is two clocks, unless one clock is known to stamp both signals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +32,15 @@ def test_an_autopilots_own_log_has_one_clock(prefix, one, flown):
                 and w.offset.second == "odometry attitude"]  # fmt: skip
     assert drift.one_clock is one
     assert any(("two clocks" in words) is not one and "the offset moves by" in words for words in warnings(found))
+
+
+def test_a_fast_drift_is_said_without_an_exponent(flown):
+    """-2.5 ms a second are -150 ms a minute."""
+    found = timing(drifting(flown, ""))
+    drift = next(w for w in found.warnings if isinstance(w, Drift))
+    fast = replace(drift, offset=replace(drift.offset, drift=-2.5e-3, drift_std=1.63e-4))
+    (words,) = warnings(SimpleNamespace(warnings=(fast,)))
+    assert "moves by -150 +- 9.8 ms/min" in words
 
 
 def test_pose_and_twist_of_one_topic_have_one_clock(flown):

@@ -131,7 +131,7 @@ def test_never_overwrites_without_force(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
 
-@pytest.mark.parametrize("name", sorted(p.stem for p in model_file._SHIPPED.glob("*.toml")))
+@pytest.mark.parametrize("name", model_file.shipped_models())
 def test_shipped_models_are_usable(name):
     model = model_file.load(name)
     assert model.vehicle.body.mass > 0

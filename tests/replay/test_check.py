@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -30,7 +31,7 @@ from wrenchgap.learn.health.flight_modes import changed_before
 from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
-from wrenchgap.replay.present.health import answer
+from wrenchgap.replay.present.health import answer, flown
 from wrenchgap.replay.present.health_rows import ROWS
 from wrenchgap.replay.present.inspection import next_command
 from wrenchgap.replay.present.notes import grouped
@@ -476,6 +477,14 @@ def test_what_a_tenth_of_a_role_lacks_is_said_of_measurements_not_of_setpoints(l
     values[: len(values) // 2] = np.nan
     log = write(replace(flight, **{role: replace(series, **{name: values})}), tmp_path / "half.mcap")
     assert ("samples left out" in {one.short for one in statements(wg.check(log).logs[0])}) == word
+
+
+def test_seconds_in_the_air_are_said_to_tenths_where_ten_are_needed(made):
+    """ "10 s" beside "9.6 s, 10 needed" is a riddle."""
+    (log,) = made("ulg").logs
+    short = Mock(seconds=lambda *names: 9.58, lack=None)
+    assert flown(replace(log, phases=short)).endswith(", 9.6 s in the air")
+    assert flown(replace(log, phases=Mock(seconds=lambda *names: 24.6, lack=None))).endswith(", 25 s in the air")
 
 
 def test_of_two_equal_files_the_second_is_left_out_and_said(run, logs, tmp_path):

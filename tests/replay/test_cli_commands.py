@@ -181,6 +181,9 @@ def test_inspect_keeps_in_a_model_how_it_read(logs, result_of, run):
         "inspect", logs.test, "-m", MODEL, "--shift", "odometry=-0.004", "--cutoff", "6", "-o", "kept.toml"
     )
     assert (result["model"], result["model_version"]) == ("kept.toml", 2)
+    assert model_file.load("kept.toml").history[0].file == MODEL  # and no path of the installation
+    said = run("inspect", logs.test, "-m", MODEL, "--topic", "imu=/imu", "--shift", "odometry=-0.004", "-o", "b.toml")
+    assert "kept in b.toml: imu = /imu, shift of odometry -0.004 s\n" in said.output
     result = result_of("compare", logs.test, "-m", "kept.toml")
     assert (result["inputs"][0]["shift_s"], result["cutoff_hz"]) == ({"odometry": -0.004}, 6.0)
     for said, expected in (

@@ -25,7 +25,7 @@ from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS, plain
-from wrenchgap.replay.present.explanation import brief, members, short, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import brief, in_words, members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.posterior import oscillation_in_words
@@ -136,6 +136,11 @@ def test_a_group_is_told_with_all_its_members(grouped):
     assert all(name in summary(grouped) for name in grouped.groups[0])
 
 
+def test_of_many_that_are_alike_the_rest_is_counted_in_words():
+    assert in_words(("a", "b", "c", "d")) == "a or b or c or one other (--details)"
+    assert in_words(("a", "b", "c", "d", "e")) == "a or b or c or one of 2 others (--details)"
+
+
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert nothing.verdict == "nothing"
     assert what_next(nothing, NAME, ["a.mcap"]) == []
@@ -199,7 +204,7 @@ def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_estab
     loud = replace(nothing, ranking=(late,), answering=(3, 4, 5), open=np.arange(6) > 2)
     assert summary(loud).startswith("Nothing is established.")
     assert "Not established: com_offset (" in summary(loud)
-    assert "alone takes off 70 % of the rms of torque_x, where commands answer the motion" in summary(loud)
+    assert "alone removes 70 % of the rms of torque_x, where commands answer the motion" in summary(loud)
     assert "nothing that was logged predicts it" not in summary(loud)
     assert "Not established: com_offset (" in summary(replace(loud, verdict=Verdict.UNKNOWN))
     for other in (

@@ -154,7 +154,7 @@ def test_what_is_worse_than_no_model_is_said(flown):
     flights, _ = flown
     off = MODEL.with_effects([make_effect(MODEL.vehicle, "com_offset", {"x": 0.02, "y": 0.0, "z": 0.0})])
     told = wg.predict(flights[0], off, horizons=HORIZONS).to_json()["summary"]
-    assert told[1].startswith("Of position, velocity, attitude, body rates that is worse than no model at all")
+    assert told[1].startswith("For position, velocity, attitude, body rates that is worse than no model at all")
 
 
 def test_a_flight_without_a_pose_or_too_short_is_refused(flown):

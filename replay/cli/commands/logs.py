@@ -1,14 +1,19 @@
 """`wrenchgap check`, `inspect`, `convert`: what is in logs."""
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
 from wrenchgap.replay.cli.values import usage_error
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.data.read_options import ReadOptions
+    from wrenchgap.plant.model import Model
 
 
 def check(
@@ -95,15 +100,22 @@ def inspect(
     found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]
     bad = any(check["level"] == "bad" and not check["accepted"] for check in found)
     if known is not None and output is not None and not bad:
-        from wrenchgap.replay import api
-
-        kept = asked.recorded_in(known)
-        saved = api.save_model(kept, output, before=known, command=run.command_line(), force=run.force)
-        run.write_model("inspect", {"logs": bodies}, saved, output)
+        _keep(run, known, asked, output, {"logs": bodies})
         return
     run.write("inspect", {"logs": bodies})
     if bad:
         raise typer.Exit(FOUND_BAD)
+
+
+def _keep(run: DetailedRun, model: "Model", asked: "ReadOptions", output: Path, body: Mapping[str, Any]) -> None:
+    """Write the model with how the logs were read, and say what of it is kept."""
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.inspection import kept_in_words
+
+    kept = asked.recorded_in(model)
+    saved = api.save_model(kept, output, before=model, command=run.command_line(), force=run.force)
+    run.line(f"kept in {output}: {kept_in_words(asked)}")
+    run.write_model("inspect", body, saved, output)
 
 
 def convert(
