@@ -234,7 +234,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
-        "already": fitted_effects.already_in(found.model),
+        "already": fitted_effects.already_in(found.model, found.effects),
         "fitted": [{"effect": name, "parameters": fitted.get(name, ())} for name in found.effects],
         "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
         "classes": [posterior.class_json(c, found.model.vehicle) for c in found.classes],
@@ -271,7 +271,7 @@ def brief(found: Explanation) -> list[Part]:
     said: list[Part] = [
         Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
     ]
-    said += [Line(text) for text in (fitted_effects.already_in(found.model),) if text]
+    said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += map(Line, posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)

@@ -13,6 +13,8 @@ from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.numbers import quantity, size_in_words, user_name
 
+PROMINENT = 0.3
+"""Size, in those of the largest value, from which on another value of the effect is said, if it is not typical."""
 MOST_SAID = 2
 """Effects that are said in words; of others how many there are."""
 
@@ -33,9 +35,12 @@ def largest_first(model: Model) -> list[FittedEffect]:
     return sorted((one for one in found if one.size > 0.0), key=lambda one: -one.size)
 
 
-def already_in(model: Model, least: float = 1.0) -> str:
-    """What a model holds that is more than `least` times its typical size, in a line; empty where there is nothing."""
-    large = [one for one in largest_first(model) if one.size > least]
+def already_in(model: Model, named: Sequence[str] = (), least: float = 1.0) -> str:
+    """What a model holds, beside what was `named`, that is more than `least` times its typical size, in a line; empty
+    where there is nothing.
+    """  # noqa: D205
+    given = model.with_effects(e for e in model.effects if e.name not in named)
+    large = [one for one in largest_first(given) if one.size > least]
     if not large:
         return ""
     listed = " and ".join(f"{one.subject} {one.is_so} ({one.values})" for one in large[:MOST_SAID])
@@ -64,8 +69,7 @@ def _in_words(effect: ModelEffect, vehicle: Vehicle) -> FittedEffect:
     values = [Value(p.name, v, None, p.unit) for p, v in zip(parameters, effect.theta.tolist(), strict=True)]
     by = {v.name: v for v in values if v.name in sizes}
     largest = sizes[clearest[0]] if clearest else 0.0
-    # those that a reader needs: beyond what is typical, or where none is, the largest
-    said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, 0.999 * largest)]
+    said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, PROMINENT * largest)]
     listed = ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in said)
     subject, is_so = _words(effect.name, by, clearest, vehicle) if clearest else ("", "")
     return FittedEffect(subject, is_so, f"{effect.name} {listed}", largest)
