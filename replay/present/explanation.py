@@ -1,5 +1,7 @@
 """What `explain` found: the verdict in sentences, tables, JSON."""
 
+# Long because the verdict, its tables, its JSON and its picture are of one result, and use one another.
+
 import shlex
 from collections.abc import Sequence
 from typing import Any

@@ -83,7 +83,8 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     loss[[3, 8]] = -0.2, -0.1
     fitted = replace(named.fit, parameters=tuple(rotors), theta=loss, covariance=1e-6 * np.eye(12))
     member = replace(named.members[0], name="rotor_thrust")
-    assert "rotor_thrust (M4 -0.200 +- 0.0010, M9 -0.100 +- 0.0010)," in summary(replace(named, members=(member,), fit=fitted))
+    words = summary(replace(named, members=(member,), fit=fitted))
+    assert "rotor_thrust (M4 -0.200 +- 0.0010, M9 -0.100 +- 0.0010)," in words
 
 
 def test_a_constant_wrench_is_said_as_check_says_it(named):
