@@ -161,7 +161,8 @@ def nearest(
 def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:
     """The effect with its parameters and their standard deviations.
 
-    Of many the three largest above `prominent` times the largest of them. Sizes are compared as multiples of the parameters' typical ones.
+    Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
+    parameters' typical ones.
     """
     shown: Sequence[Value] = fit.values(name)
     if len(shown) > 3:
