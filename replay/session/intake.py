@@ -84,6 +84,9 @@ class Intake:
         from wrenchgap.replay.api_flights import check  # here: the page stands before it is there
 
         health = check(list(logs), self.model, self.options, progress=report) if logs else None
+        if health is not None and health.repeated:
+            again, first = (Path(file).name for file in health.repeated[0])
+            raise UsageError(f"{again}: the same log as {first}, which is open")
         return replace(self, health=health, logs=tuple(logs))
 
     def with_model(self, model: Model, report: Report, sheet: Sheet | None = None) -> Intake:
