@@ -36,6 +36,9 @@ from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import weight_scale
 from wrenchgap.plant.vehicle import Vehicle
 
+COMMANDS = frozenset(("thrust", "thrust of rotors", "tilt of the arms", "tilt rates of the arms"))
+"""Causes that are commands."""
+
 
 @dataclass(frozen=True)
 class Term:
@@ -65,6 +68,11 @@ class Atom:
     def causes(self) -> tuple[str, ...]:
         """What it depends on, in words."""
         return causes(t.code for t in self.terms)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it depends on commands alone, which answer a disturbance: then gains of it are the controller's."""
+        return bool(self.causes) and set(self.causes) <= COMMANDS
 
     def needs(self, what: str) -> bool:
         """Whether one of its quantities needs a pose, moving air, a voltage, rotors, tilts or rates."""

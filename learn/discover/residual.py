@@ -17,7 +17,7 @@ from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
+from wrenchgap.learn.diagnose.relevance import shifted
 from wrenchgap.learn.discover import law_file
 from wrenchgap.learn.discover.atoms import Atom, atoms, constants
 from wrenchgap.learn.discover.evidence import CLIPPED, Evidence, Whitening, evidence, possible, ranges, responses
@@ -91,7 +91,9 @@ class Residual:
         self.left = np.nan_to_num(left_by(data, self.model))
         named = [uncertain(data, self.model, e) for e in self.model.effects]
         self.numbers = constants(model.vehicle, _volts(data))
-        every = possible(renamed(atoms(model.vehicle)), data, model)
+        answered = bool(explanation.answering) and not data.answering  # and nothing of that is taken off here
+        some = [a for a in atoms(model.vehicle) if not (answered and a.commanded)]
+        every = possible(renamed(some), data, model)
         self.whitening = Whitening(data, model, self.left, named)
         self.first = evidence(self.whitening, self.model, self.left, every, self.numbers)
 
@@ -141,14 +143,14 @@ class Residual:
         return FoundAtom(one, atom, tuple(alike[1:]), parts, again / SETTINGS.halves, self.driven(atom))
 
     def driven(self, atom: Atom) -> bool:
-        """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
-        a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
+        """Whether a law goes with what is left better as it is a moment later: then it follows, as rates and the motion
+        follow a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
         """  # noqa: D205
         made, gains = self.made([atom]), []
-        for seconds in (0.0, RELEVANCE.later):
+        for seconds in (0.0, *SETTINGS.later):
             moved = shifted(self.data, made.reshape(len(made), -1), seconds).reshape(made.shape)
             gains.append(gain_beside(self.first, self.whitening(moved), ()))
-        return gains[1] > gains[0]
+        return max(gains[1:]) > gains[0]
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""

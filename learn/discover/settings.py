@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from wrenchgap.learn.diagnose.relevance import RELEVANCE
+
 
 @dataclass(frozen=True)
 class DiscoverySettings:
@@ -26,6 +28,8 @@ class DiscoverySettings:
     """Nats behind the best atom up to which another predicts the same."""
     stability: float = 0.8
     """Share of halves of the time in which the law, or one like it, is found again."""
+    later: tuple[float, ...] = (0.1, RELEVANCE.later)
+    """How much later a law may not fit better [s]: rates follow a torque within 0.1, velocities a force within 0.3."""
     halves: int = 10
     """Such halves."""
     fewest: int = 6
