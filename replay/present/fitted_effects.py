@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
+from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
@@ -35,12 +36,12 @@ def largest_first(model: Model) -> list[FittedEffect]:
     return sorted((one for one in found if one.size > 0.0), key=lambda one: -one.size)
 
 
-def already_in(model: Model, named: Sequence[str] = (), least: float = 1.0) -> str:
-    """What a model holds, beside what was `named`, that is more than `least` times its typical size, in a line; empty
-    where there is nothing.
+def already_in(model: Model, named: Sequence[str] = ()) -> str:
+    """What a model holds, beside what was `named`, that is large enough for a name, in a line; empty where there is
+    nothing.
     """  # noqa: D205
     given = model.with_effects(e for e in model.effects if e.name not in named)
-    large = [one for one in largest_first(given) if one.size > least]
+    large = [one for one in largest_first(given) if one.size >= MATERIAL]
     if not large:
         return ""
     listed = " and ".join(f"{one.subject} {one.is_so} ({one.values})" for one in large[:MOST_SAID])
