@@ -20,16 +20,11 @@ from wrenchgap.plant.targets.quantities import still_wrench
 from wrenchgap.plant.trajectory.shapes import Recorded
 from wrenchgap.plant.wrench_model import WrenchModel, about_com
 
-SMALL = 0.05
-"""Share of torque about hover over which the thrust curve is taken for a line."""
-LEAST = 0.9
-"""Of the correlation, and of the slope to either side: a gain that is off by more than a tenth is another."""
-
 
 def flown_by_controller(model: Model, flights: Sequence[OpenFlight]) -> bool:
     """Whether the controller of the model file flew these: whether its torques, from the recorded motion and reference,
     go with the desired ones, both about the centre of mass and behind the flights' low-pass, their means aside, with a
-    correlation and a slope of `LEAST`.
+    correlation and a slope of 0.9 (`_alike`).
     """  # noqa: D205
     body, along_z = model.vehicle.body, pushes_along_z_only(model.vehicle)
     for flight, s, cutoff_hz in ((f.flight, s, f.records[0].cutoff_hz) for f in flights for s in f.flown):
@@ -47,12 +42,14 @@ def flown_by_controller(model: Model, flights: Sequence[OpenFlight]) -> bool:
     return True
 
 
-def _alike(asked: Array, own: Array) -> NDArray[np.bool_]:
-    """In which columns what was asked for (N, C) goes with a law's own (N, C), their means aside."""
+def _alike(asked: Array, own: Array, least: float = 0.9) -> NDArray[np.bool_]:
+    """In which columns what was asked for (N, C) goes with a law's own (N, C), their means aside: `least` of the
+    correlation, and of the slope to either side; a gain that is off by more than a tenth is another.
+    """  # noqa: D205
     asked, own = asked - asked.mean(axis=0), own - own.mean(axis=0)
     both, size = (asked * own).mean(axis=0), np.maximum((own**2).mean(axis=0), 1e-30)
     correlation, slope = both / np.sqrt(size * np.maximum((asked**2).mean(axis=0), 1e-30)), both / size
-    return np.asarray((correlation > LEAST) & (slope > LEAST) & (slope < 1.0 / LEAST))
+    return np.asarray((correlation > least) & (slope > least) & (slope < 1.0 / least))
 
 
 @dataclass(frozen=True)
@@ -66,11 +63,14 @@ class Autopilot:
     acceleration: Array
 
 
-def flown_by_px4(model: Model, flights: Sequence[OpenFlight], voltage: float | None) -> Autopilot | None:
+def flown_by_px4(
+    model: Model, flights: Sequence[OpenFlight], voltage: float | None, small: float = 0.05
+) -> Autopilot | None:
     """PX4's controller with the gains of these logs; None where they are no such logs, or not of the same gains.
 
-    `voltage` [V] is that of the battery, where the model's thrust depends on it. The torques are compared at the
-    samples that both are logged of; the rates behind the flights' low-pass, since attitudes have other stamps.
+    `voltage` [V] is that of the battery, where the model's thrust depends on it; `small` the share of torque about
+    hover over which the thrust curve is taken for a line. The torques are compared at the samples that both are logged
+    of; the rates behind the flights' low-pass, since attitudes have other stamps.
     Nothing is said about z: rotors that speed up turn the body at once, which PX4 filters for (MC_YAW_TQ_CUTOFF) and no
     model has.
     """
@@ -80,13 +80,13 @@ def flown_by_px4(model: Model, flights: Sequence[OpenFlight], voltage: float | N
         return None
     first, axes = loops[0][1], np.array([True, True, False])
     for cutoff_hz, loop in loops:
-        rates = (low_pass(x, loop.dt, min(cutoff_hz, 0.2 / loop.dt)) for x in loop.rates)
-        axes &= _alike(*loop.torques) & _alike(*rates)
+        asked, own = (low_pass(x, loop.dt, min(cutoff_hz, 0.2 / loop.dt)) for x in loop.rates)
+        axes &= _alike(*loop.torques) & _alike(asked, own)
     same = all(repr(loop.gains) == repr(first.gains) for _, loop in loops)
     if not (same and axes.any()) or len(first.hover) != len(model.vehicle.geometry()[1]):
         return None
-    ends = np.concatenate([first.hover + sign * SMALL * first.motors.T for sign in (1.0, -1.0)])
+    ends = np.concatenate([first.hover + sign * small * first.motors.T for sign in (1.0, -1.0)])
     speeds = model.command.speeds(ends, None if voltage is None else np.full(len(ends), voltage), model.vehicle)
     wrench = about_com(model.vehicle.body, still_wrench(WrenchModel(model.vehicle, ()), speeds))
-    torque = np.diag(wrench[:3, 3:] - wrench[3:, 3:]) / (2.0 * SMALL)
+    torque = np.diag(wrench[:3, 3:] - wrench[3:, 3:]) / (2.0 * small)
     return Autopilot(first.gains, axes, np.asarray(torque / np.diag(model.vehicle.body.inertia)))

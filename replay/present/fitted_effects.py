@@ -14,11 +14,6 @@ from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.numbers import quantity, size_in_words, user_name
 
-PROMINENT = 0.3
-"""Size, in those of the largest value, from which on another value of the effect is said, if it is not typical."""
-MOST_SAID = 2
-"""Effects that are said in words; of others how many there are."""
-
 
 @dataclass(frozen=True)
 class FittedEffect:
@@ -36,16 +31,16 @@ def largest_first(model: Model) -> list[FittedEffect]:
     return sorted((one for one in found if one.size > 0.0), key=lambda one: -one.size)
 
 
-def already_in(model: Model, named: Sequence[str] = ()) -> str:
-    """What a model holds, beside what was `named`, that is large enough for a name, in a line; empty where there is
-    nothing.
+def already_in(model: Model, named: Sequence[str] = (), most: int = 2) -> str:
+    """What a model holds, beside what was `named`, that is large enough for a name, in a line; of more effects than
+    `most` how many there are; empty where there is none.
     """  # noqa: D205
     given = model.with_effects(e for e in model.effects if e.name not in named)
     large = [one for one in largest_first(given) if one.size >= MATERIAL]
     if not large:
         return ""
-    listed = " and ".join(f"{one.subject} {one.is_so} ({one.values})" for one in large[:MOST_SAID])
-    more = f", and {len(large) - MOST_SAID} more" if len(large) > MOST_SAID else ""
+    listed = " and ".join(f"{one.subject} {one.is_so} ({one.values})" for one in large[:most])
+    more = f", and {len(large) - most} more" if len(large) > most else ""
     return f"The model already has, and `explain` does not name again: {listed}{more}."
 
 
@@ -59,7 +54,8 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     return f"{'Largest: ' if len(found) > 1 else ''}{verb} ({one.values})."
 
 
-def _in_words(effect: ModelEffect, vehicle: Vehicle) -> FittedEffect:
+def _in_words(effect: ModelEffect, vehicle: Vehicle, prominent: float = 0.3) -> FittedEffect:
+    """An effect in words; a further value of it is said from `prominent` times the largest on, or its typical size."""
     parameters, stds = effect.effect.parameters(vehicle), effect.std if effect.std is not None else effect.theta
     sizes = {
         p.name: abs(value) / p.scale
@@ -70,7 +66,7 @@ def _in_words(effect: ModelEffect, vehicle: Vehicle) -> FittedEffect:
     values = [Value(p.name, v, None, p.unit) for p, v in zip(parameters, effect.theta.tolist(), strict=True)]
     by = {v.name: v for v in values if v.name in sizes}
     largest = sizes[clearest[0]] if clearest else 0.0
-    said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, PROMINENT * largest)]
+    said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, prominent * largest)]
     listed = ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in said)
     subject, is_so = _words(effect.name, by, clearest, vehicle) if clearest else ("", "")
     return FittedEffect(subject, is_so, f"{effect.name} {listed}", largest)
