@@ -22,8 +22,6 @@ from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.statements import LEVELS, rotor, setting, statements
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, styled, table
 
-SHORT = 20.0
-"""Time in the air [s] below which tenths are said: some answers need ten seconds."""
 SIDE_BY_SIDE = 6
 """Logs in one table: of more, a terminal shows columns that are narrower than words, and of many none at all."""
 
@@ -108,13 +106,13 @@ def _when(motors: Motors) -> str:
     return "level hover" if motors.condition == "hover" else motors.condition
 
 
-def flown(log: LogHealth) -> str:
-    """How long a log is, and how much of it is flight."""
+def flown(log: LogHealth, short: float = 20.0) -> str:
+    """How long a log is, and how much of it is flight: below `short` [s] to a tenth, as some answers need ten."""
     length = f"{log.inspection.duration:.0f} s"
     air = log.phases.seconds(*AIRBORNE)
     if log.phases.lack is not None:
         return f"{length}, phases unknown ({log.phases.lack})"
-    return f"{length}, {air:.{0 if air >= SHORT else 1}f} s in the air"
+    return f"{length}, {air:.{0 if air >= short else 1}f} s in the air"
 
 
 def _lacks(found: Health) -> list[tuple[str, str]]:
