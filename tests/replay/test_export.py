@@ -253,7 +253,9 @@ def test_what_a_user_has_in_the_folder_stays(tmp_path):
     with pytest.raises(UsageError, match="holds selftest, which this command did not write"):
         wg.export_compensator(None, model, folder, force=True)
     (folder / "selftest").rmdir()
-    wg.save_model(model, tmp_path / "own.toml").path.rename(folder / "README.md")
+    folder.rmdir()
+    wg.export_compensator(None, model, folder)
+    wg.save_model(model, tmp_path / "own.toml").path.replace(folder / "README.md")
     with pytest.raises(UsageError, match=r"the model .*README\.md is in it"):
         wg.export_compensator(None, wg.load_model(folder / "README.md"), folder, force=True)
 
