@@ -13,10 +13,10 @@ def find_model(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
+    if str(name_or_path) in shipped_models():  # also where a folder of logs has that name
+        return _SHIPPED / f"{name_or_path}.toml"
     if path.is_dir():
         raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
-    if str(name_or_path) in shipped_models():
-        return _SHIPPED / f"{name_or_path}.toml"
     raise ModelError(
         f"{name_or_path}: no such model file; give a path to a .toml file or one of the shipped models: "
         f"{', '.join(shipped_models())}"

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
@@ -85,3 +86,12 @@ def test_the_documented_example_shows_every_key_of_controller_and_sensors():
     model = model_file.load("voliro_x")
     for part in (model.controller, model.sensors):
         assert all(re.search(rf"^{name} = ", PAGE, re.MULTILINE) for name in part.__dataclass_fields__)
+
+
+def test_a_folder_of_logs_with_the_name_of_a_shipped_model_hides_it_not(tmp_path, monkeypatch):
+    (tmp_path / "crazyflie").mkdir()
+    (tmp_path / "logs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert wg.load_model("crazyflie").vehicle.name == "crazyflie"
+    with pytest.raises(wg.ModelError, match="logs: is a folder"):
+        wg.load_model("logs")
