@@ -36,8 +36,8 @@ from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import weight_scale
 from wrenchgap.plant.vehicle import Vehicle
 
-COMMANDS = frozenset(("thrust", "thrust of rotors", "tilt of the arms", "tilt rates of the arms"))
-"""Causes that are commands."""
+COMMANDS = frozenset(("thrust", "thrust of rotors"))
+"""Causes that are commands, which answer a disturbance at once."""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class Discovery(Result):
 
     `rms_before`, `rms_after` (6,) are of what the named effects leave, and of what the laws leave, on time or flights
     that the laws were not fitted to, `held_out` says which; `noise` (6,) is the sensors'. `energy_reduction` is the
-    share of the energy above that noise which the laws take off the `axes` on which they act, `regression_reduction`
+    share of the energy above that noise which the laws take off, `regression_reduction`
     that of the residual's variance which regressions on all logged quantities take off. `rejected` are formulas that
     were found and did not hold, `depends` the quantities on which what is left depends (`learn.diagnose.relevance`), of
     `tried` laws. `source` is the effect file of the laws, and of those that predict the same.
@@ -56,7 +56,6 @@ class Discovery(Result):
     rms_after: Array
     noise: Array
     energy_reduction: float
-    axes: tuple[str, ...]
     regression_reduction: float
     held_out: str
     tried: int
@@ -86,7 +85,7 @@ def discover(
     data = dataset(records, model, explanation.answering)
     if explanation.verdict is not Verdict.UNKNOWN and not explanation.open.any():
         left = explanation.rms_after
-        return Discovery(Outcome.NOTHING, explanation, (), (), (), left, left, data.noise, 0.0, (), 0.0, "", 0, "")
+        return Discovery(Outcome.NOTHING, explanation, (), (), (), left, left, data.noise, 0.0, 0.0, "", 0, "")
     tell(0.6, "laws on the wrench as it is")
     if not data.answering:
         return _laws(data, model, explanation, validation)
@@ -123,7 +122,6 @@ def _result(on: Residual, steps: Sequence[FoundAtom], fitted: Fitted, tested: He
         rms_after=tested.after,
         noise=on.data.noise,
         energy_reduction=tested.energy_reduction,
-        axes=tested.axes,
         regression_reduction=float(depends.explained) if depends is not None else 0.0,
         held_out=tested.where,
         tried=len(on.first.atoms),

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.atomic import write_below
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.relevance import shifted
+from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
 from wrenchgap.learn.discover.atoms import Atom, atoms, constants
 from wrenchgap.learn.discover.evidence import CLIPPED, Evidence, Whitening, evidence, possible, ranges, responses
@@ -143,14 +143,14 @@ class Residual:
         return FoundAtom(one, atom, tuple(alike[1:]), parts, again / SETTINGS.halves, self.driven(atom))
 
     def driven(self, atom: Atom) -> bool:
-        """Whether a law goes with what is left better as it is a moment later: then it follows, as rates and the motion
-        follow a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
+        """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
+        a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
         """  # noqa: D205
         made, gains = self.made([atom]), []
-        for seconds in (0.0, *SETTINGS.later):
+        for seconds in (0.0, RELEVANCE.later):
             moved = shifted(self.data, made.reshape(len(made), -1), seconds).reshape(made.shape)
             gains.append(gain_beside(self.first, self.whitening(moved), ()))
-        return max(gains[1:]) > gains[0]
+        return gains[1] > gains[0]
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""
@@ -173,13 +173,12 @@ class Residual:
 @dataclass(frozen=True)
 class HeldOut:
     """Rms (6,) of what is left without and with the laws where they were not fitted, the share of the energy above the
-    sensors' noise that they take off the `axes` on which they act, and where that was.
+    sensors' noise that they take off, and where that was.
     """  # noqa: D205
 
     before: Array
     after: Array
     energy_reduction: float
-    axes: tuple[str, ...]
     where: str
 
 
@@ -307,13 +306,10 @@ def loaded(source: str) -> list[tuple[effects.AnyEffect, effects.Source]]:
 
 def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut:
     before, after = (_centred(data, x) for x in (before, after))
-    noise = np.nan_to_num(data.noise) ** 2
-    made = np.mean((after - before) ** 2, axis=0) * data.weights**2
-    acts = made > SETTINGS.acts * made.max()  # other axes may hold what these laws do not speak of
-    scale = np.where(acts, data.weights**2, 0.0)
+    scale, noise = data.weights**2, np.nan_to_num(data.noise) ** 2
     excess = [float(np.maximum(np.mean(x**2, axis=0) - noise, 0.0) @ scale) for x in (before, after)]
-    axes = tuple(axis for axis, acting in zip(AXES, acts, strict=True) if acting)
-    return HeldOut(rms(before), rms(after), 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0, axes, where)
+    reduction = 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0
+    return HeldOut(rms(before), rms(after), reduction, where)
 
 
 def _centred(data: Dataset, left: Array) -> Array:

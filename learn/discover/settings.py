@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from wrenchgap.learn.diagnose.relevance import RELEVANCE
-
 
 @dataclass(frozen=True)
 class DiscoverySettings:
@@ -28,8 +26,6 @@ class DiscoverySettings:
     """Nats behind the best atom up to which another predicts the same."""
     stability: float = 0.8
     """Share of halves of the time in which the law, or one like it, is found again."""
-    later: tuple[float, ...] = (0.1, RELEVANCE.later)
-    """How much later a law may not fit better [s]: rates follow a torque within 0.1, velocities a force within 0.3."""
     halves: int = 10
     """Such halves."""
     fewest: int = 6
@@ -37,11 +33,8 @@ class DiscoverySettings:
     quarters: int = 4
     """Parts of the time, one after the other, that are held out where no flight is."""
     energy_reduction: float = 0.5
-    """Share of the energy above the sensors' noise that laws take off the axes on which they act, in time that they
-    were not fitted to; less is no law: what hides there has a memory, or a form that is not among the atoms."""
-    acts: float = 0.1
-    """Share of what laws make on the axis on which they make most, in squares over the axes' weights, from which on
-    they act on another: below it the named effects, fitted again, move as much."""
+    """Share of the energy above the sensors' noise that laws take off time that they were not fitted to; less is no
+    law: what hides there has a memory, or a form that is not among the atoms."""
     sure: float = 3.0
     """Standard deviations that the coefficients of a law are from zero, fitted with everything that was named."""
     apart: float = 3.0

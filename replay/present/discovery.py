@@ -9,7 +9,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.discover.discover import Discovery, Outcome
 from wrenchgap.learn.discover.residual import Law
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share
+from wrenchgap.replay.present.numbers import number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, table
 
 UNITS = {"speed": "m/s", "rate": "rad/s", "height": "m", "thrust": "N", "time": "s", "voltage_excess": ""}
@@ -42,9 +42,9 @@ def summary(found: Discovery) -> list[str]:
         return _without(found, named)
     out = [f"A law{'' if len(found.laws) == 1 else 's'} beside {named}: {'; '.join(map(written, found.laws))}."]
     subject = "It takes" if len(found.laws) == 1 else "They take"
-    axes = ", ".join(head for axis, head in zip(AXES, AXIS_HEADS, strict=True) if axis in found.axes)
-    energy = f"{share(found.energy_reduction)} of the energy above the sensors' noise"
-    out.append(f"{subject} {energy} off {axes} on {found.held_out}.")
+    out.append(
+        f"{subject} off {share(found.energy_reduction)} of the energy above the sensors' noise on {found.held_out}."
+    )
     for law in found.laws:
         out += said_of(law)
     return out
@@ -154,7 +154,6 @@ def to_json(found: Discovery) -> dict[str, Any]:
         "rms_after",
         "noise",
         "energy_reduction",
-        "axes",
         "regression_reduction",
         "held_out",
         "tried",

@@ -86,9 +86,7 @@ class Discover(Document):
     rms_after: Six
     noise: Six
     energy_reduction: float
-    """Share of the energy above the sensors' noise that the laws take off `axes` on held-out time."""
-    axes: list[str]
-    """On which the laws act."""
+    """Share of the energy above the sensors' noise that the laws take off held-out time."""
     regression_reduction: float
     """Share of the variance that regressions on all logged quantities take off."""
     held_out: str
