@@ -1,7 +1,5 @@
 """What `explain` found: the verdict in sentences, tables, JSON."""
 
-# Long because the verdict, its tables, its JSON and its picture are of one result, and use one another.
-
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -10,8 +8,6 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.explain import Explanation
-from wrenchgap.learn.posterior.members import Member
-from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, timing, what_to_inspect
@@ -90,40 +86,23 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    sure, others = _members(found, True), _members(found, False)
-    names = f"{sure}{'; less sure: ' * bool(sure and others)}{others}"
+    names, by = posterior.members_in_words(found)
     turbulence, unproven = posterior.turbulence(found), posterior.unproven(found)
     residual = posterior.largest_residual(found)
     if found.verdict is Verdict.NOTHING:
         none = posterior.nothing_missing(found)
         return _joined(none, posterior.nearest(found), turbulence, unproven, residual)
     if found.verdict is Verdict.UNKNOWN:
-        partly = f"{_by(found, 'Partly explained')} {names}; more is missing than the catalogue can explain." * bool(
-            names
-        )
+        partly = f"{by('Partly explained')} {names}; more is missing than the catalogue can explain." if names else ""
         if short(found) and not names:
             return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
         return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
     groups = "; ".join(map(in_words, found.groups))
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
-    said = f"{_by(found, 'Explained')} {names}."
+    said = f"{by('Explained')} {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
     return _joined(*first, turbulence, unproven, residual)
-
-
-def _members(found: Explanation, sure: bool) -> str:
-    """The named effects with their sizes, those that are sure or the others."""
-    some = [m for m in found.members if (found.confidence(m) >= DEFAULT.firm) is sure]
-    return " and ".join(
-        f"{posterior.with_values(found.fit, found.model, m.name)}, {_confidence(found, m)}" for m in some
-    )
-
-
-def _by(found: Explanation, word: str) -> str:
-    """How strongly it is said."""
-    sure = any(found.confidence(m) >= DEFAULT.firm for m in found.members)
-    return f"{word} by" if sure else f"Perhaps {word.lower()} by"
 
 
 def _joined(*sentences: str) -> str:
@@ -135,10 +114,6 @@ def in_words(group: Sequence[str], most: int = 3) -> str:
     more = len(group) - most
     rest = [f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] if more > 0 else []
     return " or ".join([*group[:most], *rest])
-
-
-def _confidence(found: Explanation, member: Member) -> str:
-    return f"confidence {100 * found.confidence(member):.0f} %"
 
 
 def what_next(
@@ -347,7 +322,7 @@ def _draw(found: Explanation, panel: Any) -> None:
         if rows:
             panel.barh(rows, [100.0 * max(shown[k].score, 0.0) for k in rows], 0.75, color=colour, label=word)
     for row, c in enumerate(shown):
-        sure = [_confidence(found, m) for m in found.members if m.name == c.name]
+        sure = [posterior.confidence(found, m) for m in found.members if m.name == c.name]
         words = ", ".join([share(c.score), *sure])
         place = (100.0 * max(c.score, 0.0), row)
         panel.annotate(words, place, (4, 0), textcoords="offset points", va="center", fontsize=8)

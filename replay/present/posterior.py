@@ -1,6 +1,6 @@
 """What a search over sets of effects found, in sentences: classes, what settles them, the nearest, the residual."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,9 @@ from wrenchgap.learn.diagnose.residual_patterns import Oscillation
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.posterior import EquivalenceClass
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
@@ -177,6 +179,25 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> st
 
 def _with_std(v: Value) -> str:
     return quantity(v.value, v.unit) if not v.std else f"{number(v.value)} +- {quantity(v.std, v.unit, 2)}"
+
+
+def members_in_words(found: Explanation) -> tuple[str, Callable[[str], str]]:
+    """The named effects with their sizes, those that are sure (`SearchSettings.firm`) first; and what makes of a word,
+    "Explained", how strongly it is said: "Explained by", or "Perhaps explained by".
+    """  # noqa: D205
+    sure, others = (
+        " and ".join(f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in some)
+        for some in (
+            [m for m in found.members if (found.confidence(m) >= DEFAULT.firm) is which] for which in (True, False)
+        )
+    )
+    listed = f"{sure}; less sure: {others}" if sure and others else sure or others
+    return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
+
+
+def confidence(found: Explanation, member: Member) -> str:
+    """How sure a name is."""
+    return f"confidence {100 * found.confidence(member):.0f} %"
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
