@@ -160,6 +160,8 @@ class Injections:
     def limit(self) -> tuple[float, tuple[str, ...]]:
         """The smallest change that would have been firm, or NaN; then what could make the same."""
         most = abs(self.plausible)
+        if not most:  # healthy flights are at the bound of what is plausible already
+            return math.nan, ()
         count = 1 + math.ceil(math.log(max(most / self.least, 1.0)) / math.log(RATIO))
         sizes = np.copysign(np.geomspace(min(self.least, most), most, count), self.plausible)
         low = -1

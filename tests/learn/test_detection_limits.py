@@ -19,6 +19,7 @@ from wrenchgap.learn.posterior.detection_limits import (
 )
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.replay.present import detection
@@ -111,6 +112,18 @@ def test_effects_at_their_limits_are_firm_and_nothing_else_is_at_half_of_them(se
         (name, share) for name in ("rotor_thrust", "com_offset") for share in (1.0, 0.5)
     }
     assert all(one.as_stated for one in found), found
+
+
+def test_what_is_at_its_bound_already_could_not_have_been_shown(plain, hexarotor):
+    """A loss of thrust of all that a rotor may lose cannot grow: no change of it is plausible."""
+    on = model_residual(plain, hexarotor)
+    (column,) = single_effects(on, ("thrust_scale",)).columns
+    bound = find("thrust_scale").parameters(hexarotor.vehicle)[0].low
+    spectrum = spectrum_of(on, (replace(column, origin=np.array([bound]), high=np.zeros(1)),))
+    scorer = Scorer(spectrum, spectrum.saturated()[0])
+    (found,) = detection_limits.detection_limits(scorer, (), hexarotor.vehicle)
+    assert found.plausible == 0.0
+    assert not found.shown
 
 
 def test_an_effect_that_another_can_make_is_hidden_behind_it(plain, hexarotor):
