@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.flight.formats.px4_rate_loop import RateLoop
+from wrenchgap.flight.formats.rate_loop import RateLoop
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 
@@ -92,21 +92,30 @@ def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
     return np.asarray(H * ((2.0 * zeta * omega * s + omega**2) / s**2 + Q) / (1.0 - Q * H_o))
 
 
-def rate_loop(gains: RateLoop, acceleration: Array, lag: float, delay: float) -> Array:
-    """L(j w) (3, F) of attitude loops around rate loops, PX4's (`flight.formats.px4_rate_loop`), broken at the command.
+def rate_loop(gains: RateLoop, acceleration: Array, lag: float, delay: float, lead: Array | float = 0.0) -> Array:
+    """L(j w) (3, F) of attitude loops around an autopilot's rate loops, broken at the command.
 
-    With the angular `acceleration` (3,) [rad/s^2] of a unit of torque, the integral in it:
+    With the angular `acceleration` (3,) [rad/s^2] of a steady unit of torque, the `lead` (3,) [s] by which rotors that
+    speed up turn the body before their drag does, and the letters of `flight.formats.rate_loop`,
 
-        L = acceleration H out ((P + I / s) (A + s G) + D s^2 G F) / s^2
+        L = acceleration (1 + lead s) H O ((P + I / s) E (A T + s G) + D F s (s G, or E (A T + s G)) + FF A T) / s^2
     """
     s, column = 1j * FREQUENCIES, (slice(None), None)
+
+    def low_pass(cutoff: Array) -> Array:
+        return np.asarray(1.0 / (1.0 + s / (2.0 * np.pi * cutoff[column])))
+
     x = s / (2.0 * np.pi * gains.gyro)
     G = 1.0 / (1.0 + np.sqrt(2.0) * x + x**2)
-    F = 1.0 / (1.0 + s / (2.0 * np.pi * gains.acceleration))
-    out = 1.0 / (1.0 + s / (2.0 * np.pi * gains.output[column]))
-    rate = (gains.rate[column] + gains.integral[column] / s) * (gains.angle[column] + s * G)
+    for centre, width, depth in 2.0 * np.pi * gains.notches * [1.0, 1.0, 0.5 / np.pi]:
+        G = G * (s**2 + depth * width * s + centre**2) / (s**2 + width * s + centre**2)
+    target = gains.angle[column] * low_pass(gains.target)
+    error = low_pass(gains.error) * (target + s * G)
+    turning = low_pass(gains.acceleration) * s * (error if gains.of_error else s * G)
+    law = (gains.rate[column] + gains.integral[column] / s) * error + gains.derivative[column] * turning
+    law = low_pass(gains.output) * (law + gains.forward[column] * target)
     H = np.exp(-s * delay) / (1.0 + lag * s)
-    return np.asarray(acceleration[column] * H * out * (rate + gains.derivative[column] * s**2 * G * F) / s**2)
+    return np.asarray(acceleration[column] * (1.0 + np.outer(np.broadcast_to(lead, 3), s)) * H * law / s**2)
 
 
 def growing_modes(L: Array, at_zero: int) -> NDArray[np.int_]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.flown_controller import flown_by_controller, flown_by_px4
+from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
 from wrenchgap.learn.identify.guard import GUARD, loop_of
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effectiveness import RANK, linear_matrix
@@ -26,17 +26,26 @@ PHASE, GAIN = 45.0, 6.0
 """Margins [deg], [dB] that a loop should have (Astrom and Murray, "Feedback Systems", 2008, 11.3)."""
 FACTORS = np.geomspace(1.0, 0.25, 29)
 """By which gains are multiplied to look for lost margins; in steps of 5 %."""
+ROTOR_INERTIA = "rotor_gyroscopic"
+"""The effect that has the inertia of a rotor: of the vehicle, and in its nominal loops too."""
 WITHIN = (5.0, 50.0, 95.0)
 """Percentiles of what a part needs."""
 
 
 class Gains(StrEnum):
-    """Whose gains flew. Without a lag or delay of the actuators in the model the margins of PX4's are upper bounds."""
+    """Whose gains flew. Without a lag or delay of actuators in the model an autopilot's margins are upper bounds."""
 
     MODEL = "model"
     PX4 = "PX4"
     PX4_NO_LAG = "PX4, no lag in the model"
+    ARDUPILOT = "ArduPilot"
+    ARDUPILOT_NO_LAG = "ArduPilot, no lag in the model"
     UNKNOWN = "unknown"
+
+    @property
+    def upper_bounds(self) -> bool:
+        """Whether margins are upper bounds."""
+        return self in (Gains.PX4_NO_LAG, Gains.ARDUPILOT_NO_LAG)
 
 
 @dataclass(frozen=True)
@@ -57,28 +66,40 @@ class LoopMargins:
 def flown_loops(
     model: Model, models: Sequence[WrenchModel], flights: Sequence[OpenFlight], voltage: float | None
 ) -> tuple[tuple[LoopMargins, ...], Gains]:
-    """Margins with the gains that flew, PX4's or those of the model file, and whose they are; none of unknown ones."""
-    pilot = flown_by_px4(model, flights, voltage)
+    """Margins with the gains that flew, an autopilot's or the model file's, and whose they are; none of unknown ones.
+
+    About z an autopilot's loop depends on the inertia of the rotors, which turn the body as they speed up: without
+    `rotor_gyroscopic` in the model nothing is said of it.
+    """
+    pilot = flown_by_autopilot(model, flights, voltage)
     if pilot is not None:
-        gains, acceleration = pilot.gains, pilot.acceleration
+        gains, acceleration, inertia = pilot.gains, pilot.acceleration, model.vehicle.body.inertia
 
         def loop(one: Model) -> Array:
-            late = loop_of(one)
-            return rate_loop(gains, acceleration, late.lag, late.named_delay + GUARD.periods * gains.period)
+            late, lead = loop_of(one), pilot.lead(_rotor_inertia(one), inertia)
+            return rate_loop(gains, acceleration, late.lag, late.named_delay + GUARD.periods * gains.period, lead)
 
-        own = loop_of(model)
-        whose = Gains.PX4 if own.lag + own.named_delay > 0.0 else Gains.PX4_NO_LAG
-        return _loops(model, models, loop, pilot.axes), whose
+        own, known = loop_of(model), np.array([True, True, _rotor_inertia(model, least=2.0) > 0.0])
+        lag = "" if own.lag + own.named_delay > 0.0 else ", no lag in the model"
+        return _loops(model, models, loop, pilot.axes & known), Gains(pilot.name + lag)
     if flown_by_controller(model, flights):
         return _loops(model, models, lambda one: open_loop(loop_of(one)), np.ones(3, dtype=bool)), Gains.MODEL
     return (), Gains.UNKNOWN
+
+
+def _rotor_inertia(model: Model, least: float = 0.0) -> float:
+    """The inertia of one rotor about its axis [kg m^2]; zero where the model has none, or one below `least` standard
+    deviations.
+    """  # noqa: D205
+    found = [e for e in model.effects if e.name == ROTOR_INERTIA]
+    return float(sum(e.theta[0] for e in found if e.std is None or e.theta[0] > least * e.std[0]))
 
 
 def _loops(
     model: Model, models: Sequence[WrenchModel], loop: Callable[[Model], Array], axes: NDArray[np.bool_]
 ) -> tuple[LoopMargins, ...]:
     """Margins of a model's `loop` L (3, F), about those `axes` (3,) of the body that the vehicle can turn about."""
-    nominal = loop(replace(model, effects=()))
+    nominal = loop(replace(model, effects=tuple(e for e in model.effects if e.name == ROTOR_INERTIA)))
     B = linear_matrix(model, [])
     inverse, own = np.linalg.pinv(B, rcond=RANK), np.diag(model.vehicle.body.inertia)
     drawn_loops = []

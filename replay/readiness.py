@@ -6,8 +6,8 @@ draws       values of the effects, drawn within their standard deviations; wind 
 disturbance what the model leaves of the wrench of these flights, of another time in each draw
 demand      commands that make the trajectory's motion against it (`plant.demand`)
 authority   in which share of the draws a rotor, or an arm, never needs more than `ROOM` of what it has
-margins     of the attitude loops with the gains of the model file or of PX4's parameters, where these flew: nominal,
-            and as drawn, with the lags, the delays, the inertia and the effectiveness of the rotors
+margins     of the attitude loops with the gains of the model file or the autopilot's parameters, where these flew:
+            nominal, and as drawn, with the lags, the delays, the inertia and the effectiveness of the rotors
 
 What the flights could not show is not in the draws: where the trajectory goes beyond them, that is said. Probabilities
 are never nearer to one than those of `explain`: no catalogue of effects is complete.
@@ -158,7 +158,7 @@ def readiness(
     beyond = _beyond([r for f in flights for r in f.records], reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
     return Readiness(
-        _decision(authority, loops, plain_go=not beyond and known and gains is not Gains.PX4_NO_LAG),
+        _decision(authority, loops, plain_go=not beyond and known and not gains.upper_bounds),
         model.vehicle,
         trajectory,
         float(path.duration),

@@ -230,7 +230,7 @@ def actuators(said: Messages) -> Made:
             made = said.made(_numbered("outputs_pwm", instance), outputs[0], sent(outputs[0]))
             yield outputs[0].topic, made.actuators(pulses)
     reported = said.read("esc_status")
-    speeds = _speeds(reported[0]) if reported else None
+    speeds = motor_speeds(reported[0]) if reported else None
     if reported and speeds is not None:
         yield reported[0].topic, said.made("esc_measured", reported[0], sent(reported[0])).actuators(speeds)
 
@@ -248,7 +248,7 @@ def _pulses(output: Array, parameters: Mapping[str, float | int]) -> Array | Non
     return pulses if pulses.size and are_pulses(pulses).all() else None
 
 
-def _speeds(table: Table) -> Array | None:
+def motor_speeds(table: Table) -> Array | None:
     """Speeds (N, R) [rad/s] in the order of the motors; controllers without a motor are left out."""
     motors: dict[int, Array] = {}
     for i in range(12):

@@ -1,13 +1,10 @@
 """PX4's attitude and rate controller: its gains by the parameters, and what they make of the messages of a log.
 
-With the attitude error e = 2 q_e (vector part, to the setpoint, the shorter way), the rates w behind the gyroscope's
-filter G and their derivative behind a filter F besides, each about an axis of FRD, torques in shares of full authority:
+`flight.formats.rate_loop` has the law and its letters; the derivative is that of the rates, E and T are none.
 
-    w_sp = A e + yaw feedforward            torque = O K [P (w_sp - w) + I int (w_sp - w) dt - D F dw/dt]
-
-    A  MC_ROLL_P, ...        K, P, I, D  MC_ROLLRATE_K, _P, _I, _D, ...
-    G  second-order Butterworth of IMU_GYRO_CUTOFF       F  first order, IMU_DGYRO_CUTOFF
-    O  first order, MC_YAW_TQ_CUTOFF, about yaw alone
+    A  MC_ROLL_P, ...        P, I, D  MC_ROLLRATE_P, _I, _D times _K        FF  MC_ROLLRATE_FF
+    G  IMU_GYRO_CUTOFF, notches IMU_GYRO_NF0_FRQ, _BW and NF1, and of every motor IMU_GYRO_DNF_* where speeds are logged
+    F  IMU_DGYRO_CUTOFF      O  MC_YAW_TQ_CUTOFF, about yaw alone
 
 w and dw/dt are logged behind G and F (`vehicle_angular_velocity`), the integral times K as it is (`rate_ctrl_status`),
 so that a log shows whether the gains made its torques. For small errors MC_YAW_WEIGHT has no effect on A. Source: PX4
@@ -15,7 +12,6 @@ parameter reference and "Controller Diagrams" (docs.px4.io); checked on logs of 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,81 +21,74 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.ned_frd import flu
+from wrenchgap.flight.formats.px4 import motor_speeds
 from wrenchgap.flight.formats.px4_allocation import allocation_of
+from wrenchgap.flight.formats.rate_loop import FLYING, LoggedLoop, Pair, RateLoop, messages_of
 from wrenchgap.flight.formats.standard_topics import Messages, numbers
 from wrenchgap.flight.formats.ulog import UlogReader
 
 AXES = ("ROLL", "PITCH", "YAW")
 USUAL = {"IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "IMU_GYRO_RATEMAX": 400.0, "MC_YAW_TQ_CUTOFF": 0.0}
 """PX4's defaults; firmware without MC_YAW_TQ_CUTOFF has no filter there."""
-FLYING = 0.1
-"""Share of full thrust below which nothing counts: landed, PX4 holds its integrals."""
-Pair = tuple[Array, Array]
-"""What a log has, and what the gains make (N, 3), about the axes of FRD."""
+NOTCHES = (("NF0_FRQ", "NF0_BW"), ("NF1_FRQ", "NF1_BW"), ("NF_FREQ", "NF_BW"))
+"""Fixed notches, after IMU_GYRO_; the last of 1.12 and before."""
+OF_SPEEDS, OF_SPECTRUM = 1, 2
+"""Bits of IMU_GYRO_DNF_EN: notches at the motors' speeds, and at peaks of the gyroscope's spectrum."""
 
 
-@dataclass(frozen=True)
-class RateLoop:
-    """Gains about body x, y, z, (3,) each: `angle` [1/s], `rate` [s], `integral`, `derivative` [s^2] per radian.
+def gains_of(parameters: Mapping[str, float | int], speeds: Array) -> RateLoop | None:
+    """What parameters set, at these motor `speeds` (R,) [rad/s], empty where unknown.
 
-    Cut-offs [Hz] of `gyro`, `acceleration` and, (3,), `output`, infinite for none; `period` [s] of the loop.
+    None where they lack a gain, and with notches whose place is not logged.
     """
-
-    angle: Array
-    rate: Array
-    integral: Array
-    derivative: Array
-    gyro: float
-    acceleration: float
-    output: Array
-    period: float
-
-    @classmethod
-    def of(cls, parameters: Mapping[str, float | int]) -> "RateLoop | None":
-        """What parameters set; None where they lack a gain."""
-        names = [f"MC_{axis}RATE_{k}" for k in "KPID" for axis in AXES] + [f"MC_{axis}_P" for axis in AXES]
-        if any(name not in parameters for name in names):
-            return None
-        whole, P, integral, D, angle = np.array([float(parameters[name]) for name in names]).reshape(5, 3)
-        gyro, acceleration, rate, yaw = (float(parameters.get(name, usual)) for name, usual in USUAL.items())
-        filters = gyro or np.inf, acceleration or np.inf, np.array([np.inf, np.inf, yaw or np.inf])
-        return cls(angle, whole * P, whole * integral, whole * D, *filters, 1.0 / max(rate, 1.0))
-
-
-@dataclass(frozen=True)
-class LoggedLoop:
-    """The gains of a log; the `torques` and the `rates` of it, each beside what the gains make of the motion.
-
-    `dt` [s] between those of the rates. `motors` (R, 3) are the motor commands that a unit of torque about B's axes
-    asks for, at the mean commands `hover` (R,).
-    """
-
-    gains: RateLoop
-    torques: Pair
-    rates: Pair
-    dt: float
-    motors: Array
-    hover: Array
+    names = [f"MC_{axis}RATE_{k}" for k in "KPID" for axis in AXES] + [f"MC_{axis}_P" for axis in AXES]
+    if any(name not in parameters for name in names):
+        return None
+    moving = int(parameters.get("IMU_GYRO_DNF_EN", 0))
+    if moving & OF_SPECTRUM or (moving & OF_SPEEDS and not len(speeds)):
+        return None
+    notches = [[float(parameters.get(f"IMU_GYRO_{name}", 0.0)) for name in pair] for pair in NOTCHES]
+    if moving & OF_SPEEDS:
+        width, least, count = (float(parameters[f"IMU_GYRO_DNF_{name}"]) for name in ("BW", "MIN", "HMC"))
+        turns = np.outer(np.arange(1, int(count) + 1), speeds / (2.0 * np.pi)).ravel()
+        notches += [[max(float(turn), least), width] for turn in turns]
+    whole, P, integral, D, angle = np.array([float(parameters[name]) for name in names]).reshape(5, 3)
+    gyro, acceleration, rate, yaw = (float(parameters.get(name, usual)) or np.inf for name, usual in USUAL.items())
+    return RateLoop(
+        angle,
+        whole * P,
+        whole * integral,
+        whole * D,
+        1.0 / rate,
+        forward=np.array([float(parameters.get(f"MC_{axis}RATE_FF", 0.0)) for axis in AXES]),
+        gyro=gyro,
+        acceleration=np.full(3, acceleration),
+        output=np.array([np.inf, np.inf, yaw]),
+        notches=np.array([(centre, width, 0.0) for centre, width in notches if centre > 0.0]).reshape(-1, 3),
+    )
 
 
 def logged_loop(path: Path) -> LoggedLoop | None:
     """The controller of a PX4 log; None of another file, and where the log lacks a message that the law needs."""
-    if not path.is_file():
+    said = messages_of(path, UlogReader)
+    if said is None:
         return None
-    with path.open("rb") as file:
-        if file.read(len(UlogReader.magic)) != UlogReader.magic:
-            return None
-    reader = UlogReader(path)
-    tables = reader.tables(lambda *of: True)
-    parameters = reader.autopilot.parameters if reader.autopilot is not None else {}
-    said, gains = Messages("/px4", tables, parameters), RateLoop.of(parameters)
     try:
+        gains = gains_of(said.parameters, _speeds(said))
         torques, rates, motors = _torques(said, gains), _rates(said, gains), _motors(said)
-    except (ValueError, IndexError, TypeError):  # messages of a damaged log have other shapes
+    except (ValueError, IndexError, TypeError, KeyError):  # messages of a damaged log have other shapes
         return None
     if gains is None or torques is None or rates is None or motors is None:
         return None
-    return LoggedLoop(gains, torques, *rates, *motors)
+    return LoggedLoop("PX4", gains, torques, *rates, *motors)
+
+
+def _speeds(said: Messages) -> Array:
+    """Speeds (R,) [rad/s] of the motors in flight; empty where none were measured."""
+    found = said.read("esc_status")
+    speeds = None if found is None else motor_speeds(found[0])
+    turning = np.zeros((0, 0)) if speeds is None else speeds[(speeds > 0.0).all(axis=1)]
+    return np.median(turning, axis=0) if len(turning) else np.zeros(0)
 
 
 def _torques(said: Messages, gains: RateLoop | None) -> Pair | None:
@@ -118,6 +107,7 @@ def _torques(said: Messages, gains: RateLoop | None) -> Pair | None:
     last = np.searchsorted(_sent(asked), sent, side="right") - 1
     integral = np.stack([np.interp(sent, _sent(sums), column) for column in sums[1].T], axis=1)
     law = gains.rate * (asked[1][last] - motion[1][row]) + integral - gains.derivative * turning[row]
+    law += gains.forward * asked[1][last]
     dt = 1e-6 * float(np.median(np.diff(sent)))
     yaw = np.exp(-2.0 * np.pi * gains.output[2] * dt)
     law[:, 2:] = filtered(np.array([1.0 - yaw]), np.array([1.0, -yaw]), law[:, 2:], yaw * law[:1, 2:])

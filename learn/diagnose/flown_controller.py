@@ -1,6 +1,6 @@
 """Whether known gains flew a log: their law, on the recorded motion, makes the torques of the log.
 
-Either the controller of a model file, or PX4's with the parameters of the log.
+Either the controller of a model file, or the autopilot's with the parameters of the log.
 """
 
 from collections.abc import Sequence
@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.px4_rate_loop import RateLoop, logged_loop
+from wrenchgap.flight.formats import ardupilot_rate_loop, px4_rate_loop
+from wrenchgap.flight.formats.rate_loop import LoggedLoop, RateLoop
 from wrenchgap.learn.data.measurement import commands_of, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.controller import control_law, integral_series, pushes_along_z_only
+from wrenchgap.plant.effectiveness import linear_matrix
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import State
-from wrenchgap.plant.targets.quantities import still_wrench
+from wrenchgap.plant.targets.quantities import hover_speeds, still_wrench
 from wrenchgap.plant.trajectory.shapes import Recorded
 from wrenchgap.plant.wrench_model import WrenchModel, about_com
 
@@ -54,39 +56,70 @@ def _alike(asked: Array, own: Array, least: float = 0.9) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Autopilot:
-    """PX4's controller as it flew: `gains`; about which `axes` (3,) they made rates and torques of the logs; and the
-    angular `acceleration` (3,) [rad/s^2] that the nominal vehicle makes of a unit of torque.
+    """An autopilot's controller as it flew: `gains`; about which `axes` (3,) they made rates and torques of the logs;
+    the angular `acceleration` (3,) [rad/s^2] that the nominal vehicle makes of a steady unit of torque; and, of the
+    same unit, what the speeds of the rotors change by: `reaction` (3,) [rad/s], -sum_r spin_r dOmega_r n_r.
     """  # noqa: D205
 
+    name: str
     gains: RateLoop
     axes: NDArray[np.bool_]
     acceleration: Array
+    reaction: Array
+
+    def lead(self, rotor_inertia: float, inertia: Array) -> Array:
+        """Lead (3,) [s] of the torque by which rotors of this inertia turn the body as they speed up, J_r dOmega/dt,
+        over the steady torque; `inertia` (3, 3) [kg m^2] is the body's.
+        """  # noqa: D205
+        return np.asarray(rotor_inertia * self.reaction / (np.diag(inertia) * self.acceleration))
 
 
-def flown_by_px4(
+def flown_by_autopilot(
     model: Model, flights: Sequence[OpenFlight], voltage: float | None, small: float = 0.05
 ) -> Autopilot | None:
-    """PX4's controller with the gains of these logs; None where they are no such logs, or not of the same gains.
+    """The controller of an autopilot with the gains of these logs; None where they are no such logs, or not of the same
+    gains.
 
     `voltage` [V] is that of the battery, where the model's thrust depends on it; `small` the share of torque about
     hover over which the thrust curve is taken for a line. The torques are compared at the samples that both are logged
     of; the rates behind the flights' low-pass, since attitudes have other stamps.
-    Nothing is said about z: rotors that speed up turn the body at once, which PX4 filters for (MC_YAW_TQ_CUTOFF) and no
-    model has.
-    """
-    found = [(f.records[0].cutoff_hz, logged_loop(f.flight.path)) for f in flights]
+    """  # noqa: D205
+    found = [
+        (
+            f.records[0].cutoff_hz,
+            px4_rate_loop.logged_loop(f.flight.path) or ardupilot_rate_loop.logged_loop(f.flight.path),
+        )
+        for f in flights
+    ]
     loops = [(cutoff_hz, loop) for cutoff_hz, loop in found if loop is not None]
-    if not loops or len(loops) < len(found) or model.command is None or model.command.unit != "normalised":
+    if not loops or len(loops) < len(found) or model.command is None:
         return None
-    first, axes = loops[0][1], np.array([True, True, False])
+    first, axes = loops[0][1], np.ones(3, dtype=bool)
     for cutoff_hz, loop in loops:
         asked, own = (low_pass(x, loop.dt, min(cutoff_hz, 0.2 / loop.dt)) for x in loop.rates)
         axes &= _alike(*loop.torques) & _alike(asked, own)
     same = all(repr(loop.gains) == repr(first.gains) for _, loop in loops)
-    if not (same and axes.any()) or len(first.hover) != len(model.vehicle.geometry()[1]):
+    speeds = _speeds(first, model, voltage, small)
+    if speeds is None or not (same and axes.any()):
         return None
-    ends = np.concatenate([first.hover + sign * small * first.motors.T for sign in (1.0, -1.0)])
-    speeds = model.command.speeds(ends, None if voltage is None else np.full(len(ends), voltage), model.vehicle)
+    arms, rotors = model.vehicle.geometry()
     wrench = about_com(model.vehicle.body, still_wrench(WrenchModel(model.vehicle, ()), speeds))
     torque = np.diag(wrench[:3, 3:] - wrench[3:, 3:]) / (2.0 * small)
-    return Autopilot(first.gains, axes, np.asarray(torque / np.diag(model.vehicle.body.inertia)))
+    turning = -(speeds[:3] - speeds[3:]) / (2.0 * small) @ (rotors.spin[:, None] * arms.normal_B[rotors.arm])
+    acceleration = np.asarray(torque / np.diag(model.vehicle.body.inertia))
+    return Autopilot(first.autopilot, first.gains, axes, acceleration, np.diag(turning))
+
+
+def _speeds(loop: LoggedLoop, model: Model, voltage: float | None, small: float) -> Array | None:
+    """Rotor speeds (6, R) [rad/s] about hover for `small` torques about x, y and z, and for the opposite ones."""
+    assert model.command is not None
+    vehicle, hover, motors = model.vehicle, loop.hover, loop.motors
+    if hover is not None and motors is not None:
+        if model.command.unit != "normalised" or len(hover) != len(hover_speeds(vehicle)):
+            return None
+        ends = np.concatenate([hover + sign * small * motors.T for sign in (1.0, -1.0)])
+        return model.command.speeds(ends, None if voltage is None else np.full(len(ends), voltage), vehicle)
+    full, torque = model.command.full_speed(voltage, vehicle), linear_matrix(model, [])[3:]
+    mixer = 0.5 * torque / np.abs(torque).max(axis=1, keepdims=True)
+    share = (hover_speeds(vehicle) / full) ** 2  # of full thrust, which is linear in what the mixer asks for
+    return np.asarray(full * np.sqrt(np.concatenate([share + sign * small * mixer for sign in (1.0, -1.0)])))

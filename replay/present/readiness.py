@@ -18,8 +18,12 @@ LEGEND = (
     "flights at other times"
 )
 NOT_SAID = (
-    "Margins of the attitude loops are not said: these flights do not show that the gains of the model file, or of "
-    "PX4's parameters, flew them."
+    "Margins of the attitude loops are not said: these flights do not show that the gains of the model file, or of the "
+    "autopilot's parameters, flew them."
+)
+NOT_ABOUT_Z = (
+    "Nothing is said about z: rotors that speed up turn the body at once. Give the model rotor_gyroscopic, the inertia "
+    "of one about its axis (a third of the propeller's mass times its radius squared)."
 )
 
 
@@ -50,11 +54,13 @@ def summary(found: Readiness) -> list[str]:
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
-    if found.gains is Gains.PX4_NO_LAG:
+    if found.gains.upper_bounds:
         out.append(
             "The model has no lag of motors or servos: the margins are upper bounds. Fit one (wrenchgap add motor_lag) "
             "or write that of a bench into the model."
         )
+    if found.gains is not Gains.MODEL and [one.axis for one in found.loops] == ["torque_x", "torque_y"]:
+        out.append(NOT_ABOUT_Z)
     if found.beyond:
         words = ", ".join(f"{r.quantity} {_of(r.percentile, r)} (flown: {_of(r.maximum, r)})" for r in found.beyond)
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
@@ -125,7 +131,7 @@ def _loops(found: Readiness) -> Table:
         )
         for one in found.loops
     ]
-    whose = "the model file" if found.gains is Gains.MODEL else "PX4's parameters"
+    whose = "the model file" if found.gains is Gains.MODEL else f"{found.gains.partition(',')[0]}'s parameters"
     heads = ("loop", "nominal [deg]", "phase", "5 %", "95 %", "nominal [dB]", "gain", "5 %", "95 %")
     return table(f"margins with the gains of {whose}", (*heads, "both with", "gains times"), rows)
 

@@ -147,8 +147,8 @@ class Ready(Document):
     """The weakest part first."""
     loops: list[LoopMargins]
     """Empty where the gains that flew are not known."""
-    gains: Literal["model", "PX4", "PX4, no lag in the model", "unknown"]
-    """Whose gains flew: those of the model file, or of PX4's parameters, then upper bounds without a lag."""
+    gains: Literal["model", "PX4", "PX4, no lag in the model", "ArduPilot", "ArduPilot, no lag in the model", "unknown"]
+    """Whose gains flew: those of the model file, or of the autopilot's parameters, then upper bounds without a lag."""
     beyond: list[Beyond]
     """In what the trajectory goes further than the flights."""
     first: list[Uncertain]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.filters import butterworth
-from wrenchgap.flight.formats.px4_rate_loop import RateLoop
+from wrenchgap.flight.formats.rate_loop import RateLoop
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.stability import (
@@ -215,42 +215,92 @@ def test_simulated_loop_rings_where_the_peak_is_large_and_not_where_it_is_kept_b
 
 
 EVERY = np.ones(3)
-PX4 = RateLoop(6.5 * EVERY, 0.15 * EVERY, 0.2 * EVERY, 0.003 * EVERY, 40.0, 30.0, np.inf * EVERY, 1.0 / 800.0)
+PX4 = RateLoop(6.5 * EVERY, 0.15 * EVERY, 0.2 * EVERY, 0.003 * EVERY, 1.0 / 800.0, gyro=40.0, acceleration=30.0 * EVERY)
 
 
 def test_margins_of_a_proportional_rate_loop_behind_a_delay():
     """L = k e^(-s T) / s crosses one at k, with pi / 2 - k T to spare, and turns by pi at pi / (2 T)."""
     k, late = 20.0, 0.02
-    alone = RateLoop(0.0 * EVERY, 0.1 * EVERY, 0.0 * EVERY, 0.0 * EVERY, np.inf, np.inf, np.inf * EVERY, 0.0)
+    alone = RateLoop(0.0 * EVERY, 0.1 * EVERY, 0.0 * EVERY, 0.0 * EVERY, 0.0)
     phase, gain = phase_and_gain_margins(rate_loop(alone, k / 0.1 * EVERY, 0.0, late))
     np.testing.assert_allclose(phase, np.degrees(np.pi / 2.0 - k * late), atol=0.1)
     np.testing.assert_allclose(gain, 20.0 * np.log10(np.pi / (2.0 * k * late)), atol=0.05)
 
 
-def rate_loop_turned(gains, acceleration, lag, late, seconds, dt=0.0005):
-    """Angles (N,) of one axis after a tap, stepped in time: the filters as PX4's, each sample behind the other."""
-    b, a = np.split(butterworth(gains.gyro, 1.0 / dt), 2)
-    memory, filtered, turning, integral, torque = np.zeros(2), 0.0, 0.0, 0.0, 0.0
+def notch(centre, width, depth, rate):
+    """Numerator and denominator (6,), by the bilinear transform with the centre where it is wanted, as firmwares do."""
+    half = np.tan(np.pi * centre / rate) / (centre / width)
+    middle, scale = 2.0 * (np.tan(np.pi * centre / rate) ** 2 - 1.0), 1.0 + np.tan(np.pi * centre / rate) ** 2
+    return np.array([scale + depth * half, middle, scale - depth * half, scale + half, middle, scale - half]) / (
+        scale + half
+    )
+
+
+def rate_loop_turned(gains, acceleration, lag, late, seconds, lead=0.0, axis=0, dt=0.0005):
+    """Angles (N,) of one axis after a tap, stepped in time: the filters as firmwares', each sample behind the other."""
+    sections = [butterworth(gains.gyro, 1.0 / dt)] + [notch(*one, 1.0 / dt) for one in gains.notches]
+    b, a = np.split(np.array(sections).T, 2)
+    memory, kept, integral, torque = np.zeros((2, len(sections))), {}, 0.0, 0.0
     angle, rate, sent, found = 0.01, 0.0, [0.0] * max(round(late / dt), 1), []
+
+    def low_pass(name, value):
+        before, cutoff = kept.get(name, value), getattr(gains, name)[axis]
+        kept[name] = before + (value - before) * dt / (dt + 1.0 / (2.0 * np.pi * cutoff))
+        return kept[name]
+
+    before = None
     for _ in range(round(seconds / dt)):
-        before, filtered = filtered, b[0] * rate + memory[0]
-        memory = np.array([b[1] * rate - a[1] * filtered + memory[1], b[2] * rate - a[2] * filtered])
-        turning += ((filtered - before) / dt - turning) * dt / (dt + 1.0 / (2.0 * np.pi * gains.acceleration))
-        error = -gains.angle[0] * angle - filtered
-        integral += gains.integral[0] * error * dt
-        sent = [gains.rate[0] * error + integral - gains.derivative[0] * turning, *sent[:-1]]
-        torque += (sent[-1] - torque) * (1.0 - np.exp(-dt / lag))
-        rate += acceleration * torque * dt
+        felt = rate
+        for k in range(len(sections)):
+            out = b[0, k] * felt + memory[0, k]
+            memory[:, k] = b[1, k] * felt - a[1, k] * out + memory[1, k], b[2, k] * felt - a[2, k] * out
+            felt = out
+        wanted = low_pass("target", -gains.angle[axis] * angle)
+        error = low_pass("error", wanted - felt)
+        falls = error if gains.of_error else -felt
+        turning = low_pass("acceleration", (falls - (falls if before is None else before)) / dt)
+        before, integral = falls, integral + gains.integral[axis] * error * dt
+        asked = gains.rate[axis] * error + integral + gains.derivative[axis] * turning + gains.forward[axis] * wanted
+        sent = [low_pass("output", asked), *sent[:-1]]
+        speeding_up = (sent[-1] - torque) * (1.0 - np.exp(-dt / lag))
+        torque += speeding_up
+        rate += acceleration * (torque * dt + lead * speeding_up)
         angle += rate * dt
         found.append(angle)
     return np.array(found)
 
 
-def test_a_rate_loop_stepped_in_time_diverges_beyond_its_gain_margin_and_not_before():
-    acceleration, lag, late = 150.0, 0.04, 0.004
-    _, gain = phase_and_gain_margins(rate_loop(PX4, acceleration * EVERY, lag, late))
+NOTCHED = replace(PX4, notches=np.array([[60.0, 30.0, 0.0], [90.0, 40.0, 0.1]]))
+SLOW_YAW = replace(PX4, rate=0.2 * EVERY, derivative=0.0 * EVERY, angle=2.8 * EVERY, output=2.0 * EVERY)
+FEEDING_FORWARD = replace(
+    PX4, of_error=True, forward=0.02 * EVERY, target=15.0 * EVERY, error=25.0 * EVERY, acceleration=12.0 * EVERY
+)
+
+
+@pytest.mark.parametrize(
+    ("loop", "acceleration", "lead"),
+    [(PX4, 150.0, 0.0), (NOTCHED, 100.0, 0.0), (SLOW_YAW, 10.0, 0.1), (FEEDING_FORWARD, 100.0, 0.0)],
+    ids=["PX4", "notches", "yaw", "filters of target, error and derivative"],
+)
+def test_a_rate_loop_stepped_in_time_diverges_beyond_its_gain_margin_and_not_before(loop, acceleration, lead):
+    lag, late = 0.04, 0.004
+    _, gain = phase_and_gain_margins(rate_loop(loop, acceleration * EVERY, lag, late, lead))
     edge = acceleration * 10.0 ** (gain[0] / 20.0)
-    assert 2.0 < gain[0] < 20.0
-    below, above = (rate_loop_turned(PX4, f * edge, lag, late, 3.0) for f in (0.9, 1.1))
-    assert np.ptp(below[-1000:]) < 0.3 * np.ptp(below[1000:2000])
-    assert np.ptp(above[-1000:]) > 3.0 * np.ptp(above[1000:2000])
+    assert 2.0 < gain[0] < 40.0
+    below, above = (rate_loop_turned(loop, f * edge, lag, late, 5.0, lead) for f in (0.9, 1.1))
+    assert np.ptp(below[-2000:]) < 0.3 * np.ptp(below[1000:3000])
+    assert np.ptp(above[-2000:]) > 3.0 * np.ptp(above[1000:3000])
+
+
+def test_a_notch_takes_its_depth_at_its_centre_and_half_the_power_at_half_its_width():
+    """At f_1 f_2 = f^2 with f_2 - f_1 its width, a full notch turns by 45 deg and leaves half the power (-3 dB)."""
+    w = FREQUENCIES / (2.0 * np.pi)
+    at = int(np.argmin(np.abs(w - 50.0)))
+    alone = RateLoop(0.0 * EVERY, 0.0 * EVERY, 0.0 * EVERY, EVERY, 0.0)  # L = s^2 G / s^2
+    for depth in (0.0, 0.1):
+        H = rate_loop(replace(alone, notches=np.array([[w[at], 10.0, depth]])), EVERY, 0.0, 0.0)[0]
+        assert abs(H[at]) == pytest.approx(depth, abs=1e-9)
+        if depth == 0.0:
+            below = np.interp(np.sqrt(w[at] ** 2 + 25.0) - 5.0, w, H)
+            assert abs(below) ** 2 == pytest.approx(0.5, abs=0.01)
+            assert np.degrees(np.angle(below)) == pytest.approx(-45.0, abs=0.5)

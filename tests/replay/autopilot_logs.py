@@ -166,16 +166,66 @@ def write_ulog(flown, path, setpoints_of=None, controller=None):
     return log.save(path)
 
 
-def write_dataflash(flown, path):
-    """The flight as ArduPilot logs it: FRD, pulses in the order of the frame, and a hover throttle that is wrong."""
+MIXER = 0.5 * np.array([[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, -1.0, -1.0]])
+"""ArduPilot's shares of full thrust by roll, pitch and yaw, in the order of `PLACES`."""
+
+
+def ardupilot_gains(**other):
+    """Its parameters of a proportional loop, about every axis, but for others."""
+    axes = ("RLL", "PIT", "YAW")
+    found = {f"ATC_RAT_{a}_{k}": x for a in axes for k, x in (("P", 0.15), ("I", 0.0), ("D", 0.0))}
+    return found | {f"ATC_ANG_{a}_P": ANGLE for a in axes} | other
+
+
+def ardupilot_loop(log, flown):
+    """What ArduPilot would have logged, had `ardupilot_gains` made these torques, by the inverse of its law: setpoints
+    of the attitude whose rates and error are what was asked for.
+    """
+    time, dt = flown.actuators.time, float(np.median(np.diff(flown.actuators.time)))
+    torque = (9.0e-6 * flown.actuators.rotor_speed**2 / FULL) @ np.linalg.pinv(MIXER.T)
+    omega = flipped(np.stack([np.interp(time, flown.imu.time, w) for w in flown.imu.omega_B.T], axis=1))
+    asked = torque / 0.15 + omega
+    quat = to_ned(so3.interpolate(time, flown.odometry.time, flown.odometry.quat_EB))
+    wanted = [quat[0]]
+    for q, rates in zip(quat[:-1], asked[:-1], strict=True):
+        error = so3.multiply(so3.conjugate(q), wanted[-1])
+        own = so3.rotate_inverse(error, rates - ANGLE * 2.0 * np.sign(error[0]) * error[1:])
+        wanted.append(so3.multiply(wanted[-1], so3.exp(dt * own)))
+    stamps = np.round(1e6 * (30.0 + time))
+    columns = [
+        np.degrees(x) if k < 2 else x for j in range(3) for k, x in enumerate((asked[:, j], omega[:, j], torque[:, j]))
+    ]
+    names = "TimeUS,RDes,R,ROut,PDes,P,POut,YDes,Y,YOut,ADes,A,AOut"
+    log.add("RATE", "Qffffffffffff", names, stamps, *columns, 0.0 * time, 0.0 * time, 0.0 * time + 0.4)
+    angles = [np.degrees(x) for pair in zip(euler(np.array(wanted)), euler(quat), strict=True) for x in pair]
+    log.add("ATT", "Qffffff", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw", stamps, *angles)
+
+
+def euler(quat):
+    """Roll, pitch and yaw [rad], turned in the order yaw, pitch, roll."""
+    w, x, y, z = quat.T
+    roll, yaw = (
+        np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+    )
+    return roll, np.arcsin(2 * (w * y - z * x)), yaw
+
+
+def write_dataflash(flown, path, controller=None):
+    """The flight as ArduPilot logs it: FRD, pulses in the order of the frame, and a hover throttle that is wrong.
+
+    With the `controller`'s parameters (`ardupilot_gains`) as flown by them.
+    """
     known = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0}
     known |= {"MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0, "MOT_THST_EXPO": FACTOR, "MOT_THST_HOVER": 0.2}
     known |= {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
-    log, imu, sent = autopilots().Dataflash(known), flown.imu, flown.actuators
+    log, imu, sent = autopilots().Dataflash(known | (controller or {})), flown.imu, flown.actuators
     columns = (*flipped(imu.omega_B).T, *flipped(imu.specific_force_B).T)
     stamps = np.round(1e6 * (30.0 + imu.time))
     names = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
     log.add("IMU", "QBffffff", names, stamps, np.zeros(len(stamps)), *columns, instance="I")
     pulses = np.round(1000.0 + 1000.0 * throttle(sent.rotor_speed))
     log.add("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", np.round(1e6 * (30.0 + sent.time)), *pulses.T)
+    if controller is not None:
+        ardupilot_loop(log, flown)
     return log.save(path)

@@ -11,15 +11,26 @@ from scripts.json_documents import schema
 from tests.independent.flown_quadrotor import MODEL, Case, fly
 from tests.independent.readiness_fleet import SIGMA, coverage, weak
 from tests.replay import autopilot_logs
-from tests.replay.autopilot_logs import FACTOR, FULL, INERTIA, MASS, gains, throttle, true_vehicle, write_ulog
+from tests.replay.autopilot_logs import (
+    FACTOR,
+    FULL,
+    INERTIA,
+    MASS,
+    ardupilot_gains,
+    gains,
+    throttle,
+    true_vehicle,
+    write_dataflash,
+    write_ulog,
+)
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.diagnose.flown_controller import flown_by_controller, flown_by_px4
+from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.loop_margins import Gains
 from wrenchgap.replay.present.documents import document
-from wrenchgap.replay.present.readiness import NOT_SAID, to_json
+from wrenchgap.replay.present.readiness import NOT_SAID, parts, to_json
 from wrenchgap.replay.readiness import ROOM, Decision
 
 
@@ -119,12 +130,32 @@ def px4(tmp_path_factory):
 def test_a_unit_of_px4s_torque_is_that_of_its_motors_at_hover(px4):
     """Roll by 0.7 of full throttle at 0.2 m from four rotors whose thrust is 9 N (0.6 u^2 + 0.4 u)."""
     model, flights, _ = px4
-    found = flown_by_px4(model, flights, None)
-    assert found.axes.tolist() == [True, True, False]
+    found = flown_by_autopilot(model, flights, None)
+    assert found.axes.all()
     share = throttle(np.sqrt((9.81 * MASS) / 4.0 / 9.0e-6))
     steep = FULL * (2.0 * FACTOR * share + 1.0 - FACTOR)
     roll, pitch = 4.0 * 0.7 * 0.2 * steep / INERTIA[0], 4.0 * 0.7 * 0.17 * steep / INERTIA[1]
     assert found.acceleration[:2] == pytest.approx([roll, pitch], rel=0.03)
+
+
+def test_rotors_that_speed_up_turn_the_body_before_their_drag_does(px4):
+    """A rotor whose thrust grows by 2 c_f Omega dOmega pulls with kappa times that, and with J dOmega/dt before."""
+    model, flights, _ = px4
+    inertia, hover = 4e-5, np.sqrt(9.81 * MASS / 4.0 / 9.0e-6)
+    lead = flown_by_autopilot(model, flights, None).lead(inertia, model.vehicle.body.inertia)
+    assert lead[2] == pytest.approx(inertia / (0.02 * 2.0 * 9.0e-6 * hover), rel=0.03)
+    assert np.abs(lead[:2]).max() < 1e-3 * lead[2]
+
+
+def test_the_loop_about_z_is_said_where_the_inertia_of_a_rotor_is_known(px4):
+    model, flights, _ = px4
+    lag = replace(make_effect(model.vehicle, "motor_lag", {"tau": 0.03}), std=np.array([0.003]))
+    heavy = replace(make_effect(model.vehicle, "rotor_gyroscopic", {"inertia": 4e-5}), std=np.array([1e-5]))
+    without, known = (wg.ready(flights, model.with_effects(e), "hover") for e in ([lag], [lag, heavy]))
+    assert [one.axis for one in known.loops] == ["torque_x", "torque_y", "torque_z"]
+    assert "Nothing is said about z" in " ".join(str(without).split())
+    assert "Nothing is said about z" not in " ".join(str(known).split())
+    assert known.loops[2].phase[0] < known.loops[2].phase[2]
 
 
 def test_margins_of_px4_are_said_about_the_axes_on_which_its_gains_flew(px4):
@@ -140,6 +171,48 @@ def test_margins_of_px4_are_said_about_the_axes_on_which_its_gains_flew(px4):
         assert one.phase[1] < one.nominal[0] - 10.0
         assert one.phase[0] < one.phase[1] < one.phase[2]
     jsonschema.validate(document("ready", to_json(late)), schema("ready", strict=True))
+
+
+@pytest.fixture(scope="module")
+def ardupilot(tmp_path_factory):
+    """A flight that ArduPilot's gains might have made, the same with another gain, and the vehicle."""
+    flown, folder = autopilot_logs.flight(5), tmp_path_factory.mktemp("ardupilot")
+    about = f"[command]\nunit = 'pwm'\nrange = [1000.0, 2000.0]\nthrust_max = {FULL}\nfactor = {FACTOR}\n"
+    model = model_file.loads(f"{model_file.dumps(true_vehicle())}\n{about}")
+    parameters = (
+        {},
+        {"ATC_RAT_PIT_P": 0.2},
+        {"INS_HNTCH_ENABLE": 1, "INS_HNTCH_FREQ": 60.0, "INS_HNTCH_BW": 30.0, "INS_HNTCH_HMNCS": 1},
+    )
+    logs = [write_dataflash(flown, folder / f"{k}.bin", ardupilot_gains(**p)) for k, p in enumerate(parameters)]
+    return model, *(wg.open_flights([log], model) for log in logs)
+
+
+def test_a_unit_of_ardupilots_torque_is_half_of_full_thrust(ardupilot):
+    """Of four rotors of 9 N at 0.2 m from the axis of roll and 0.17 m from that of pitch, with 0.02 m of torque."""
+    model, flights, *_ = ardupilot
+    found = flown_by_autopilot(model, flights, None)
+    assert (found.name, found.axes.tolist()) == ("ArduPilot", [True] * 3)
+    whole = 4.0 * 0.5 * FULL * np.array([0.2, 0.17, 0.02]) / INERTIA
+    assert found.acceleration == pytest.approx(whole, rel=1e-3)
+    hover = np.sqrt(9.81 * MASS / 4.0 / 9.0e-6)
+    assert found.lead(4e-5, model.vehicle.body.inertia)[2] == pytest.approx(
+        4e-5 / (0.02 * 2.0 * 9.0e-6 * hover), rel=1e-3
+    )
+
+
+def test_margins_of_ardupilot_are_said_with_its_notches(ardupilot):
+    model, flights, other, notched = ardupilot
+    plain, doubtful, late = (wg.ready(f, model, "hover") for f in (flights, other, notched))
+    assert (plain.gains, [one.axis for one in plain.loops]) == (Gains.ARDUPILOT_NO_LAG, ["torque_x", "torque_y"])
+    assert [one.axis for one in doubtful.loops] == ["torque_x"]
+    assert "margins with the gains of ArduPilot's parameters" in [
+        str(getattr(part, "title", "")) for part in parts(plain)
+    ]
+    crossing = 0.15 * 4.0 * 0.5 * FULL * 0.2 / INERTIA[0]  # [rad/s], about
+    lost = np.degrees(np.arctan(crossing / (2.0 * np.pi * 60.0) * (4.0 / 3.0 - 3.0 / 4.0)))
+    assert plain.loops[0].nominal[0] - late.loops[0].nominal[0] == pytest.approx(lost, rel=0.2)
+    jsonschema.validate(document("ready", to_json(plain)), schema("ready", strict=True))
 
 
 @pytest.mark.parametrize(
