@@ -93,7 +93,8 @@ class Readiness(Result):
     quantities in which the trajectory goes further than the flights; `first` is what to check on the bench, that on
     which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does not feel the
     voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard deviation: else
-    nothing says how wrong the model may be. `designed_for` is the vehicle of a file of `design`.
+    nothing says how wrong the model may be. In a share `below` of the draws a rotor would have to push less than it
+    can: there no part has its authority. `designed_for` is the vehicle of a file of `design`.
     """
 
     decision: Decision
@@ -112,6 +113,7 @@ class Readiness(Result):
     beyond: tuple[Range, ...]
     first: tuple[Uncertain, ...]
     known: bool
+    below: float
     designed_for: str = ""
     notes: tuple[object, ...] = ()
 
@@ -173,6 +175,7 @@ def readiness(
         beyond,
         _first(models, worst),
         known,
+        1.0 - float(np.mean(_pushes(model, needed))),
         designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
@@ -240,17 +243,17 @@ def _authorities(
     """  # noqa: D205
     arms, rotors = model.vehicle.geometry()
     full = rotors.speed_max if model.command is None else model.command.full_speed(voltage, model.vehicle)
-    least, of_full = (rotors.speed_min / rotors.speed_max) ** 2, (rotors.speed_max / full) ** 2
+    of_full, pushes = (rotors.speed_max / full) ** 2, _pushes(model, needed)
     bounded = np.maximum(arms.tilt_max, -arms.tilt_min) < 1e4  # rad: a model without stops has 1e9 degrees
     found: list[tuple[Authority, Array]] = []
 
     def add(part: str, used: str, most: Array, nominal: float, enough: NDArray[np.bool_]) -> None:
-        probability = min(float(np.mean(enough & needed.reached)), DEFAULT.certain)
+        probability = min(float(np.mean(enough & pushes)), DEFAULT.certain)
         found.append((Authority(part, used, np.percentile(most, WITHIN), nominal, probability), most))
 
     for r in range(len(rotors)):
         most, nominal = of_full[r] * needed.thrust[:, r], float(of_full[r] * plain.thrust[0, r])
-        add(model.vehicle.rotor_name(r), "thrust", most, nominal, (most <= ROOM) & (needed.least[:, r] >= least[r]))
+        add(model.vehicle.rotor_name(r), "thrust", most, nominal, most <= ROOM)
     for a in np.flatnonzero(arms.tilts):
         for used, share, nominally, on in (
             ("tilt", needed.tilt, plain.tilt, bounded[a]),
@@ -260,6 +263,13 @@ def _authorities(
                 add(model.vehicle.arm_name(int(a)), used, share[:, a], float(nominally[0, a]), share[:, a] <= ROOM)
     found.sort(key=lambda pair: (pair[0].probability, -pair[0].needs[1]))
     return tuple(one for one, _ in found), found[0][1]
+
+
+def _pushes(model: Model, needed: Demand) -> NDArray[np.bool_]:
+    """In which draws (D,) no rotor has to push less than it can."""
+    _, rotors = model.vehicle.geometry()
+    least = (rotors.speed_min / rotors.speed_max) ** 2
+    return np.asarray(needed.reached & np.all(needed.least >= least, axis=1))
 
 
 def _beyond(records: Sequence[Record], reference: Reference, wind: float, force: Array) -> tuple[Range, ...]:

@@ -54,6 +54,12 @@ def summary(found: Readiness) -> list[str]:
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
+    if found.below > 1.0 - GO:
+        out.append(
+            f"In {share(found.below)} of the draws a rotor would have to push less than it can: what the model leaves "
+            "of these flights turns the vehicle more than rotors near idle answer. Fit what is missing, or give calmer "
+            "flights (--between)."
+        )
     if found.gains.upper_bounds:
         out.append(
             "The model has no lag of motors or servos: the margins are upper bounds. Fit one (wrenchgap add motor_lag) "

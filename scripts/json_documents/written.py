@@ -155,6 +155,8 @@ class Ready(Document):
     """What to check on the bench, that on which most depends first."""
     known: bool
     """Whether any value of the model has a standard deviation."""
+    below: float
+    """Share of the draws in which a rotor would have to push less than it can: no part has authority there."""
     designed_for: str
     """The vehicle that a file of `design` names; empty for the name of a trajectory."""
     notes: list[str]

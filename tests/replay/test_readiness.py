@@ -28,6 +28,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
+from wrenchgap.replay import readiness
 from wrenchgap.replay.loop_margins import Gains
 from wrenchgap.replay.present.documents import document
 from wrenchgap.replay.present.readiness import NOT_SAID, parts, to_json
@@ -79,6 +80,17 @@ def test_the_probability_falls_to_zero_and_so_does_the_decision(still, ready):
     assert chances[3] < 0.1
     assert found.decision is Decision.NO_GO
     assert str(found).startswith("No go: on hover with")
+
+
+def test_a_rotor_that_would_have_to_push_down_is_said(still, monkeypatch):
+    """All thrust on one side makes the weight times the arm about x; beyond it the other side would have to push down."""
+    whole = MODEL.vehicle.body.mass * 9.81 * np.abs(MODEL.vehicle.arms.position_B[:, 1]).max()
+    for part, share in ((0.9, 0.0), (1.1, 1.0)):
+        left = np.tile([0.0, 0.0, 0.0, part * whole, 0.0, 0.0], (50, 1))
+        monkeypatch.setattr(readiness, "_left", lambda *of, left=left: left)
+        found = wg.ready(still, weak(), "hover")
+        assert found.below == share
+        assert ("push less than it can" in " ".join(str(found).split())) == bool(share)
 
 
 def test_a_flight_beyond_those_flown_is_no_plain_go(still):
