@@ -195,7 +195,10 @@ def _answer(question: bytes) -> tuple[int, Any]:
 
 def _send(kind: int, content: Any, lasts: bool = True) -> None:
     with _one:
-        _write(_answers, _message(kind, content, lasts))
+        try:
+            _write(_answers, _message(kind, content, lasts))
+        except OSError:
+            os._exit(0)  # the parent is gone, which `_listen` may not have heard yet
 
 
 def _message(kind: int, content: Any, lasts: bool) -> bytes:

@@ -20,7 +20,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from wrenchgap._kernels import removed_kernels
-from wrenchgap.flight import AXES, UsageError, WrenchgapError
+from wrenchgap.flight import AXES, UsageError, WrenchgapError, work_files
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
 from wrenchgap.learn.identify.trend import flight_values, followed_flight
 from wrenchgap.learn.posterior.flight_evidence import evidence, packed
@@ -91,7 +91,7 @@ def model_text(name: str) -> ModelText:
     """A shipped model, or a file. Raises ModelError for what is no model."""
     found = api.load_model(name)
     assert found.path is not None
-    return ModelText(found.path.name, found.path.read_text(encoding="utf-8"))
+    return ModelText(found.path.name, found.text)  # with the bench table, which workers do not see
 
 
 def models_by_vehicle(texts: tuple[str, ...] | list[str]) -> dict[str, ModelText]:
@@ -110,7 +110,7 @@ def models_by_vehicle(texts: tuple[str, ...] | list[str]) -> dict[str, ModelText
 @lru_cache(maxsize=32)
 def model_of(text: ModelText) -> Model:
     """The model, read once by each process."""
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as folder:
+    with tempfile.TemporaryDirectory(dir=work_files.folder()) as folder:
         path = Path(folder) / text.name
         path.write_text(text.text, encoding="utf-8")
         return api.load_model(path)

@@ -1,6 +1,7 @@
 """Other processes: answers, news, errors, death, idleness; and how they and a command end."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -54,6 +55,17 @@ def test_one_that_died_or_rested_too_long_or_grew_is_replaced(one, monkeypatch):
     one.submit(lambda: setattr(worker_there(), "GROWN", -1)).result()
     pids.append(one.submit(os.getpid).result())
     assert len(set(pids)) == 3
+
+
+def test_one_whose_answer_nobody_reads_any_more_ends_without_a_word():
+    """As where its command has ended meanwhile, or was killed."""
+    command = [sys.executable, "-c", worker.START, *_safe_path.absolute(sys.path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        pickle.dump(pickle.dumps(os.getpid), process.stdin)
+        process.stdin.flush()
+        assert process.stderr.read() == b""
+        assert process.wait(timeout=60) == 0
 
 
 def worker_there():

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight import work_files
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.replay.batch import driver, sources
+from wrenchgap.replay.batch import driver, sources, tasks
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
 
@@ -306,6 +307,23 @@ def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
         work(Task(source, content, plan.key(content, source.vehicle)), plan, alone.url)
     told = [[(r["key"], r["status"], r["rms"]) for r in store.rows()] for store in (lossy, alone)]
     assert told[0] == told[1]
+
+
+def test_a_worker_has_the_bench_table_and_keeps_the_model_where_it_is_removed(tmp_path, monkeypatch):
+    """It does not see the folder of the model file; its own goes with it, or after kill -9 with another process."""
+    (tmp_path / "bench.csv").write_text("command,thrust\n0,0\n0.5,0.04\n1,0.15\n")
+    head, _, tail = model_text("crazyflie").text.partition("\n[command]")
+    rest = tail[tail.index("\n[") :]
+    own = tmp_path / "own.toml"
+    own.write_text(f'{head}\n[command]\nunit = "normalised"\ntable = "bench.csv"\n{rest}')
+    asked = []
+    monkeypatch.setattr(tasks.api, "load_model", lambda path, load=wg.load_model: asked.append(path) or load(path))
+    text = model_text(str(own))
+    (tmp_path / "bench.csv").unlink()
+    model = tasks.model_of(text)
+    speeds = model.command.speeds(np.full((1, 4), 0.5), None, model.vehicle)
+    np.testing.assert_allclose(model.vehicle.rotors.c_f * speeds**2, 0.04)
+    assert asked[-1].is_relative_to(work_files.folder())
 
 
 def test_changed_asks_every_log_against_the_healthy_ones(batch, tmp_path, logs):
