@@ -144,8 +144,7 @@ def readiness(
     check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
-    rng = np.random.default_rng(seed)
-    loaded = _loaded(model, payload)
+    loaded, rng = _loaded(model, payload), np.random.default_rng(seed)
     report = progress or (lambda fraction, words: None)
     report(0.1, "what these flights leave")
     left = [(r, _left(r, model)) for f in flights for r in f.records]

@@ -83,7 +83,7 @@ def test_the_probability_falls_to_zero_and_so_does_the_decision(still, ready):
 
 
 def test_a_rotor_that_would_have_to_push_down_is_said(still, monkeypatch):
-    """All thrust on one side makes the weight times the arm about x; beyond it the other side would have to push down."""
+    """All thrust on one side makes the weight times the arm about x; beyond that the other would have to push down."""
     whole = MODEL.vehicle.body.mass * 9.81 * np.abs(MODEL.vehicle.arms.position_B[:, 1]).max()
     for part, share in ((0.9, 0.0), (1.1, 1.0)):
         left = np.tile([0.0, 0.0, 0.0, part * whole, 0.0, 0.0], (50, 1))
