@@ -144,13 +144,14 @@ class Residual:
 
     def driven(self, atom: Atom) -> bool:
         """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
-        a gust that the commands answer, and does not make it (`learn.diagnose.relevance`).
+        a gust that the commands answer, and does not make it (`learn.diagnose.relevance`). Better by what tells two
+        laws apart: one that changes over minutes is the same a moment later.
         """  # noqa: D205
         made, gains = self.made([atom]), []
         for seconds in (0.0, RELEVANCE.later):
             moved = shifted(self.data, made.reshape(len(made), -1), seconds).reshape(made.shape)
             gains.append(gain_beside(self.first, self.whitening(moved), ()))
-        return gains[1] > gains[0]
+        return gains[1] > gains[0] + SETTINGS.equivalent
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""
