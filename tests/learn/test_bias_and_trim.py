@@ -92,7 +92,7 @@ def test_the_model_file_keeps_it():
 
 
 def test_a_vehicle_whose_rotors_do_not_tilt_may_have_its_autopilot_half_a_degree_off_level(hexarotor):
-    """Tilted by d the IMU sees g sin d across thrust. Where rotors tilt, or flights were compared, nothing is granted."""
+    """Tilted by d the IMU sees g sin d across thrust; not where rotors tilt, or flights were compared."""
     fixed = model_file.load("crazyflie")
     level, known = trim_of(fixed), trim_of(replace(fixed, between_flights=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     across = GRAVITY * np.sin(np.radians(0.5))

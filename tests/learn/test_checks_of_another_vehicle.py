@@ -40,6 +40,15 @@ def test_one_factor_on_every_thrust_is_a_c_f_and_no_other_vehicle(tilting, facto
     assert check.level == level
 
 
+@pytest.mark.parametrize(("share", "level"), [(1.0, "ok"), (1.2, "warn"), (1.4, "warn"), (1.6, "bad"), (0.6, "bad")])
+def test_commands_that_carry_another_weight_are_another_vehicles(tilting, share, level):
+    """In flight the mean commanded force is m g: a model of a vehicle 1.6 times lighter is not this one's."""
+    model, flight = tilting
+    body = replace(model.vehicle.body, mass=model.vehicle.body.mass / share)
+    found = of_name(flight, replace(model, vehicle=replace(model.vehicle, body=body)), "weight")
+    assert {c.level for c in found if "commanded" in c.words} == {level}
+
+
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory):
     """Model, and a log of it without an attitude."""
