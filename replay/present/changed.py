@@ -58,7 +58,7 @@ def parts(found: Changed) -> list[Part]:
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [Line(SIZES_LEGEND, "dim"), Line()]
     out += [Line(text) for text in what_to_inspect.sentences(found)[MOST_PLACES:]]
-    out += note_lines([*outliers(found), *other_recordings(found)][1:], "warning")
+    out += note_lines([*outliers(found)[1:], *other_recordings(found)[1:]], "warning")
     out += note_lines([baseline(found), *feedback(found)])
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
     out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
@@ -305,9 +305,9 @@ def _parameter(p: Size) -> dict[str, Any]:
 
 def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
-    said = [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
-    said += map(Line, cheapest_check(found.settle))
-    said += note_lines([*outliers(found), *other_recordings(found)][:1], "warning")
+    said = note_lines(other_recordings(found)[:1], "warning")
+    said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
+    said += [*map(Line, cheapest_check(found.settle)), *note_lines(outliers(found)[:1], "warning")]
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 

@@ -457,8 +457,10 @@ def test_changed_refuses_a_log_of_another_vehicle_unless_told(trimmed, what):
     assert not other_recordings(compared(silent))
     with pytest.raises(LogError, match=f"another vehicle.* {next(iter(what.values()))}, not .*--accept vehicles"):
         compared(replace(first, **what))
-    (words,) = other_recordings(compared(replace(first, **what), accept=("vehicles",)))
+    found = compared(replace(first, **what), accept=("vehicles",))
+    (words,) = other_recordings(found)
     assert next(iter(what.values())) in words
+    assert str(found).replace("\n", " ").startswith(f"warning: {words[:40]}")  # the doubt comes before the answer
 
 
 def test_notes_that_differ_by_names_and_numbers_alone_are_one():
