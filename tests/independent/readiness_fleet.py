@@ -1,7 +1,7 @@
 """How often vehicles of another engine need what `ready` says: python -m tests.independent.readiness_fleet
 
 Forty vehicles hover in gusts, the first rotor of each as strong as chance has it. Before, one more vehicle flew, whose
-first rotor is known to a standard deviation. Seeds up to 12 were looked at while `ready` was made, the others flown once.
+first rotor is known to a standard deviation. Seeds up to 12 were looked at while `ready` was made, others flown once.
 """
 
 from dataclasses import replace
