@@ -10,22 +10,30 @@ import typer
 from wrenchgap.replay.cli import values
 
 
-def existing_paths(paths: list[Path] | Path | None) -> list[Path] | Path | None:
-    """The same paths, once all are there: asked before anything heavy is imported."""
-    for path in [paths] if isinstance(paths, Path) else paths or ():
-        if not path.exists():
-            raise typer.BadParameter(f"{path}: no such file or folder")
-    return paths
+def existing_path(path: Path) -> Path:
+    """The same path, once it is there: asked before anything heavy is imported.
+
+    Where pathlib made an option (of ./--force) or nothing (of .) of its name, the whole path: commands that are
+    proposed have it.
+    """
+    if not path.exists():
+        raise typer.BadParameter(f"{path}: no such file or folder")
+    return path.absolute() if str(path).startswith("-") or not path.name else path
+
+
+def existing_paths(paths: list[Path] | None) -> list[Path] | None:
+    """The same of several."""
+    return paths and [existing_path(path) for path in paths]
 
 
 def logs_in(paths: list[Path] | None) -> list[Path] | None:
     """The same logs, with each folder that is no bag replaced by the logs in it."""
     existing_paths(paths)
-    if not paths or not any(path.is_dir() for path in paths):
-        return paths
-    from wrenchgap.flight.formats.folders import flights_in
+    if paths and any(path.is_dir() for path in paths):
+        from wrenchgap.flight.formats.folders import flights_in
 
-    return [log for path in paths for log in flights_in(path)]
+        paths = [log for path in paths for log in flights_in(path)]
+    return existing_paths(paths)
 
 
 Logs = Annotated[
@@ -52,7 +60,7 @@ Validate = Annotated[
 Log = Annotated[
     Path,
     typer.Argument(
-        metavar="LOG", help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.", callback=existing_paths
+        metavar="LOG", help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.", callback=existing_path
     ),
 ]
 _MODEL = {

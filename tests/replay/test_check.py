@@ -327,6 +327,21 @@ def test_inspect_ends_with_the_next_command(hover, run):
     assert next_command(wrong) == f"wrenchgap inspect {hover} --topic imu=/imu:g"
 
 
+def test_a_log_whose_name_is_an_option_is_none_in_the_next_command(hover, run, tmp_path):
+    """pathlib takes the ./ off that a careful user typed: pasted, the command would have run the file own.py."""
+    log = tmp_path / "--effects=own.py"
+    log.write_bytes(hover.read_bytes())
+    assert f"next: wrenchgap check {log}" in " ".join(run("inspect", f"./{log.name}").output.split())
+    assert f"next: wrenchgap compare {log} -m" in " ".join(
+        run("check", f"./{log.name}", "-m", "crazyflie").output.split()
+    )
+
+
+def test_the_only_log_of_the_working_folder_has_the_name_of_that(hover, run, tmp_path):
+    (tmp_path / "hover.mcap").write_bytes(hover.read_bytes())
+    assert run("check", ".").output.startswith(f"{tmp_path.name}: 12 s")
+
+
 def test_without_a_model_nothing_is_promised_that_needs_one(hover):
     (alone,), (told,) = (wg.check(hover, *model).logs for model in ((), (wg.load_model("crazyflie"),)))
     can = tuple(replace(a, lack=None) for a in alone.answers)
