@@ -185,23 +185,23 @@ class _Search:
         self.single: set[str] = set()
         self.stuck: set[str] = set()
         self.unsure: set[str] = set()
+        self.superfluous: set[str] = set()
         self.steps = 0
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
         """The effects that help, in the order in which they were found."""
         kept: list[str] = []
         ahead = list(names)
-        while ahead:
-            best = self._best(kept, ahead)
-            if best is None:
-                break
-            kept, ahead = [*kept, best], [n for n in ahead if n != best]
-            self._refit(kept)
-            kept = self._pruned(kept)
-        while self.fit.stuck:  # what went may have held another within its limits
-            self.stuck |= self.fit.stuck
-            kept = [name for name in kept if name not in self.stuck]
-            self._refit(kept)
+        while (best := self._best(kept, ahead)) is not None:
+            ahead = [n for n in ahead if n != best]
+            self._refit([*kept, best])
+            kept = self._pruned([*kept, best])
+            while self.fit.stuck:  # it goes for good, and what it replaced is tried again; so may others that it held
+                self.stuck |= self.fit.stuck
+                kept = [name for name in kept if name not in self.stuck]
+                ahead += [name for name in names if name in self.superfluous and name not in ahead]
+                self.superfluous.clear()
+                self._refit(kept)
         self.unsure = {name for name in kept if not significant(self.fit.from_nothing(name))}
         if self.unsure:  # beside which no other could take what they explain
             kept = [name for name in kept if name not in self.unsure]
@@ -256,13 +256,15 @@ class _Search:
         return sum(gains) > 0.0 and 2 * sum(g > 0.0 for g in gains) > len(gains)
 
     def _pruned(self, kept: list[str]) -> list[str]:
-        """Without what the last one made superfluous."""
+        """Without what the last one made superfluous: what replaces it has to be one that may stay itself."""
         for name in kept[:-1]:
             rest = [n for n in kept if n != name]
             one = fit(self.data, self.model, rest, start=self.fit)
             gain = self._contrast(held_out(self.data, self.model, rest, one), self.left)
             self.t[name] = gain.t
-            if not significant(gain.t):
+            admissible = not one.stuck and significant(one.from_nothing(kept[-1]))
+            if admissible and not significant(gain.t):
+                self.superfluous.add(name)
                 self._refit(rest)
                 return self._pruned(rest)
         return kept

@@ -7,9 +7,10 @@ import pytest
 
 import wrenchgap as wg
 from benchmarks.hidden_effects.engine import fly
+from tests.independent.flown_quadrotor import C_F, SPEED_MAX, Case
 from tests.independent.flown_quadrotor import MODEL as QUADROTOR
-from tests.independent.flown_quadrotor import Case
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
+from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.calibrate import Fate, scatter_of
 from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import model_file
@@ -179,6 +180,26 @@ def test_a_wrong_curve_is_found_on_healthy_flights():
     right = with_curve(FULL, 0.6)
     best = np.array(wg.compare(wg.open_flights(flight, right), right, ahead=False).to_json()["models"][0]["rms"])
     assert np.all(found.added.trial.after < 1.5 * best + 0.01)
+
+
+def test_a_curve_that_ends_at_its_limit_takes_no_effects_place(monkeypatch):
+    """Two hovers in gusts with 11 % less thrust: a curve at its limits does nearly as much, and is not the cause."""
+    wrong = model_file.loads(
+        f'{QUADROTOR.text}\n[command]\nunit = "normalised"\nthrust_max = {C_F * SPEED_MAX**2}\nfactor = 1.0\n'
+    )
+    weak = [Case(f"weak{k}", seed=k, seconds=15.0, blades=(0.89,) * 4, gusts=1.0) for k in (1, 2)]
+    sent = [(f, f.actuators) for f in fly_quadrotors(weak)]
+    flights = wg.open_flights(
+        [replace(f, actuators=replace(a, rotor_speed=a.rotor_speed / SPEED_MAX, unit="normalised")) for f, a in sent],
+        wrong,
+    )
+    order = iter(("thrust_scale", "thrust_curve", None))
+    monkeypatch.setattr(calibrating._Search, "_best", lambda *_: next(order))
+    found = calibrating.calibrate(flights, wrong)
+    assert found.effects == ("thrust_scale",)
+    assert fate(found, "thrust_curve") is Fate.AT_LIMIT
+    assert value(found, "thrust_scale", "scale").value == pytest.approx(-0.11, abs=0.01)
+    assert np.all(found.after[:, 2] < 0.5 * found.before[:, 2])
 
 
 def test_scatter_is_what_goes_beyond_the_errors():
