@@ -116,13 +116,15 @@ class Contrast:
         return self.difference / max(float(np.hypot(self.spread, SIGNIFICANCE.discrepancy * self.excess)), 1e-30)
 
 
-def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
+def contrast(data: Dataset, worse: Array, better: Array, axes: NDArray[np.bool_] | None = None) -> Contrast:
     """Compare two held-out residuals (K, 6); `Contrast` of nothing where there are fewer than three blocks.
+
+    On `axes` (6,), all that were measured unless they are given.
 
     The loss of a sample is sum_l r_l^2 / v_l, with v_l the geometric mean of both models' mean squares on axis l: a
     pure number in which every axis counts, whatever its unit and size.
     """
-    known = data.measured_axes
+    known = data.measured_axes if axes is None else axes
     worse, better, noise = worse[:, known], better[:, known], data.noise[known]
     square = np.mean(better**2, axis=0)
     variance = common_variance(worse**2, better**2)

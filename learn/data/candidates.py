@@ -36,6 +36,7 @@ class Lack(StrEnum):
     EXCITATION = "excitation"  # the flights cannot show it
     AIR = "air"  # nothing through which the air would act
     KNOWN = "known"  # the model file knows the number well
+    FOLLOWING = "following"  # the motion follows the commands on no axis
     FIT = "fit"  # no physically possible values were found
 
 
@@ -64,6 +65,7 @@ REASONS = {
     Lack.POSE: "needs pose and velocity; map them with --topic odometry=/your/topic",
     Lack.IMU: "needs an IMU: rates and forces of this log come from the odometry; map one with --topic imu=/your/topic",
     Lack.AIR: "has no force of its own: needs an effect through which the air acts, and none can be tried",
+    Lack.FOLLOWING: "commands answer the motion on every axis: a fitted lag would be the controller's own phase",
     Lack.VOLTAGE: "needs the battery voltage; map it with --topic battery=/your/topic",
 }
 """In words; where there are none, `Untried.detail` has them."""

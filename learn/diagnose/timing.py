@@ -217,6 +217,18 @@ def unfollowed_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
     return tuple(k for k, axis in enumerate(AXES) if axis in not_plain)
 
 
+def following_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
+    """Axes that commands change and on which none of the flights says that they may answer the motion.
+
+    On these alone actuator dynamics (lags, delays) are identifiable: elsewhere what is fitted is the controller's own
+    phase (`FeedbackDominated`), or nothing that actuators made. One lag that is found on one of them, as in the thrust,
+    is that of all axes that the same actuators make.
+    """
+    changing = {r.axis for t in timing for r in t.responses if r.offset.problem is not Problem.STILL}
+    unfollowed = unfollowed_axes(timing)
+    return tuple(k for k, axis in enumerate(AXES) if axis in changing and k not in unfollowed)
+
+
 def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | None:
     """What the offset of odometry behind IMU costs an effect that is driven by the odometry."""
     if odometry is None or offset.seconds is None or offset.same:

@@ -123,10 +123,12 @@ def answers_of(
     vibration: Vibration,
     *,
     follows: bool = True,
+    lags: bool = True,
 ) -> tuple[Answer, ...]:
     """Every question, and what the log lacks for it first; none of a log that is not what it seems.
 
-    `follows` says whether the motion follows the commands about x or y, which only a model tells.
+    `follows` says whether the motion follows the commands about x or y, `lags` whether it does on any axis that the
+    actuators make, which shows their lag: only a model tells.
     """
     if phases.lack is NoPhases.DOUBT:
         return ()
@@ -146,7 +148,9 @@ def answers_of(
         Lack.FOLLOWING: (1.0 if follows else None, 1.0),
     }
     short = {lack for lack, (have, need) in has.items() if have is None or have < need}
-    first = {question: next((lack for lack in asked if lack in short), None) for question, asked in ASKED.items()}
+    of_lag = short - {Lack.FOLLOWING} if lags else short | {Lack.FOLLOWING}
+    short_of = {q: of_lag if q is Question.LAG else short for q in ASKED}
+    first = {q: next((lack for lack in asked if lack in short_of[q]), None) for q, asked in ASKED.items()}
     return tuple(Answer(q, lack, *((None, None) if lack is None else has[lack])) for q, lack in first.items())
 
 

@@ -19,7 +19,7 @@ from wrenchgap.flight.load import assigned
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.opening import OpenFlight, checks_against
 from wrenchgap.learn.data.read_options import ReadOptions
-from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
+from wrenchgap.learn.diagnose.timing import answering_axes, following_axes, timing_of
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.flight_modes import FlightMode, modes_of
@@ -159,13 +159,14 @@ def _against(
 def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: OpenFlight | None) -> dict[str, Any]:
     """All that is known of a flight; `opened` with the model, where that fits, has its phases as `inspect` tells them.
 
-    Whether the motion follows the commands about x or y, only a model tells (`learn.diagnose.timing`).
+    Whether the motion follows the commands about x or y, or on any axis, only a model tells (`learn.diagnose.timing`).
     """
     thrusts = thrusts_of(flight, model)
     phases = phases_of(flight, thrusts, None if opened is None else opened.phases)
-    follows = None
+    follows, lags = None, True
     if opened is not None and model is not None:
-        follows = not {3, 4} <= set(answering_axes([timing_of(opened, model)]))
+        timing = [timing_of(opened, model)]
+        follows, lags = not {3, 4} <= set(answering_axes(timing)), bool(following_axes(timing))
     battery = battery_of(flight, recorded, phases)
     rotors = () if thrusts is None else tuple(rotor.name for rotor in thrusts.rotors)
     vibration = vibration_of(flight, recorded, phases, rotors)
@@ -187,6 +188,6 @@ def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: 
         "battery": battery,
         "estimator": estimator_of(flight.autopilot, recorded, phases),
         "rates": tuple(rates),
-        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows is not False),
+        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows is not False, lags=lags),
         "follows": follows,
     }

@@ -9,8 +9,9 @@ Statistical Learning", 2nd ed., 3.3 and 7.10). With several flights each has to 
 out, so that the loading of one flight is no calibration.
 
 Only what is evidence counts: where the motion does not plainly follow the commands, they may have answered a
-disturbance, and what such an answer could make of a fit is taken out of it (`learn.data.feedback_regressors`). What
-helps but may be nothing, by its standard deviation, stays out of the model; until the end it is fitted beside the
+disturbance, and what such an answer could make of a fit is taken out of it (`learn.data.feedback_regressors`). Lags and
+delays are judged on axes alone that follow (`learn.diagnose.timing.following_axes`), and not tried where none does.
+What helps but may be nothing, by its standard deviation, stays out of the model; until the end it is fitted beside the
 others, so that none takes what it explains.
 
 Standard deviations are those of the fit (`learn.identify.fit`), the scatter of the flights' own values beyond their
@@ -23,18 +24,17 @@ from enum import StrEnum
 
 import numpy as np
 
-from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import Contrast, contrast, significant
 from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable, known, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.timing import dataset_of, timing_of, unfollowed_axes
+from wrenchgap.learn.diagnose.timing import dataset_of, following_axes, timing_of, unfollowed_axes
 from wrenchgap.learn.identify.add import Addition, addition
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.stepwise import Stepwise, of_actuators
 from wrenchgap.learn.identify.trend import ParameterTrend, trend
 from wrenchgap.plant.model import Model
 
@@ -97,7 +97,7 @@ class Calibration(Result):
 
     `before` and `after` (n, 6) [N, Nm] are the rms of each flight on its held-out time, `unseen` the same of flights
     that were never fitted. `added` is None where nothing helped, and where it would leave a weak rotor `hidden`: the
-    model stays as it was.
+    model stays as it was. Lags and delays were judged on the axes `following`, by number.
     """
 
     given: Model
@@ -109,7 +109,13 @@ class Calibration(Result):
     after: Array
     unseen: tuple[tuple[str, Array, Array], ...]
     flights: tuple[OpenFlight, ...]
+    following: tuple[int, ...] = ()
     hidden: HiddenRotor | None = None
+
+    @property
+    def lags(self) -> tuple[str, ...]:
+        """What was kept of lags and delays."""
+        return tuple(name for name in self.effects if of_actuators(name))
 
     @property
     def model(self) -> Model:
@@ -140,15 +146,18 @@ def calibrate(
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
     timing = [timing_of(f, model) for f in flights]
     data = dataset([r for f in flights for r in f.records], model, unfollowed_axes(timing))
-    reasons = {name: _reason(name, bare, flights) for name in TRIMMED}
-    search = _Search(data, bare, report)
+    following = following_axes(timing)
+    reasons = {name: _reason(name, bare, flights, following) for name in TRIMMED}
+    search = Stepwise(data, bare, report, following)
     chosen = search.chosen([name for name in TRIMMED if reasons[name] is None])
     tried = tuple(_tried(name, chosen, search, reasons[name]) for name in TRIMMED)
     names = tuple(f.records[0].flight for f in flights)
     start = held_out(data, model, (), fit(data, model, ()))
     if not chosen:
         rows = _by_flight(data, start)
-        return Calibration(model, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights))
+        return Calibration(
+            model, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights), following
+        )
     report(0.9, "flight by flight")
     fitted = search.fit
     trimmed = _trimmed(fitted, flights, bare, chosen)
@@ -160,10 +169,10 @@ def calibrate(
     end = held_out(data, bare, chosen, fitted)
     before, after = _by_flight(data, start), _by_flight(data, end)
     tested = _unseen(unseen, model, added.model)
-    return Calibration(model, added, tried, trimmed, names, before, after, tested, tuple(flights))
+    return Calibration(model, added, tried, trimmed, names, before, after, tested, tuple(flights), following)
 
 
-def _reason(name: str, model: Model, flights: Sequence[OpenFlight]) -> Untried | None:
+def _reason(name: str, model: Model, flights: Sequence[OpenFlight], following: Sequence[int]) -> Untried | None:
     """Why an effect is not trimmed on these flights: it cannot be, or nothing says that it is open."""
     records = [r for f in flights for r in f.records]
     reason = known(name, model)
@@ -171,106 +180,11 @@ def _reason(name: str, model: Model, flights: Sequence[OpenFlight]) -> Untried |
         reason = Untried(name, Lack.KNOWN, "logs of this vehicle have rotor speeds or a wrench: no [command]")
     if reason is None and name == "inertia" and model.vehicle.tolerances.inertia is None:
         reason = Untried(name, Lack.KNOWN, "the model file gives the inertia without a tolerance")
-    return reason or inapplicable(name, model, records) or unexcited(name, model, records)
+    reason = reason or inapplicable(name, model, records) or unexcited(name, model, records)
+    return reason or (Untried(name, Lack.FOLLOWING) if of_actuators(name) and not following else None)
 
 
-class _Search:
-    """Stepwise choice of effects by what they do on held-out time."""
-
-    def __init__(self, data: Dataset, model: Model, report: Callable[[float, str], None]) -> None:
-        self.data, self.model, self.report = data, model, report
-        self.fit = fit(data, model, ())
-        self.given = self.left = held_out(data, model, (), self.fit)
-        self.t: dict[str, float] = {}
-        self.single: set[str] = set()
-        self.stuck: set[str] = set()
-        self.unsure: set[str] = set()
-        self.superfluous: set[str] = set()
-        self.steps = 0
-
-    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
-        """The effects that help, in the order in which they were found."""
-        kept: list[str] = []
-        ahead = list(names)
-        while (best := self._best(kept, ahead)) is not None:
-            ahead = [n for n in ahead if n != best]
-            self._refit([*kept, best])
-            kept = self._pruned([*kept, best])
-            while self.fit.stuck:  # it goes for good, and what it replaced is tried again; so may others that it held
-                self.stuck |= self.fit.stuck
-                kept = [name for name in kept if name not in self.stuck]
-                ahead += [name for name in names if name in self.superfluous and name not in ahead]
-                self.superfluous.clear()
-                self._refit(kept)
-        self.unsure = {name for name in kept if not significant(self.fit.from_nothing(name))}
-        if self.unsure:  # beside which no other could take what they explain
-            kept = [name for name in kept if name not in self.unsure]
-            self._refit(kept)
-        return tuple(kept)
-
-    def _refit(self, kept: Sequence[str]) -> None:
-        self.fit = fit(self.data, self.model, kept, start=self.fit)
-        self.left = held_out(self.data, self.model, kept, self.fit)
-
-    def _best(self, kept: Sequence[str], ahead: Sequence[str]) -> str | None:
-        """The effect that helps most beside those that are kept, None where none does."""
-        found: list[tuple[float, str]] = []
-        for name in ahead:
-            self.steps += 1
-            self.report(0.9 * (1.0 - 0.97**self.steps), f"trying {name}")
-            try:
-                one = fit(self.data, self.model, [*kept, name], base=self.fit)
-            except FitError:
-                continue
-            if one.stuck:
-                self.stuck.add(name)
-                continue
-            self.stuck.discard(name)
-            left = held_out(self.data, self.model, [*kept, name], one, exact=False)
-            gain = self._contrast(self.left, left)
-            self.t[name] = gain.t
-            if not significant(gain.t):
-                continue
-            if self._holds([*kept, name], one, kept):
-                self.single.discard(name)
-                found.append((gain.difference, name))
-            else:
-                self.single.add(name)
-        return max(found)[1] if found else None
-
-    def _contrast(self, before: Array, after: Array) -> Contrast:
-        return contrast(self.data, *(self.data.evidence(self.given, left) for left in (before, after)))
-
-    def _holds(self, names: Sequence[str], one: Fit, kept: Sequence[str]) -> bool:
-        """Whether it helps on whole flights that were left out, on most of them and in sum; true of one flight."""
-        flight = self.data.flight
-        if flight.max() == 0:
-            return True
-        known, gains = self.data.measured_axes, []
-        before = held_out(self.data, self.model, kept, self.fit, groups=flight)
-        after = held_out(self.data, self.model, names, one, groups=flight)
-        before, after = (self.data.evidence(self.given, left) for left in (before, after))
-        for f in range(int(flight.max()) + 1):  # by how much the mean square falls, each axis in its own scale
-            old, new = (np.mean(r[flight == f][:, known] ** 2, axis=0) for r in (before, after))
-            gains.append(float(np.sum((old - new) / np.maximum(np.sqrt(old * new), 1e-30))))
-        return sum(gains) > 0.0 and 2 * sum(g > 0.0 for g in gains) > len(gains)
-
-    def _pruned(self, kept: list[str]) -> list[str]:
-        """Without what the last one made superfluous: what replaces it has to be one that may stay itself."""
-        for name in kept[:-1]:
-            rest = [n for n in kept if n != name]
-            one = fit(self.data, self.model, rest, start=self.fit)
-            gain = self._contrast(held_out(self.data, self.model, rest, one), self.left)
-            self.t[name] = gain.t
-            admissible = not one.stuck and significant(one.from_nothing(kept[-1]))
-            if admissible and not significant(gain.t):
-                self.superfluous.add(name)
-                self._refit(rest)
-                return self._pruned(rest)
-        return kept
-
-
-def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | None) -> Tried:
+def _tried(name: str, chosen: Sequence[str], search: Stepwise, reason: Untried | None) -> Tried:
     if reason is not None:
         return Tried(name, Fate.UNTRIED, None, reason)
     fates = {

@@ -120,6 +120,11 @@ def notes(found: Calibration) -> list[str]:
         own.append("One flight does not show by how much flights differ: later ones may by more than these intervals.")
     if found.added is not None and found.added.between_flights is not None:
         own.append(differences(found.added.between_flights))
+    if found.lags and (axes := [AXES[k] for k in found.following]) and len(axes) < len(AXES):
+        own.append(
+            f"{', '.join(found.lags)}: judged on {', '.join(axes)} alone, where the motion follows the commands; taken "
+            "to be the same on the others, which show no lag here."
+        )
     return [*own, *sentences(found.given.notes), *of_flights(found.flights)]
 
 

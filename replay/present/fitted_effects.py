@@ -14,6 +14,9 @@ from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.numbers import quantity, size_in_words, user_name
 
+PLURAL = ("the motors", "the tilt servos")
+"""Subjects of more than one thing."""
+
 
 @dataclass(frozen=True)
 class FittedEffect:
@@ -50,7 +53,7 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     if not found:
         return ""
     one = found[0]
-    verb = f"{one.subject[:1].upper()}{one.subject[1:]} is {one.is_so}"
+    verb = f"{one.subject[:1].upper()}{one.subject[1:]} {'are' if one.subject in PLURAL else 'is'} {one.is_so}"
     return f"{'Largest: ' if len(found) > 1 else ''}{verb} ({one.values})."
 
 
@@ -98,7 +101,7 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
         case "drag_torque":
             return "the rotors' torque per thrust", f"{size} {'higher' if more else 'lower'}"
         case "motor_lag" | "servo_lag":
-            return "the motors" if name == "motor_lag" else "the tilt servos", f"{size} slower"
+            return PLURAL[0 if name == "motor_lag" else 1], f"{size} slower"
         case "command_delay":
             return "what is commanded", f"{size} late"
     return name.replace("_", " "), "different from the model file's"

@@ -10,8 +10,10 @@ from benchmarks.hidden_effects.engine import fly
 from tests.independent.flown_quadrotor import C_F, SPEED_MAX, Case
 from tests.independent.flown_quadrotor import MODEL as QUADROTOR
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
+from wrenchgap.learn.data.candidates import Lack
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.calibrate import Fate, scatter_of
+from wrenchgap.learn.identify.stepwise import Stepwise
 from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
@@ -194,12 +196,24 @@ def test_a_curve_that_ends_at_its_limit_takes_no_effects_place(monkeypatch):
         wrong,
     )
     order = iter(("thrust_scale", "thrust_curve", None))
-    monkeypatch.setattr(calibrating._Search, "_best", lambda *_: next(order))
+    monkeypatch.setattr(Stepwise, "_best", lambda *_: next(order))
     found = calibrating.calibrate(flights, wrong)
     assert found.effects == ("thrust_scale",)
     assert fate(found, "thrust_curve") is Fate.AT_LIMIT
     assert value(found, "thrust_scale", "scale").value == pytest.approx(-0.11, abs=0.01)
     assert np.all(found.after[:, 2] < 0.5 * found.before[:, 2])
+
+
+def test_no_lag_is_fitted_where_commands_answer_the_motion():
+    """Two hovers in gusts, the centre of mass 4 mm forward: that is found, and motors that lag by 60 ms are not."""
+    hovers = [
+        Case(f"hover{k}", seed=k, seconds=15.0, lag=(0.06, 0.06), com=(0.004, 0.0, 0.0), gusts=1.0) for k in (1, 2)
+    ]
+    found = calibrating.calibrate(wg.open_flights(fly_quadrotors(hovers), QUADROTOR), QUADROTOR)
+    assert found.effects == ("com_offset",)
+    assert value(found, "com_offset", "x").value == pytest.approx(0.004, abs=0.001)
+    reasons = {t.effect: t.reason for t in found.tried if t.effect in ("motor_lag", "command_delay")}
+    assert [one.lack for one in reasons.values()] == [Lack.FOLLOWING] * 2
 
 
 def test_scatter_is_what_goes_beyond_the_errors():

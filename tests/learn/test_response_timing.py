@@ -10,7 +10,7 @@ from wrenchgap.flight.flight import GRAVITY, Flight, ImuSeries, WrenchSeries
 from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.diagnose.response import Response, responses
-from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes
+from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, following_axes
 from wrenchgap.plant import model_file
 
 RATE = 250.0
@@ -58,6 +58,20 @@ def test_where_one_torque_answers_the_others_do_unless_they_plainly_follow():
     assert axes(answers, follows) == (3, 4, 5)
     assert axes(follows, follows) == ()
     assert axes(vague, vague) == ()
+
+
+def test_actuator_dynamics_show_where_commands_change_and_none_of_the_flights_may_answer():
+    """Of two flights: the thrust plainly follows, one torque answers on the second, one never changes."""
+    first = {"force_x": Problem.STILL, "force_z": "plain", "torque_x": "plain", "torque_y": Problem.SHORT}
+    second = first | {"torque_x": Problem.FEEDBACK}
+
+    def axes(*flights):
+        each = (tuple(response(*row) for row in made.items()) for made in flights)
+        return following_axes([FlightTiming("flight", 30.0, (), (), responses=answers) for answers in each])
+
+    assert axes(first) == (2, 3, 4)
+    assert axes(first, second) == (2, 4)
+    assert axes({"torque_x": Problem.FEEDBACK, "torque_y": Problem.UNCLEAR}) == ()
 
 
 def response(axis, kind):

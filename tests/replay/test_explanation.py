@@ -116,6 +116,9 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     assert "M3 20 % weaker (rotor_thrust M3 -0.200)" in fitted_effects.already_in(model)
     assert fitted_effects.largest_of(model, ["rotor_thrust", "com_offset"]).startswith("Largest: M3 is 20 % weaker (")
     assert fitted_effects.largest_of(model, ["com_offset"]).startswith("The centre of mass is 1.0 mm towards the front")
+    slow = replace(make_effect(MODEL.vehicle, "motor_lag", (0.06,)), std=np.array([0.005]))
+    late = fitted_effects.largest_of(MODEL.with_effects([slow]), ["motor_lag"])
+    assert late.startswith("The motors are 60 ms slower (")
     assert to_json(named)["already"] == ""  # what is named now was not in the model
     given = replace(named, model=MODEL.with_effects([*model.effects[1:], *named.model.effects]))
     assert any("The model already has" in part.text for part in brief(given) if isinstance(part, Line))
