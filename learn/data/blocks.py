@@ -116,7 +116,7 @@ class Contrast:
         return self.difference / max(float(np.hypot(self.spread, SIGNIFICANCE.discrepancy * self.excess)), 1e-30)
 
 
-def contrast(data: Dataset, worse: Array, better: Array, axes: NDArray[np.bool_] | None = None) -> Contrast:
+def contrast(data: Dataset, worse: Array, better: Array, *, axes: NDArray[np.bool_] | None = None) -> Contrast:
     """Compare two held-out residuals (K, 6); `Contrast` of nothing where there are fewer than three blocks.
 
     On `axes` (6,), all that were measured unless they are given.

@@ -94,7 +94,7 @@ class Stepwise:
 
     def _contrast(self, name: str, before: Array, after: Array) -> Contrast:
         worse, better = (self.data.evidence(self.given, each) for each in (before, after))
-        return contrast(self.data, worse, better, self._axes(name))
+        return contrast(self.data, worse, better, axes=self._axes(name))
 
     def _holds(self, name: str, one: Fit, kept: Sequence[str]) -> bool:
         """Whether it helps on whole flights that were left out, on most of them and in sum; true of one flight."""
