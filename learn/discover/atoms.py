@@ -38,6 +38,8 @@ from wrenchgap.plant.vehicle import Vehicle
 
 COMMANDS = frozenset(("thrust", "thrust of rotors"))
 """Causes that are commands, which answer a disturbance at once."""
+MOTION = frozenset(("velocity", "body rates"))
+"""Causes that are the motion itself, from which a force or torque that is passive takes energy."""
 
 
 @dataclass(frozen=True)

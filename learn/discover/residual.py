@@ -19,7 +19,7 @@ from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
-from wrenchgap.learn.discover.atoms import Atom, atoms, constants
+from wrenchgap.learn.discover.atoms import MOTION, Atom, atoms, constants
 from wrenchgap.learn.discover.evidence import CLIPPED, Evidence, Whitening, evidence, possible, ranges, responses
 from wrenchgap.learn.discover.search import Step, best_on, coefficients, gain_beside, step
 from wrenchgap.learn.discover.settings import SETTINGS
@@ -114,14 +114,14 @@ class Residual:
         return self.needed(found)
 
     def needed(self, found: Sequence[FoundAtom]) -> tuple[FoundAtom, ...]:
-        """Those that still gain more than chance did when all later ones are there: a later one may say it better."""
+        """Those that still gain more than chance did when the others that hold are there: one may say it better."""
 
         def at(one: FoundAtom) -> int:
             return self.first.atoms.index(one.atom)
 
         kept = list(found)
         for one in found:
-            others = [at(f) for f in kept if f is not one]
+            others = [at(f) for f in kept if f is not one and f.holds]
             if others and gain_beside(self.first, self.first.columns([at(one)]), others) <= one.step.null_quantile:
                 kept.remove(one)
         return tuple(kept)
@@ -139,8 +139,10 @@ class Residual:
         again = sum(best_on(on, np.isin(on.moment // 2, half)) in near for half in halves)
         atom = on.atoms[one.atom]
         parts = self._parts(on, one.atom)
+        made = self.made([atom]) @ coefficients(on.columns([one.atom]), on.y, on.moment)[0]
         alike = [a for k in (one.atom, *one.equivalents) for a in (on.atoms[k], *on.same.get(on.atoms[k].name, ()))]
-        return FoundAtom(one, atom, tuple(alike[1:]), parts, again / SETTINGS.halves, self.driven(atom))
+        driven = self.feeding(atom, made) or self.driven(atom)
+        return FoundAtom(one, atom, tuple(alike[1:]), parts, again / SETTINGS.halves, driven)
 
     def driven(self, atom: Atom) -> bool:
         """Whether a law goes with what is left better as it is a moment later: then it follows, as the motion follows
@@ -152,6 +154,13 @@ class Residual:
             moved = shifted(self.data, made.reshape(len(made), -1), seconds).reshape(made.shape)
             gains.append(gain_beside(self.first, self.whitening(moved), ()))
         return gains[1] > gains[0] + SETTINGS.equivalent
+
+    def feeding(self, atom: Atom, made: Array) -> bool:
+        """Whether a law of the motion alone feeds it at every moment: nothing passive does (damping takes energy out),
+        and what a gust turns or pushes moves along with it at once.
+        """  # noqa: D205
+        power = _power(self.data, made, self.given.vehicle.body.com_B)
+        return set(atom.causes) <= MOTION and bool(np.mean(power > 0.0) > SETTINGS.feeding)
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""

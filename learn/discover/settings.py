@@ -20,6 +20,9 @@ class DiscoverySettings:
     """Shortest shift in time of such a residual [s]: longer than a vehicle's own motion remembers."""
     same: float = 0.995
     """Correlation of two atoms from which on the second is not tried."""
+    feeding: float = 0.95
+    """Share of the time in which a law of motion alone feeds it, from which on it follows a gust: a force along the
+    velocity, or a torque along the rates, has all of it, one across them half."""
     most: int = 3
     """Laws in a row, each on what the last left."""
     equivalent: float = 3.0

@@ -40,7 +40,7 @@ def summary(found: Discovery) -> list[str]:
         return [f"Nothing is left for a law: with {named} what remains is noise, or too little to look at."]
     if not found.laws:
         return _without(found, named)
-    out = [f"A law{'' if len(found.laws) == 1 else 's'} beside {named}: {'; '.join(map(written, found.laws))}."]
+    out = [f"{'A law' if len(found.laws) == 1 else 'Laws'} beside {named}: {'; '.join(map(written, found.laws))}."]
     subject = "It takes" if len(found.laws) == 1 else "They take"
     out.append(
         f"{subject} off {share(found.energy_reduction)} of the energy above the sensors' noise on {found.held_out}."

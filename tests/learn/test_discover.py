@@ -15,12 +15,13 @@ import wrenchgap as wg
 from scripts.json_documents import schema
 from tests.independent import flown_quadrotor as engine
 from wrenchgap.flight import so3
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.discover.atoms import Atom, Term, atoms, constants
 from wrenchgap.learn.discover.discover import Outcome
 from wrenchgap.learn.discover.evidence import Evidence, distinct, surrogate_residuals
 from wrenchgap.learn.discover.law_file import evaluator, source
 from wrenchgap.learn.discover.quantities import Unit
-from wrenchgap.learn.discover.residual import loaded, renamed
+from wrenchgap.learn.discover.residual import Residual, loaded, renamed
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects.effect import Context
@@ -205,6 +206,21 @@ def test_an_atom_that_is_another_one_here_is_told_as_its_like():
     second = distinct(replace(first, X=free_of_c))
     assert [x.name for x in second.atoms] == ["a", "b"]
     assert second.same == {"a": (laws["c"],), "b": (laws["d"],)}
+
+
+@pytest.mark.parametrize(
+    ("k", "name", "feeds"), [(1.0, "torque_w", True), (-1.0, "torque_w", False), (1.0, "torque_z_heading4", False)]
+)
+def test_a_torque_along_the_rates_that_never_takes_energy_is_no_law_of_theirs(hidden, k, name, feeds):
+    """M . omega = k |omega|^2: damping has k < 0, and with k > 0 something else (a gust) turns the vehicle. A torque by
+    the heading has its energy from elsewhere.
+    """
+    data = dataset(hidden[0].records, engine.MODEL)
+    omega = np.concatenate([r.state_kept.omega_B for r in data.records])
+    (atom,) = [a for a in atoms(QUADROTOR) if a.name == name]
+    on = SimpleNamespace(data=data, given=engine.MODEL)
+    assert Residual.feeding(on, atom, np.hstack((0.0 * omega, k * omega))) is feeds
+    assert not Residual.feeding(on, atom, np.hstack((0.0 * omega, np.cross(omega, [0.0, 0.0, 1.0]))))
 
 
 def test_the_file_of_a_law_is_an_effect_that_is_added(found, hidden):
