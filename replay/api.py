@@ -58,14 +58,16 @@ def save_model(
 ) -> Model:
     """Write a model file with its history, and return the model as the file has it.
 
-    `before` is the model that this one came from (known of an `Addition`), `command` what made it. Raises UsageError
-    where the file exists and `force` is not given.
+    `before` is the model that this one came from (known of an `Addition`), `command` what made it; what is `before`
+    itself has no new version. Raises UsageError where the file exists and `force` is not given.
     """
     path = Path(path)
     if isinstance(model, Addition):
         versioned = model_file.next_version(
             model.given, model.model, command=command, path=path, flights=model.logs, trial=model.trial
         )
+    elif model is before:
+        versioned = model
     else:
         versioned = model_file.next_version(before or model, model, command=command, path=path)
     return model_file.save(versioned, path, force=force)

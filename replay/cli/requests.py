@@ -276,11 +276,13 @@ class Run:
             if path is not None:
                 self.line(f"wrote {what.replace('_', ' ')} {path}")
 
-    def write_model(self, command: str, body: Mapping[str, Any], saved: Model, path: Path) -> None:
-        """The same of a command that saved a model as a new version at `path`."""
-        number = saved.history[-1].number
-        said = {**body, "model": str(path), "model_version": number}
-        self.write(command, said, **{f"model (version {number})": path})
+    def write_model(
+        self, command: str, body: Mapping[str, Any], saved: Model, path: Path, *, unchanged: bool = False
+    ) -> None:
+        """The same of a command that saved a model as a new version at `path`, or as a copy where it is `unchanged`."""
+        number = saved.history[-1].number if saved.history else 1
+        what = "unchanged copy of the model" if unchanged else f"model (version {number})"
+        self.write(command, {**body, "model": str(path), "model_version": number}, **{what: path})
 
     def command_line(self) -> str:
         """The command that is running, as a user would type it; without options that do not change its result."""

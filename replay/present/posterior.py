@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, GRAVITY
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.diagnose.residual_patterns import Oscillation
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
@@ -161,12 +162,15 @@ def nearest(
 
 
 def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:
-    """The effect with its parameters and their standard deviations.
+    """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations.
 
     Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
     parameters' typical ones.
     """
-    shown: Sequence[Value] = fit.values(name)
+    every = fit.values(name)
+    clear = [v for v in every if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)]
+    clearest = sorted(every, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
+    shown: Sequence[Value] = clear or clearest[:1]
     if len(shown) > 3:
         typical = {p.name: p.scale for owner, p in fit.parameters if owner == name}
         by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])

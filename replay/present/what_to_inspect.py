@@ -11,6 +11,7 @@ from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.posterior import NamedSet
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.numbers import quantity, share, size_in_words
@@ -111,16 +112,20 @@ def of_explanation(found: Explanation) -> list[str]:
             out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
         elif name in LOADS:
             out.append(f"{_of_whole(name, values, vehicle, 'is off')}.")
-    if "constant_wrench" in found.effects:
-        out += _of_constant(found.fit.values("constant_wrench"), vehicle)
+    constant = next((m for m in found.members if m.name == "constant_wrench"), None)
+    if constant is not None:
+        out += _of_constant(found.fit.values(constant.name), vehicle, found.confidence(constant))
     return out
 
 
-def _of_constant(values: Sequence[Value], vehicle: Vehicle) -> list[str]:
-    """What a constant wrench is in a pilot's words, where it is no zero."""
+def _of_constant(values: Sequence[Value], vehicle: Vehicle, confidence: float) -> list[str]:
+    """What a constant wrench is in a pilot's words, where it is no zero; as sure as it is itself."""
     by = {v.name: v.value for v in values if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)}
     causes = _causes(by, vehicle)
-    return [f"What is constant is what these make: {'; '.join(causes)}."] if causes else []
+    said = "What is constant is what these make"
+    if confidence < DEFAULT.firm:
+        said = f"Less sure (confidence {100 * confidence:.0f} %): what is constant may be what these make"
+    return [f"{said}: {'; '.join(causes)}."] if causes else []
 
 
 def _of_constant_change(found: Changed) -> list[str]:

@@ -28,7 +28,7 @@ from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import brief, in_words, members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
-from wrenchgap.replay.present.posterior import oscillation_in_words
+from wrenchgap.replay.present.posterior import oscillation_in_words, with_values
 from wrenchgap.replay.present.tables import Line
 
 NAME = "tilt_hexarotor"
@@ -87,7 +87,7 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     assert "rotor_thrust (M4 -0.200 +- 0.0010, M9 -0.100 +- 0.0010)," in words
 
 
-def test_a_constant_wrench_is_said_as_check_says_it(named):
+def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, monkeypatch):
     """The weight 12 mm behind the middle, a yaw torque, a tilt of two degrees; a force along z tells nothing."""
     weight = named.model.vehicle.body.mass * 9.80665
     parameters = tuple(("constant_wrench", p) for p in find("constant_wrench").parameters(named.model.vehicle))
@@ -98,8 +98,27 @@ def test_a_constant_wrench_is_said_as_check_says_it(named):
     assert "a centre of mass 12 mm towards the back (" in words
     assert "a yaw bias of" in words
     assert "2 deg off the rotors' plane" in words
+    monkeypatch.setattr(type(named), "confidence", lambda *_: 0.48)
+    (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
+    assert words.startswith(
+        "Less sure (confidence 48 %): what is constant may be what these make: a centre of mass 12 mm"
+    )
     still = replace(fitted, covariance=np.eye(6) * weight**2)
     assert not what_to_inspect.of_explanation(replace(named, members=(member,), fit=still))
+
+
+@pytest.mark.parametrize(
+    ("stds", "said"), [((0.1, 0.1, 0.1), "xyz"), ((0.1, 0.75, 0.1), "xz"), ((1.0, 0.75, 2.0), "y")]
+)
+def test_of_a_named_effect_the_components_beyond_chance_are_said_or_the_clearest(named, stds, said):
+    """Standard deviations as shares of the values: what may be nothing is left to the table."""
+    values = np.array([-0.004, 0.007, -0.005])
+    parameters = tuple(("com_offset", p) for p in find("com_offset").parameters(named.model.vehicle))
+    covariance = np.diag((np.array(stds) * values) ** 2)
+    words = with_values(
+        replace(named.fit, parameters=parameters, theta=values, covariance=covariance), named.model, "com_offset"
+    )
+    assert [axis for axis in "xyz" if f"{axis} " in words.partition("(")[2].replace("+- ", "")] == list(said)
 
 
 def test_what_a_calibration_took_in_is_said_and_not_lost(named):

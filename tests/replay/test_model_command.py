@@ -138,6 +138,9 @@ def test_nothing_that_helps_leaves_the_model_as_it_is(run, tmp_path):
     same = model_file.load(tmp_path / "same.toml")
     moved = [v for e in same.snapshot for v in e.values if v.unit != "s" and abs(v.value) > 3.0 * v.std]
     assert moved == []
+    if not same.effects:
+        assert "wrote unchanged copy of the model same.toml" in done.output
+        assert same.history == model_file.load(tmp_path / "true.toml").history
 
 
 @pytest.mark.parametrize(

@@ -214,7 +214,7 @@ def calibrate(
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)
     run.result(found)
-    run.write_model("calibrate", found.to_json(), saved, output)
+    run.write_model("calibrate", found.to_json(), saved, output, unchanged=found.added is None)
 
 
 def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run: Run) -> None:
