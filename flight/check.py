@@ -44,7 +44,7 @@ NAMES: dict[str, str] = {
     "inertia": "the inertia against mass and arms",
     "kappa": "the drag torque per thrust against the rotor's radius",
     "thrust-coefficient": "the rotors' c_f against their radius",
-    "crash": "impacts and loss of control, which are left out",
+    "crash": "impacts and crashes, which are left out",
     "saturation": "commands beyond the limits of the model file",
     "model": "whether the log can be used with the model at all",
 }

@@ -124,9 +124,13 @@ class ReferenceSeries(Series):
 
 @dataclass(frozen=True)
 class BatterySeries(Series):
-    """`voltage` (N,) [V]."""
+    """`voltage` (N,) [V]. `none` where it is throughout below what flies: a lithium cell is empty above 2.5 V."""
 
     voltage: Array
+
+    @property
+    def none(self) -> bool:  # noqa: D102
+        return bool(np.max(self.voltage, initial=0.0) < 2.0)
 
 
 SERIES: dict[str, type[Series]] = {

@@ -221,7 +221,7 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
         keep("position_E", on.measured(odometry, odometry.position_E))
         keep("velocity_E", on.measured(odometry, _velocity_E(odometry, on.run(odometry))))
         keep("quat_EB", on.attitude(odometry))
-    if flight.battery is not None:
+    if flight.battery is not None and not flight.battery.none:
         found["voltage"] = np.interp(time, flight.battery.time, flight.battery.voltage)
     return Samples(flight=flight.name, time=on_disk(time), dt=1.0 / rate, unmeasured=absent, **found)
 

@@ -56,8 +56,10 @@ class UlogReader(TableReader):
                     LIMITS.ulog_field * len(data.data) + 2 * data.data["timestamp"].base.nbytes, "messages"
                 )
                 found.append(_table(data, self.notes))
-        if len(found) < len(log.data_list):
-            self.notes.append(f"{len(log.data_list) - len(found)} topic(s) have no timestamp: left out.")
+        if log.logged_messages:
+            found.append(_logged_messages(log.logged_messages, self))
+        if (silent := sum("timestamp" not in data.data for data in log.data_list)) > 0:
+            self.notes.append(f"{silent} topic(s) have no timestamp: left out.")
         return {table.topic: table for table in found if len(table)}
 
 
@@ -115,6 +117,17 @@ def _fields(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int
         for kind, size, _ in formats[name].fields if name in formats else ():
             known[name] += max(size, 1) * (_fields(kind, formats, known) if kind in formats else 1)
     return known[name]
+
+
+def _logged_messages(said: list[Any], reader: UlogReader, most: int = 200) -> Table:
+    """What PX4 said in words as a topic `logged_messages`, of `most` bytes each, with the levels as logged."""
+    reader.account.take(2 * most * len(said), "logged messages")
+    said = [one for one in said if one.timestamp <= LATEST]
+    stamps = np.array([one.timestamp for one in said], dtype=np.int64) * 1000
+    order = in_order(stamps, "logged_messages", reader.notes)
+    texts = np.array([one.message.encode(errors="replace")[:most] for one in said], dtype=f"S{most}")
+    columns: Columns = {"log_level": np.array([one.log_level for one in said])[order], "message": texts[order]}
+    return Table("logged_messages", "px4_msgs/msg/LogMessage", stamps[order], stamps[order], columns)
 
 
 def _table(data: Any, notes: list[str]) -> Table:

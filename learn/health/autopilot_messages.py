@@ -6,7 +6,7 @@ ratios stay below 0.5 and reach 1 at times (MAVLink's ESTIMATOR_STATUS, which PX
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,25 +47,28 @@ def _number(table: Table, name: str) -> Array | None:
 class BatteryThresholds:
     """What is no battery, and what is a low one."""
 
-    least: float = 2.0
-    """Voltage [V] below which nothing flies: a lithium cell is empty above 2.5 V."""
+    current: float = 0.5
+    """Current [A] below which no motors hover: the smallest quadrotors, of 30 g, take more than 1 A."""
     cell: tuple[float, float] = (2.5, 4.5)
     """Voltage of a cell [V] in flight, between empty under load and full (4.35 V of the high-voltage kind)."""
     low: float = 3.0
-    """Time [s] below the autopilot's own limit that is worth a word: a burst of thrust is shorter."""
+    """Time [s] below the voltage that its parameters name that is worth a word: a burst of thrust is shorter."""
 
 
 BATTERY = BatteryThresholds()
 RAW = (("battery_status", "voltage_v"), ("BAT", "Volt"), ("CURR", "Volt"))
 """Where autopilots log a voltage that plays no role because it is zero throughout."""
+CURRENTS = (("battery_status", "current_a"), ("BAT", "Curr"), ("CURR", "Curr"))
 
 
 @dataclass(frozen=True)
 class Battery:
     """A battery, all voltages in V: before take-off (`rest`), and in the air: at the `start`, median, smallest, `end`.
 
-    `cells` is their number by the autopilot's parameters, `limit` the voltage at which it calls the battery low or
-    empty, None where it has none; it was below for `below` [s] in the air. `none` says that this reads no battery.
+    `cells` is their number by the autopilot's parameters, `limit` the voltage that these call low (ArduPilot) or empty
+    (PX4, which itself acts on the charge that remains), None where there is none, and `limit_of` which they are; it was
+    below for `below` [s] in the air. `none` says that this reads no battery. `current` [A] is its median in the air,
+    None where none is measured.
     """
 
     rest: float | None
@@ -75,8 +78,10 @@ class Battery:
     end: float
     cells: int | None
     limit: float | None
+    limit_of: str
     below: float
     none: bool
+    current: float | None = None
 
     @property
     def sag(self) -> float | None:
@@ -94,9 +99,15 @@ class Battery:
         return bool(self.cells) and not BATTERY.cell[0] < self.flight / (self.cells or 1) < BATTERY.cell[1]
 
     @property
+    def no_current(self) -> bool:
+        """Whether what is read as the current does not carry the vehicle."""
+        return self.current is not None and self.current < BATTERY.current
+
+    @property
     def level(self) -> Level:
         """How bad it is."""
-        return "warn" if self.none or self.cells_wrong or self.below > BATTERY.low else "ok"
+        odd = self.none or self.cells_wrong or self.no_current
+        return "warn" if odd or self.below > BATTERY.low else "ok"
 
 
 def battery_of(flight: Flight, recorded: Recorded, phases: FlightPhases) -> Battery | None:
@@ -112,8 +123,12 @@ def battery_of(flight: Flight, recorded: Recorded, phases: FlightPhases) -> Batt
     flown = voltage[air] if air.any() else voltage
     first = float(time[air][0]) if air.any() else np.inf
     before = voltage[phases.within(time, "ground") & (time < first)]
-    cells, limit = _settings({} if flight.autopilot is None else flight.autopilot.parameters)
-    nothing = float(np.median(flown)) < BATTERY.least
+    cells, limit, limit_of = _settings({} if flight.autopilot is None else flight.autopilot.parameters)
+    nothing = flight.battery is None or flight.battery.none
+    amperes = next((one for raw in CURRENTS if (one := recorded.columns(*raw)) is not None), None)
+    whole = recorded.tables.get("CURR")  # firmware 3.3 and before: hundredths of an ampere
+    unit = 0.01 if whole is not None and "Curr" in whole.columns and whole.columns["Curr"].dtype.kind in "iu" else 1.0
+    drawn = _aloft(amperes, phases)
     period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     return Battery(
         rest=float(np.median(before)) if len(before) else None,
@@ -123,19 +138,22 @@ def battery_of(flight: Flight, recorded: Recorded, phases: FlightPhases) -> Batt
         end=float(np.median(flown[-max(1, len(flown) // 20) :])),
         cells=cells,
         limit=limit,
+        limit_of=limit_of,
         below=0.0 if limit is None or nothing or not air.any() else float(np.sum(flown < limit)) * period,
         none=nothing,
+        current=unit * float(np.median(drawn)) if np.any(drawn > 0.0) else None,  # -1 or 0 throughout: no sensor
     )
 
 
-def _settings(parameters: Mapping[str, float | int]) -> tuple[int | None, float | None]:
-    """Number of cells, and voltage [V] at which the battery counts as low (ArduPilot) or empty (PX4)."""
+def _settings(parameters: Mapping[str, float | int]) -> tuple[int | None, float | None, str]:
+    """Number of cells, voltage [V] that the parameters call low (ArduPilot) or empty (PX4), and by which of them."""
     prefix = "BAT1" if "BAT1_N_CELLS" in parameters else "BAT"
     cells = int(parameters.get(f"{prefix}_N_CELLS", 0)) or None
-    if cells is not None and f"{prefix}_V_EMPTY" in parameters:
-        return cells, cells * float(parameters[f"{prefix}_V_EMPTY"])
-    limit = float(parameters.get("BATT_LOW_VOLT", parameters.get("FS_BATT_VOLTAGE", 0.0)))
-    return cells, limit if limit > 0.0 else None
+    if cells is not None and (empty := f"{prefix}_V_EMPTY") in parameters:
+        return cells, cells * float(parameters[empty]), f"{cells} cells at {empty}"
+    name = "BATT_LOW_VOLT" if "BATT_LOW_VOLT" in parameters else "FS_BATT_VOLTAGE"
+    limit = float(parameters.get(name, 0.0))
+    return cells, limit if limit > 0.0 else None, name
 
 
 @dataclass(frozen=True)
@@ -155,6 +173,10 @@ class EstimatorThresholds:
 ESTIMATOR = EstimatorThresholds()
 PX4 = {"velocity": "vel", "position": "pos", "height": "hgt", "magnetometer": "mag", "heading": "hdg"}
 """Fields NAME_test_ratio of estimator_status; heading is that of the newer firmware, which has no magnetometer."""
+FIXES = (("vehicle_gps_position", "fix_type"), ("sensor_gps", "fix_type"), ("GPS", "Status"))
+"""What receivers say of their fix, 2 and more of one (PX4's message SensorGps, ArduPilot's GPS)."""
+SOURCES = {"cs_ev_pos": "vision", "cs_opt_flow": "optical flow"}
+"""What a position comes from without a fix, by flags of PX4's message EstimatorStatusFlags."""
 ARDUPILOT = {"velocity": "SV", "position": "SP", "height": "SH", "magnetometer": "SM"}
 """Fields of XKF4, NKF4 and, of the first estimator, EKF4."""
 
@@ -164,6 +186,7 @@ class InnovationRatio:
     """The test ratio of a kind of measurement in the air: median, 95th percentile, share of the time above 1."""
 
     of: str
+    topic: str
     median: float
     high: float
     rejected: float
@@ -171,11 +194,18 @@ class InnovationRatio:
 
 @dataclass(frozen=True)
 class Estimator:
-    """The estimator in use, by the topic that says so. `faulty` is the share of the flight with a flag of a fault."""
+    """The estimator in use, by the topic that says so. `faulty` is the share of the flight with a flag of a fault.
+
+    `disturbed` is that in which the magnetic field does not match the expected one. `no_fix` says that the GPS had no
+    fix in the air; `sources` are what the position came from then, where that is logged.
+    """
 
     topic: str
     ratios: tuple[InnovationRatio, ...]
     faulty: float
+    disturbed: float = 0.0
+    no_fix: bool = False
+    sources: tuple[str, ...] = ()
 
     @property
     def worst(self) -> InnovationRatio:
@@ -187,7 +217,8 @@ class Estimator:
         """How bad it is."""
         if self.faulty > 0.0 or self.worst.rejected > ESTIMATOR.often:
             return "bad"
-        uneasy = self.worst.rejected > ESTIMATOR.rarely or any(r.median > ESTIMATOR.usual for r in self.ratios)
+        odd = self.worst.rejected > ESTIMATOR.rarely or self.disturbed > ESTIMATOR.often
+        uneasy = odd or any(r.median > ESTIMATOR.usual for r in self.ratios)
         return "warn" if uneasy else "ok"
 
 
@@ -201,7 +232,26 @@ def estimator_of(autopilot: Autopilot | None, recorded: Recorded, phases: Flight
         found = [_found(recorded, _in_use(recorded, kind, kind, "PI"), ARDUPILOT, "{}", "FS", phases) for kind in kinds]
         return next((one for one in found if one is not None), None)
     topic = _in_use(recorded, "estimator_status", "estimator_selector_status", "primary_instance")
-    return _found(recorded, topic, PX4, "{}_test_ratio", "filter_fault_flags", phases)
+    status = _found(recorded, topic, PX4, "{}_test_ratio", "filter_fault_flags", phases)
+    return None if status is None else _with_compass(status, recorded, phases)
+
+
+def _with_compass(found: Estimator, recorded: Recorded, phases: FlightPhases) -> Estimator:
+    """The same with the ratios of the magnetic field, the largest of its axes, and what PX4's flags say.
+
+    mag_test_ratio is low-passed, and of the heading, which need not come from the compass.
+    """
+    place = found.topic.replace("estimator_status", "estimator_innovation_test_ratios")
+    field = _ratio("magnetometer", recorded, place, "mag_field", phases)
+    others = tuple(ratio for ratio in found.ratios if field is None or ratio.of != field.of)
+    flags = found.topic.replace("estimator_status", "estimator_status_flags")
+
+    def share(name: str) -> float:
+        return float(np.mean(values)) if len(values := _aloft(recorded.columns(flags, name), phases)) else 0.0
+
+    sources = tuple(words for name, words in SOURCES.items() if share(name) > 0.5)
+    ratios = others if field is None else (*others, field)
+    return replace(found, ratios=ratios, disturbed=share("cs_mag_field_disturbed"), sources=sources)
 
 
 def _in_use(recorded: Recorded, topic: str, says: str, name: str) -> str:
@@ -216,18 +266,28 @@ def _in_use(recorded: Recorded, topic: str, says: str, name: str) -> str:
 def _found(
     recorded: Recorded, topic: str, fields: dict[str, str], form: str, faults: str, phases: FlightPhases
 ) -> Estimator | None:
-    ratios = []
-    for of, name in fields.items():
-        known = recorded.columns(topic, form.format(name))
-        if known is None:
-            continue
-        values = known[1][phases.within(known[0], *AIRBORNE) & np.isfinite(known[1][:, 0]), 0]
-        if len(values) and np.any(values > 0.0):  # zero throughout: such a measurement is not used
-            median, high = (float(np.percentile(values, q)) for q in (50.0, 95.0))
-            ratios.append(InnovationRatio(of, median, high, float(np.mean(values > ESTIMATOR.rejected))))
+    every = (_ratio(of, recorded, topic, form.format(name), phases) for of, name in fields.items())
+    ratios = tuple(ratio for ratio in every if ratio is not None)
     if not ratios:
         return None
-    flags = recorded.columns(topic, faults)
-    air = np.zeros(0, dtype=bool) if flags is None else phases.within(flags[0], *AIRBORNE)
-    faulty = float(np.mean(flags[1][air, 0] != 0)) if flags is not None and air.any() else 0.0
-    return Estimator(topic, tuple(ratios), faulty)
+    flags = _aloft(recorded.columns(topic, faults), phases)
+    fixes = [fix for names in FIXES if len(fix := _aloft(recorded.columns(*names), phases))]
+    no_fix = bool(fixes) and max(float(fix.max()) for fix in fixes) < 2.0
+    return Estimator(topic, ratios, float(np.mean(flags != 0.0)) if len(flags) else 0.0, no_fix=no_fix)
+
+
+def _aloft(known: tuple[Array, Array] | None, phases: FlightPhases) -> Array:
+    """The largest field (M,) of each message from the air, without those that are no number; empty of None."""
+    if known is None:
+        return np.zeros(0)
+    values = known[1].max(axis=1)[phases.within(known[0], *AIRBORNE)]
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _ratio(of: str, recorded: Recorded, topic: str, name: str, phases: FlightPhases) -> InnovationRatio | None:
+    """Of a kind of measurement; zero, or no number, throughout: it is not used."""
+    values = _aloft(recorded.columns(topic, name), phases)
+    if not np.any(values > 0.0):
+        return None
+    median, high = (float(np.percentile(values, q)) for q in (50.0, 95.0))
+    return InnovationRatio(of, topic, median, high, float(np.mean(values > ESTIMATOR.rejected)))

@@ -23,6 +23,7 @@ from wrenchgap.learn.diagnose.timing import answering_axes, following_axes, timi
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
 from wrenchgap.learn.health.flight_modes import FlightMode, modes_of
+from wrenchgap.learn.health.logged_messages import LoggedMessage, messages_of
 from wrenchgap.learn.health.motors import Motors, motors_of
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
 from wrenchgap.learn.health.rotors import thrusts_of
@@ -64,6 +65,7 @@ class LogHealth:
     contradictions: tuple[Check, ...] = ()
     follows: bool | None = None
     modes: tuple[FlightMode, ...] = ()
+    messages: tuple[LoggedMessage, ...] = ()
 
     @property
     def name(self) -> str:
@@ -141,8 +143,8 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     if not rest["phases"].seconds(*AIRBORNE):
         against = ()  # no model fits a log without a flight, which is said
     settings = settings_of(log.autopilot, rest["answers"], names)
-    modes = modes_of(recorded)
-    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, modes=modes, **rest)
+    told: dict[str, Any] = {"modes": modes_of(recorded), "messages": messages_of(recorded, rest["phases"])}
+    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **told, **rest)
 
 
 def _against(

@@ -82,7 +82,7 @@ class Motors:
     `condition` is "hover", which is level, or "flight" where there was too little of it and the balance is not known,
     for `seconds` in all. `centre` is where the
     thrust is centred (x forward, y left; in distances of the farthest rotor), `yaw` the excess of the motors that turn
-    counter-clockwise over the mean; None where the places are not known.
+    counter-clockwise over the mean; None where the places are not known. `curve` is that of `Thrusts`.
     """
 
     motors: tuple[Motor, ...]
@@ -91,6 +91,7 @@ class Motors:
     shape: Shape
     centre: tuple[float, float] | None
     yaw: float | None
+    curve: float | None = None
 
     @property
     def hardest(self) -> Motor:
@@ -154,7 +155,7 @@ def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
         for k, (rotor, value) in enumerate(zip(thrusts.rotors, deviation, strict=True))
     )
     shape, centre, yaw = _shape(thrusts.rotors, deviation, alike)
-    return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw)
+    return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw, thrusts.curve)
 
 
 def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> NDArray[np.bool_]:

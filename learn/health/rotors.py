@@ -37,12 +37,14 @@ class Thrusts:
     """Commanded thrusts: N times (N,) [s], shares (N, R) of full thrust, or relative ones where `limits` is None.
 
     `limits` are where (N, R) a command is at its smallest and at its largest value; None where these are not known.
+    `curve` is f where thrust is taken as f u^2 + (1 - f) u of a command u, None where it is the square of a speed.
     """
 
     time: Array
     share: Array
     rotors: tuple[RotorPlace, ...]
     limits: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    curve: float | None = None
 
 
 USUAL_PULSES = (1000.0, 2000.0)
@@ -92,7 +94,7 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
     u = (sent.rotor_speed - low) / (high - low)
     limits = None if assumed else _at_ends(u)
     u = np.maximum(u, 0.0)  # below zero there is no thrust
-    return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits)
+    return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits, factor)
 
 
 def _at_ends(u: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -61,7 +61,7 @@ def parts(found: Calibration) -> list[Part]:
 
 def brief(found: Calibration) -> list[Part]:
     """The summary, values at their limits, and the values."""
-    lines = [Line(text, "bold") for text in summary(found)]
+    lines = [*(Line(text, "bold") for text in summary(found)), *note_lines(crashed(found), "warning")]
     if found.added is None:
         return [*lines, Line()]
     return [*lines, *note_lines(limits(found.added), "warning"), Line(), values(found)]
@@ -87,6 +87,16 @@ def summary(found: Calibration) -> list[str]:
     return [
         told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}.",
         *([largest] if largest else []),
+    ]
+
+
+def crashed(found: Calibration) -> list[str]:
+    """Flights that are no healthy ones."""
+    ended = [(f, p.event) for f in found.flights for p in f.phases if p.name == "crash" and p.event is not None]
+    return [
+        f"{f.flight.name} crashed at {at:.1f} s: no healthy flight, and its cause may be in what is fitted. Calibrate "
+        "on flights that went well."
+        for f, at in ended
     ]
 
 
@@ -150,7 +160,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "held_out": None if added is None or added.trial is None else trial_json(added.trial),
         "between_flights": None if added is None else added.between_flights,
         "at_bound": [] if added is None else list(added.fit.at_bound),
-        "notes": [*([] if added is None else limits(added)), *notes(found)],
+        "notes": [*crashed(found), *([] if added is None else limits(added)), *notes(found)],
     }
 
 

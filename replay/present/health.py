@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.formats.header_names import CRAZYFLIE
+from wrenchgap.learn.health.answers import NEEDS
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -94,7 +95,7 @@ def summary(found: Health) -> str:
     (log,) = found.logs
     checked: dict[str, object] = {"motors": log.motors, "battery": log.battery, "estimator": log.estimator}
     checked["vibration levels"] = log.vibration if log.vibration is not None and log.vibration.levels else None
-    unseen = [name for name, one in checked.items() if one is None]
+    unseen = [name for name, one in checked.items() if one is None and log.phases.lack is not NoPhases.POWER]
     if log.motors is not None and log.motors.condition != "hover":
         unseen.insert(0, "motor balance (no level hover)")
     unknown = f" Not judged, for want of data: {', '.join(unseen)}." if unseen else ""
@@ -124,7 +125,8 @@ def _lacks(found: Health) -> list[tuple[str, str]]:
     said = f"{who} {verb} answer: {'; '.join(both)} (why: table)." if both else ""
     todo = dict.fromkeys(setting(one) for log in found.logs for one in log.settings)
     more = f"{next(iter(todo))}, to answer more." if todo else ""
-    return [(text, "") for text in (said, more) if text]
+    longer = f"Fly at least {NEEDS.flight:g} s: `explain` needs as much." if _short(found.logs) else ""
+    return [(text, "") for text in (said, more, longer) if text]
 
 
 def next_command(found: Health) -> str:
@@ -146,7 +148,14 @@ def next_command(found: Health) -> str:
         fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
         command = "compare" if fine else "inspect"
         return shlex.join(["wrenchgap", command, str(flown_ones[0].inspection.path), "-m", found.model])
+    if _short(flown_ones):
+        return "wrenchgap check ANOTHER_LOG"
     return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(flown_ones[0])])} -o vehicle.toml"
+
+
+def _short(logs: Sequence[LogHealth]) -> bool:
+    """Whether none of these logs has as much flight as the analyses with a model need."""
+    return all(log.phases.lack is None and log.phases.seconds(*AIRBORNE) < NEEDS.flight for log in logs)
 
 
 def _firmware(log: LogHealth) -> str:
@@ -210,6 +219,9 @@ def _details(log: LogHealth, *, several: bool) -> list[Part]:
     if log.estimator is not None:
         ratios = [(r.of, number(r.median), number(r.high), share(r.rejected)) for r in log.estimator.ratios]
         out.append(table("test ratios in the air", ("innovation", "median", "95th percentile", "above 1"), ratios))
+    if log.messages:
+        said = [(number(m.time, 4), m.level, m.text, str(m.count)) for m in log.messages]
+        out.append(table("reported by the autopilot", ("s", "level", "message", "times"), said, left=3))
     return [*out, inspection.checks(log.inspection.checks), *note_lines(grouped(log.inspection.notes))]
 
 
@@ -230,6 +242,7 @@ def _log_json(log: LogHealth) -> dict[str, Any]:
     return {
         **entries(log.inspection, "path", "format", "sha256=content_hash", "duration_s=duration", "level", "checks"),
         **entries(log, "motors", "battery", "estimator", "rates", "answers", "settings", "contradictions"),
+        "messages": log.messages,
         "statements": statements(log),
         "autopilot": None if one is None else entries(one, *autopilot),
         "phases": [entries(phase, "name", "start", "stop", "why", "event") for phase in log.phases.phases],

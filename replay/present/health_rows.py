@@ -47,7 +47,11 @@ def _balance(log: LogHealth) -> str:
     each = ", ".join(f"{m.rotor.name} {round(100 * m.deviation):+d} %" for m in log.motors.motors)
     if log.motors.condition != "hover":
         return f"not known: less than {MOTORS.briefest:g} s of level hover (in all of the flight: {each} of the mean)"
-    return f"{each} of the mean thrust in level hover ({log.motors.shape})"
+    f = log.motors.curve
+    law = {None: "", 0.0: "; thrust taken in proportion to the command", 1.0: "; thrust taken as the command's square"}
+    mixed = f"; thrust taken as {number(f, 2)} u^2 + {number(1.0 - (f or 0.0), 2)} u of a command u"
+    curve = law.get(f, mixed)
+    return f"{each} of the mean thrust in level hover ({log.motors.shape}{curve})"
 
 
 def _saturation(log: LogHealth) -> str:
@@ -87,18 +91,22 @@ def _battery(log: LogHealth) -> str:
     battery = log.battery
     if battery is None:
         return _missing(log)
+    drawn = "" if battery.current is None else f", {battery.current:.2g} A in flight"
+    drawn += ": not what the motors take" if battery.no_current else ""
     if battery.none:
-        return f"reads {battery.flight:.2g} V: not a battery"
+        return f"reads {battery.flight:.2g} V: not a battery{drawn}"
     rest = "" if battery.rest is None else f"{battery.rest:.1f} V at rest, "
     sag = "" if battery.sag is None else f", sag {battery.sag:.1f} V"
-    return f"{rest}{battery.flight:.1f} V in flight{sag}, lowest {battery.lowest:.1f} V, end {battery.end:.1f} V"
+    return f"{rest}{battery.flight:.1f} V in flight{sag}, lowest {battery.lowest:.1f} V, end {battery.end:.1f} V{drawn}"
 
 
 def _estimator(log: LogHealth) -> str:
     if log.estimator is None:
-        return _missing(log)
+        return "not judged: no flight" if log.autopilot and not log.phases.seconds(*AIRBORNE) else _missing(log)
     each = ", ".join(f"{r.of} {number(r.median, 2)} ({share(r.rejected)})" for r in log.estimator.ratios)
-    return f"test ratio, median (rejected): {each}"
+    fix = "; the GPS never had a fix" if log.estimator.no_fix else ""
+    fix += f": position from {' and '.join(log.estimator.sources)}" if fix and log.estimator.sources else ""
+    return f"test ratio, median (rejected): {each}{fix}"
 
 
 def _rates(log: LogHealth) -> str:

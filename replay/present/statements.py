@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
-from wrenchgap.learn.health.autopilot_messages import ESTIMATOR, Estimator
+from wrenchgap.learn.health.autopilot_messages import BATTERY, ESTIMATOR, Estimator
 from wrenchgap.learn.health.flight_modes import changed_before
 from wrenchgap.learn.health.health import LogHealth
 from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
@@ -41,7 +41,7 @@ class Statement:
 def statements(log: LogHealth) -> list[Statement]:
     """Everything about a log that is not as it should be, the worst first."""
     found = [*_flight(log), *_checks(log), *_motors(log), *_vibration(log.vibration, log.motors)]
-    found += [*_battery(log), *_estimator(log.estimator), *_logger(log)]
+    found += [*_messages(log), *_battery(log), *_estimator(log.estimator), *_logger(log)]
     return sorted(found, key=lambda one: LEVELS.index(one.level))
 
 
@@ -96,6 +96,8 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         if check.level == "bad" and (check.accepted or check.name == "roles"):
             words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."
             yield Statement("warn", "log", f"check {check.name}", words)
+        if check.name in ("accelerometer-scale", "gyroscope-scale") and check.level == "warn":
+            yield Statement("warn", "log", f"check {check.name}", f"{check.words.rstrip('. ')}.")
     series = {} if log.inspection.flight is None else log.inspection.flight.series()
     lost = {
         role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time))
@@ -151,7 +153,8 @@ def _balance(motors: Motors, drift: str) -> str:
         where = _direction(*motors.centre)
         return (
             f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
-            f"centre of mass is there, or the propellers there are weak. Move the battery away from there.{drift}"
+            "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "
+            f"battery away from there.{drift}"
         )
     if motors.shape is Shape.ONE and hard.alike:
         names = " and ".join(one.name for one in (hard.rotor, *hard.alike))
@@ -199,20 +202,34 @@ def _vibration(found: Vibration | None, motors: Motors | None) -> Iterator[State
             yield Statement("warn", "vibration", f"{peak.hz:.0f} Hz of {', '.join(peak.rotors)}", words)
 
 
+def _messages(log: LogHealth, most: int = 2) -> Iterator[Statement]:
+    """The worst of what the autopilot reported in flight."""
+    flown = [one for one in log.messages if one.in_flight]
+    if flown:
+        said = ", ".join(f'"{one.text}" ({one.level}, {one.time:.1f} s)' for one in flown[:most])
+        more = f" and {len(flown) - most} more (--details)" if len(flown) > most else ""
+        yield Statement("warn", "messages", f'"{flown[0].text}"', f"The autopilot reported in flight: {said}{more}.")
+
+
 def _battery(log: LogHealth) -> Iterator[Statement]:
     battery = log.battery
     if battery is None or battery.level == "ok":
         return
+    amperes = f"{battery.current or 0.0:.2g} A in flight: not what the motors take" if battery.no_current else ""
     if battery.none:
-        short, words = "no battery", f"The battery reads {battery.flight:.2g} V in flight: not a battery. Set up the "
-        words += "power module; until then nothing can be said of thrust and voltage."
+        short, words = "no battery", f"The battery reads {battery.flight:.2g} V in flight: not a battery"
+        words += f", and {amperes}" if amperes else ""
+        words += ". Set up the power module; until then nothing can be said of thrust and voltage."
     elif battery.cells_wrong:
         each = battery.flight / (battery.cells or 1)
         short, words = "battery cells", f"{battery.flight:.1f} V over {battery.cells} cells is {each:.1f} V a cell, "
         words += "which none has: correct the number of cells, or the calibration of the voltage."
+    elif battery.below > BATTERY.low:
+        short, words = "battery low", f"The battery was below {battery.limit:.1f} V ({battery.limit_of}) for "
+        words += f"{battery.below:.0f} s of flight (lowest {battery.lowest:.1f} V): land earlier, or check that value."
     else:
-        short, words = "battery low", f"The battery was below the autopilot's own limit of {battery.limit:.1f} V for "
-        words += f"{battery.below:.0f} s of flight (lowest {battery.lowest:.1f} V): land earlier, or check the limit."
+        short, words = "no current", f"The current reads {amperes}. Set up the power module; until then the autopilot "
+        words += "cannot count the charge."
     yield Statement("warn", "battery", short, words)
 
 
@@ -225,12 +242,17 @@ def _estimator(estimator: Estimator | None) -> Iterator[Statement]:
         words += "do not trust attitude and position there."
     elif worst.rejected > ESTIMATOR.rarely:
         words = f"The estimator rejects its {worst.of} {share(worst.rejected)} of the time in the air "
-        words += f"({estimator.topic}): check that sensor, its mounting and its calibration."
+        words += f"({worst.topic}): check that sensor, its mounting and its calibration."
+    elif estimator.disturbed > ESTIMATOR.often:
+        words = ""
     else:
         worst = max(estimator.ratios, key=lambda ratio: ratio.median)
         words = f"Innovations of the {worst.of} are {number(worst.median, 2)} of what the estimator accepts, usual is "
         words += f"below {ESTIMATOR.usual:g} ({estimator.topic}): check that sensor and its calibration."
-    yield Statement(estimator.level, "estimator", "estimator", words)
+    if estimator.disturbed > ESTIMATOR.often:
+        words += f" The magnetic field is not the expected one {share(estimator.disturbed)} of the time in the air "
+        words += "(cs_mag_field_disturbed): keep the compass away from iron and from wires of the battery."
+    yield Statement(estimator.level, "estimator", "estimator", words.strip())
 
 
 def _logger(log: LogHealth) -> Iterator[Statement]:

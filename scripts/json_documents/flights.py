@@ -37,8 +37,8 @@ class Phase(TypedDict):
     stop: Number
     why: str
     event: Number
-    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, the loss of control;
-    null of other phases."""
+    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, where
+    motion begins to contradict the commands; null of other phases."""
     left_out: bool
 
 

@@ -33,8 +33,8 @@ class FlightPhase(TypedDict):
     stop: Number
     why: str
     event: Number
-    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, the loss of control;
-    null of other phases."""
+    """When it happens [s]: of an impact its first sample, of a crash its impact or, without one, where
+    motion begins to contradict the commands; null of other phases."""
 
 
 class RotorPlace(TypedDict):
@@ -68,6 +68,8 @@ class Motors(TypedDict):
     """Of thrust: forward and to the left, in distances of the farthest rotor."""
     yaw: Number
     """Excess of the motors that turn counter-clockwise over the mean, relative."""
+    curve: Number
+    """Thrust is taken as f u^2 + (1 - f) u of a command u; null where it is the square of a speed."""
     motors: list[Motor]
 
 
@@ -107,15 +109,20 @@ class Battery(TypedDict):
     end: Number
     cells: int | None
     limit: Number
-    """At which the autopilot calls it low or empty."""
+    """Voltage that the autopilot's parameters call low or empty."""
+    limit_of: str
+    """Which parameters."""
     below: Number
     """Time below it in the air [s]."""
     none: bool
     """What it reads is no battery."""
+    current: Number
+    """Median in the air [A]; null where none is measured."""
 
 
 class Ratio(TypedDict):
     of: str
+    topic: str
     median: Number
     high: Number
     """95th percentile."""
@@ -128,6 +135,12 @@ class Estimator(TypedDict):
     ratios: list[Ratio]
     faulty: Number
     """Share of the time in the air with a flag of a fault."""
+    disturbed: Number
+    """Share of it in which the magnetic field is not the expected one (PX4)."""
+    no_fix: bool
+    """The GPS had no fix in the air."""
+    sources: list[str]
+    """What the position comes from without one, where that is logged."""
 
 
 class Rate(TypedDict):
@@ -155,6 +168,15 @@ class Setting(TypedDict):
     to: int | None
 
 
+class Message(TypedDict):
+    time: Number
+    """The first [s], in flight if one came there."""
+    level: str
+    text: str
+    in_flight: bool
+    count: int
+
+
 class LogHealth(TypedDict):
     path: str
     format: str
@@ -171,6 +193,8 @@ class LogHealth(TypedDict):
     vibration: Vibration | None
     battery: Battery | None
     estimator: Estimator | None
+    messages: list[Message]
+    """What the autopilot reported to be wrong, the worst first."""
     rates: list[Rate]
     answers: list[Answer]
     settings: list[Setting]

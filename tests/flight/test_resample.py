@@ -173,6 +173,8 @@ def test_actuators_and_voltage():
     np.testing.assert_allclose(samples.tilt_cmd[:, 0], samples.time - 0.005, atol=1e-9)
     assert samples.rotor_speed_cmd.shape == (len(samples), 0)
     np.testing.assert_allclose(samples.voltage, 16 - samples.time / 10, atol=1e-9)
+    (samples,) = uniform(a_flight(actuators=actuators, battery=replace(battery, voltage=battery.voltage / 300.0)))
+    assert samples.voltage is None  # 0.05 V is no battery
 
 
 def test_what_is_missing_is_said(logs):

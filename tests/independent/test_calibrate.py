@@ -11,6 +11,7 @@ from tests.independent.flown_quadrotor import C_F, SPEED_MAX, Case
 from tests.independent.flown_quadrotor import MODEL as QUADROTOR
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from wrenchgap.learn.data.candidates import Lack
+from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.calibrate import Fate, scatter_of
 from wrenchgap.learn.identify.stepwise import Stepwise
@@ -18,7 +19,7 @@ from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Tolerances
-from wrenchgap.replay.present.calibration import brief
+from wrenchgap.replay.present.calibration import brief, crashed
 
 MODEL = wg.load_model("tilt_hexarotor")
 MISSING, LOADING = 0.05, 3.0e-4
@@ -122,6 +123,15 @@ def test_nothing_is_changed_where_nothing_is_wrong():
     found = wg.calibrate(wg.open_flights(flight, MODEL), MODEL)
     material = [p for p in found.trimmed if p.unit != "s" and abs(p.value) > 3.0 * p.std]
     assert material == []
+
+
+def test_a_crashed_flight_is_said_to_be_no_healthy_one(calibrated):
+    ended = Phase("crash", 40.0, 50.0, "", event=42.0)
+    told = replace(calibrated, flights=(replace(calibrated.flights[0], phases=(ended,)), *calibrated.flights[1:]))
+    assert crashed(calibrated) == []
+    (line,) = crashed(told)
+    assert "crashed at 42.0 s: no healthy flight" in line
+    assert any(line in str(part) for part in brief(told))
 
 
 @pytest.mark.slow

@@ -46,13 +46,17 @@ class Wrong:
     first_estimator: bool = False
     """Whether the estimator is that of ArduPilot's firmware 3.2."""
     parameters: dict = field(default_factory=dict)
+    current: float = -1.0
+    """Of the battery [A]; PX4 logs -1 where none is measured."""
+    more: object = None
+    """What else is logged: called with the log that is written."""
 
 
 def flying(time):
     return (time > UP) & (time < DOWN)
 
 
-def _micro(time):
+def micro(time):
     return np.round(1e6 * (5.0 + np.asarray(time))).astype(int)
 
 
@@ -93,37 +97,40 @@ def ulog(path, wrong=None):
     }
     log = autopilots().Ulog({**KNOWN, **places, **wrong.parameters})
     time, rates, force = imu(wrong)
-    columns = {"timestamp": _micro(time), "gyro_rad": rates, "accelerometer_m_s2": force}
+    columns = {"timestamp": micro(time), "gyro_rad": rates, "accelerometer_m_s2": force}
     log.topic("sensor_combined", f"{STAMP};float[3] gyro_rad;float[3] accelerometer_m_s2", columns)
     sent, control = commands(wrong)
-    log.topic("actuator_motors", f"{STAMP};float[4] control", {"timestamp": _micro(sent), "control": control})
+    log.topic("actuator_motors", f"{STAMP};float[4] control", {"timestamp": micro(sent), "control": control})
     slow = np.arange(0.0, END, 0.05)
     level = np.tile([1.0, 0.0, 0.0, 0.0], (len(slow), 1))
-    log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": _micro(slow), "q": level})
+    log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": micro(slow), "q": level})
     height = np.clip(np.minimum(slow - UP, DOWN - slow), 0.0, 1.0)
     rows = dict.fromkeys(("x", "y", "vx", "vy", "vz"), np.zeros(len(slow))) | {"z": -height}
-    rows |= {"timestamp": _micro(slow)} | dict.fromkeys(("xy_valid", "z_valid"), np.ones(len(slow), bool))
+    rows |= {"timestamp": micro(slow)} | dict.fromkeys(("xy_valid", "z_valid"), np.ones(len(slow), bool))
     fields = ";".join([STAMP, *(f"float {name}" for name in ("x", "y", "z", "vx", "vy", "vz"))])
     log.topic("vehicle_local_position", f"{fields};bool xy_valid;bool z_valid", rows)
     at, volt = voltages(wrong)
-    log.topic("battery_status", f"{STAMP};float voltage_v", {"timestamp": _micro(at), "voltage_v": volt})
+    rows = {"timestamp": micro(at), "voltage_v": volt, "current_a": np.full(len(at), wrong.current)}
+    log.topic("battery_status", f"{STAMP};float voltage_v;float current_a", rows)
     second = np.arange(0.0, END, 1.0)
     clipped = np.column_stack([np.where(second > 12.0, wrong.clips, 0), np.zeros((len(second), 2))])
-    rows = {"timestamp": _micro(second), "accel_clipping": clipped}
+    rows = {"timestamp": micro(second), "accel_clipping": clipped}
     rows["accel_vibration_metric"] = np.where(flying(second), wrong.metric, 0.1)
     log.topic("vehicle_imu_status", f"{STAMP};uint32_t[3] accel_clipping;float accel_vibration_metric", rows)
-    rows = {"timestamp": _micro(at), "pos_test_ratio": np.where(flying(at), wrong.ratio, 0.0)}
+    rows = {"timestamp": micro(at), "pos_test_ratio": np.where(flying(at), wrong.ratio, 0.0)}
     rows |= {"hgt_test_ratio": np.full(len(at), 0.05), "filter_fault_flags": np.where(flying(at), wrong.faults, 0)}
     fields = f"{STAMP};float pos_test_ratio;float hgt_test_ratio;uint32_t filter_fault_flags"
     log.topic("estimator_status", fields, rows)
     if wrong.turns:
-        speeds = [[int(t), 60.0 * wrong.turns] for t in _micro(at)]
+        speeds = [[int(t), 60.0 * wrong.turns] for t in micro(at)]
         log.nested("esc_status", f"{STAMP};esc_report[1] esc", {"esc_report": "float esc_rpm"}, "Qf", speeds)
     if wrong.acro is not None:
-        rows = {"timestamp": _micro([0.0, 10.0, wrong.acro]), "nav_state": np.array([2, 2, 10], np.uint8)}
+        rows = {"timestamp": micro([0.0, 10.0, wrong.acro]), "nav_state": np.array([2, 2, 10], np.uint8)}
         log.topic("vehicle_status", f"{STAMP};uint8_t nav_state", rows)
     for milliseconds in wrong.dropouts:
         log.dropout(milliseconds)
+    if wrong.more is not None:
+        wrong.more(log)
     return log.save(path)
 
 
@@ -137,24 +144,27 @@ def dataflash(path, wrong=None):
     log.add("MSG", "QZ", "TimeUS,Message", [0], [b"ArduCopter V4.5.7 (2a3dc4b7)"])
     time, rates, force = imu(wrong)
     names = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
-    log.add("IMU", "QBffffff", names, _micro(time), np.zeros(len(time)), *rates.T, *force.T, instance="I")
+    log.add("IMU", "QBffffff", names, micro(time), np.zeros(len(time)), *rates.T, *force.T, instance="I")
     sent, control = commands(wrong)
-    log.add("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", _micro(sent), *(1000.0 + 1000.0 * control).T)
+    log.add("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", micro(sent), *(1000.0 + 1000.0 * control).T)
     at, volt = voltages(wrong)
-    log.add("BAT", "QBf", "TimeUS,Inst,Volt", _micro(at), np.zeros(len(at)), volt, instance="Inst")
+    current = np.full(len(at), wrong.current)
+    log.add("BAT", "QBff", "TimeUS,Inst,Volt,Curr", micro(at), np.zeros(len(at)), volt, current, instance="Inst")
     second = np.arange(0.0, END, 1.0)
     shaken, none = np.where(flying(second), wrong.metric, 0.1), np.zeros(len(second))
     clipped = np.where(second > 12.0, wrong.clips, 0)
     names = "TimeUS,IMU,VibeX,VibeY,VibeZ,Clip"
-    log.add("VIBE", "QBfffI", names, _micro(second), none, shaken, 0.5 * shaken, shaken, clipped, instance="IMU")
+    log.add("VIBE", "QBfffI", names, micro(second), none, shaken, 0.5 * shaken, shaken, clipped, instance="IMU")
     if wrong.acro is not None:
-        log.add("MODE", "QBB", "TimeUS,Mode,ModeNum", _micro([0.0, 10.0, wrong.acro]), [5, 5, 1], [5, 5, 1])
+        log.add("MODE", "QBB", "TimeUS,Mode,ModeNum", micro([0.0, 10.0, wrong.acro]), [5, 5, 1], [5, 5, 1])
     ratio, faults = np.where(flying(at), wrong.ratio, 0.0), np.where(flying(at), wrong.faults, 0)
     names = "TimeUS,C,SV,SP,SH,SM,FS,PI"
     small = np.full(len(at), 0.05)
     if wrong.first_estimator:
         names = "TimeUS,SV,SP,SH,SMX,SMY,SMZ,FS"
-        log.add("EKF4", "QffffffB", names, _micro(at), ratio, *5 * [small], faults)
+        log.add("EKF4", "QffffffB", names, micro(at), ratio, *5 * [small], faults)
     else:
-        log.add("XKF4", "QBffffHb", names, _micro(at), 0 * at, ratio, small, small, small, faults, 0 * at, instance="C")
+        log.add("XKF4", "QBffffHb", names, micro(at), 0 * at, ratio, small, small, small, faults, 0 * at, instance="C")
+    if wrong.more is not None:
+        wrong.more(log)
     return log.save(path)

@@ -18,7 +18,7 @@ from tests.independent.flown_quadrotor import Case
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from tests.replay import health_logs
 from tests.replay.autopilot_logs import true_vehicle
-from tests.replay.health_logs import DOWN, UP, Wrong, dataflash, ulog
+from tests.replay.health_logs import DOWN, END, STAMP, UP, Wrong, dataflash, flying, micro, ulog
 from wrenchgap import flight
 from wrenchgap.flight import cache
 from wrenchgap.flight.autopilot import Autopilot
@@ -171,6 +171,124 @@ def test_an_estimators_fault_is_worse_than_a_rejected_measurement(made):
     faulty = said(made("ulg", "fault", Wrong(faults=4)))
     assert faulty["estimator"].level == "bad"
     assert made("ulg", "fault", Wrong(faults=4)).logs[0].estimator.faulty == 1.0
+
+
+def sampled(log, topic, **columns):
+    """A topic of a PX4 log at 5 Hz: floats, or of three axes, by time."""
+    time = np.arange(0.0, END, 0.2)
+    rows = {name: np.asarray(made(time), dtype=float) for name, made in columns.items()}
+    fields = ";".join([STAMP, *(f"float{'[3]' if rows[name].ndim > 1 else ''} {name}" for name in rows)])
+    log.topic(topic, fields, {"timestamp": micro(time)} | rows)
+
+
+def test_a_compass_of_which_one_axis_is_rejected_is_said_and_one_that_is_not_used_is_not(made):
+    """PX4's mag_field are ratios by axis, infinite where it is not fused; the flag is that of the field's strength."""
+
+    def disturbed(log):
+        def field(time):
+            return np.where(flying(time)[:, None], [0.1, 0.2, 9.0], 0.0)
+
+        sampled(log, "estimator_innovation_test_ratios", mag_field=field)
+        sampled(log, "estimator_status_flags", cs_mag_field_disturbed=lambda time: time > 0.5 * (UP + DOWN))
+
+    health = made("ulg", "compass", Wrong(more=disturbed))
+    (ratio,) = [one for one in health.logs[0].estimator.ratios if one.of == "magnetometer"]
+    assert (ratio.median, ratio.rejected) == (9.0, 1.0)
+    assert said(health)["estimator"].level == "bad"
+    assert "rejects its magnetometer 100 %" in said(health)["estimator"].words
+    assert re.search(r"field is not the expected one (49|5\d) % of the time", said(health)["estimator"].words)
+
+    def unused(log):
+        sampled(log, "estimator_innovation_test_ratios", mag_field=lambda time: np.full((len(time), 3), np.inf))
+
+    assert said(made("ulg", "unused", Wrong(more=unused))) == {}
+
+
+def test_a_gps_without_a_fix_is_a_line_of_the_table_and_nothing_to_look_at(made):
+    def indoors(log):
+        sampled(log, "vehicle_gps_position", fix_type=lambda time: 0.0 * time)
+        sampled(log, "estimator_status_flags", cs_ev_pos=lambda time: 0.0 * time + 1.0)
+
+    health = made("ulg", "indoors", Wrong(more=indoors))
+    assert said(health) == {}
+    row = {head: cell for head, cell, _ in ROWS}["estimator"]
+    assert row(health.logs[0]).endswith("; the GPS never had a fix: position from vision")
+    fixed = made("ulg", "outdoors", Wrong(more=lambda log: sampled(log, "sensor_gps", fix_type=lambda t: 0 * t + 3)))
+    assert "GPS" not in row(fixed.logs[0])
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.parametrize(("amperes", "about"), [(0.2, {"battery"}), (12.0, set()), (-1.0, set())])
+def test_a_current_that_lifts_nothing_is_not_that_of_the_motors(made, kind, amperes, about):
+    assert said(made(kind, "current", Wrong(current=amperes))).keys() == about
+
+
+def test_what_the_autopilot_reported_in_flight_is_said_the_two_worst_of_it(made):
+    def reported(log):
+        for level, second, text in (
+            (4, 12.0, "Failsafe activated"),
+            (6, 12.5, "Info"),
+            (3, 13.0, "Low \x1b[31mbattery"),
+        ):
+            log.said(level, int(micro(second)), text)
+        log.said(3, int(micro(1.0)), "on the ground")
+        log.said(4, int(micro(14.0)), "Failsafe activated")
+        log.said(2, int(micro(15.0)), "third")
+
+    health = made("ulg", "messages", Wrong(more=reported))
+    told = said(health)["messages"].words
+    assert '"third" (critical, 15.0 s), "Low \x1b[31mbattery" (error, 13.0 s) and 1 more' in told
+    texts = {one.text: one for one in health.logs[0].messages}
+    assert texts["Failsafe activated"].count == 2
+    assert not texts["on the ground"].in_flight
+    assert "Info" not in texts
+    assert "\x1b" not in repr(health)  # names are data
+
+    def failed(log):
+        log.add("ERR", "QBB", "TimeUS,Subsys,ECode", micro([11.0, 12.0]), [6, 6], [1, 0])
+
+    told = said(made("bin", "messages", Wrong(more=failed)))["messages"].words
+    assert told == 'The autopilot reported in flight: "battery failsafe, error 1" (error, 11.0 s).'
+
+
+def test_a_low_battery_is_said_by_which_parameter(made):
+    low = Wrong(voltage=(14.6, 13.9, 13.5))
+    assert "below 14.0 V (4 cells at BAT1_V_EMPTY)" in said(made("ulg", "low", low))["battery"].words
+    assert "below 14.0 V (BATT_LOW_VOLT)" in said(made("bin", "low", low))["battery"].words
+
+
+def test_of_a_log_without_a_flight_nothing_is_said_to_be_missing(made):
+    health = made("ulg", "never", Wrong(thrust=(0.0, 0.0, 0.0, 0.0)))
+    assert {head: cell for head, cell, _ in ROWS}["estimator"](health.logs[0]) == "not judged: no flight"
+    assert "for want of data" not in answer(health)[0][0]
+
+
+def test_a_flight_that_is_too_short_is_to_be_flown_again_before_a_model_is_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(health_logs, "DOWN", UP + 9.0)
+    lines = [text for text, _ in answer(wg.check(ulog(tmp_path / "short.ulg")))]
+    assert "Fly at least 10 s: `explain` needs as much." in lines
+    assert lines[-1] == "next: wrenchgap check ANOTHER_LOG"
+
+
+def test_propellers_come_before_the_battery_where_either_may_be_it(made):
+    words = said(made("ulg", "nose", Wrong(thrust=(1.2, 0.8, 1.2, 0.8))))["motors"].words
+    assert "propellers there are weak. Inspect these; if they are sound, move the battery" in words
+
+
+def test_the_curve_of_the_thrust_is_said(made):
+    row = {head: cell for head, cell, _ in ROWS}["motor balance"]
+    squares = made("bin").logs[0]  # MOT_THST_EXPO 1
+    assert row(squares).endswith("; thrust taken as the command's square)")
+    shared = replace(squares, motors=replace(squares.motors, curve=0.3))
+    assert "; thrust taken as 0.30 u^2 + 0.70 u of a command u" in row(shared)
+    linear = made("ulg", "", Wrong(parameters={"THR_MDL_FAC": 0.3})).logs[0]  # PX4 makes up for the curve afterwards
+    assert row(linear).endswith("; thrust taken in proportion to the command)")
+
+
+def test_a_scale_of_the_accelerometer_is_a_thing_to_look_at(made):
+    log = made("ulg").logs[0]
+    scaled = replace(log.inspection, checks=(Check("accelerometer-scale", "warn", "a scale of 0.97"),))
+    assert [one.words for one in statements(replace(log, inspection=scaled))] == ["a scale of 0.97."]
 
 
 def test_the_first_estimator_of_old_firmware_is_read(made):

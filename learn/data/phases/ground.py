@@ -19,7 +19,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import SIGNALS, Flags, Phase, Signals, closed, command_scale, runs, sizes
+from wrenchgap.learn.data.phases.phase import Flags, Phase, Signals, closed, command_scale, runs, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -172,6 +172,9 @@ class CrashThresholds:
     """Time before an impact [s] that shows nothing of the vehicle."""
     after: float = 0.4
     """Time after it [s], likewise."""
+    sure: float = 1.0
+    """Time [s] from the first contradiction to an impact below which none is told: slow signals mix the impact into it,
+    and the air of a quick turn that was commanded does the same."""
     bounces: float = 3.0
     """Impacts and contacts with the ground that follow one another within this time [s] up to a crash belong to it."""
     dropped: float = 1.5
@@ -201,11 +204,11 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
             stop = float(part.time[_end_of_rest(on, b) - 1])
             event, words = begin, ""
             if ending:
-                event = ending[0]
-                seconds = (event - _last_obeyed(part, scale, begin, event)) * part.dt
-                words = (
-                    f"an impact{f', {seconds:.1f} s after the loss of control' if seconds > CRASH.before else ''}, and "
+                event, seconds = ending[0], (ending[0] - begin) * part.dt
+                began = (
+                    f", {seconds:.1f} s after motion began to contradict the commands" if seconds > CRASH.sure else ""
                 )
+                words = f"an impact{began}, and "
             words += "the vehicle comes to lie" if lies else "motion contradicts the commands until the end"
             out.append(Phase("crash", float(part.time[begin]), stop, words, event=float(part.time[event])))
         for first, last in events:
@@ -231,17 +234,6 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
             start = begin
     rest = [p for p in found if p.name == "impact" and p.stop < start]
     return [*rest, replace(crash, start=start, stop=stop)]
-
-
-def _last_obeyed(part: Signals, scale: float, begin: int, event: int) -> int:
-    """The last sample before an impact at which motion follows the commands; `begin` is where slow signals put it.
-
-    These mix the impact into as much of the time before it as their filter is long, where quicker ones tell.
-    """
-    if (event - begin) * part.dt > 1.0 / SIGNALS.slow_hz:
-        return begin
-    lost = part.contradiction_at(scale)[begin : event + 1] > CRASH.lost
-    return begin + int(np.flatnonzero(~lost)[-1]) if not lost.all() else begin
 
 
 def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:

@@ -38,8 +38,9 @@ class Phase:
     """A part of a flight from `start` to `stop` [s] that is no ordinary flight: its `name` (of `NAMES`), and `why`.
 
     `left_out` says whether the analyses do without it: not where `--keep` names it, nor where it changes nothing.
-    `event` is when it happens [s]: of an impact its first sample, of a crash its impact or, without one, the loss of
-    control; None of the other phases. A phase begins before its event, by what the filters mix of it.
+    `event` is when it happens [s]: of an impact its first sample, of a crash its impact or, without one, where
+    motion begins to contradict the commands; None of the other phases. A phase begins before its event, by what the
+    filters mix of it.
     """
 
     name: str
@@ -139,11 +140,6 @@ class Signals:
     def contradiction(self, scale: float) -> Array:
         """Size (N,) of the slow difference between felt and commanded force, in shares of the weight."""
         return by_rows(lambda felt, pushed: lengths(felt - scale * pushed), self.slow_felt, self.slow_pushed)
-
-    def contradiction_at(self, scale: float) -> Array:
-        """The same (N,) as `contradiction` behind a filter that is as quick as that of the rates."""
-        cutoff_hz = min(SIGNALS.rates_hz, SIGNALS.of_nyquist / self.dt)
-        return lengths(low_pass(self.felt - scale * self.pushed, self.dt, cutoff_hz))
 
     def spikes(self, scale: float) -> Array:
         """Size (N,) of what is felt and neither commanded nor lasting, in weights."""

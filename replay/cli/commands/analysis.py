@@ -52,8 +52,8 @@ def compare(
         result = api.compare(flights, base, *others, gp=process)
     how = {"signed": True} if by_flight else {}
     run.result(result, details=run.details or by_flight, **how)
-    look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
-    run.line(f"why there: {look}{run.common_options()}", style="dim")
+    ask = shlex.join(["wrenchgap", "explain", *map(str, logs), "-m", model])
+    run.line(f"next: {ask}{run.common_options()}")
     run.save("compare", result, figure=figure, csv=csv)
 
 

@@ -55,6 +55,10 @@ class Ulog:
         self.data.append(("O", self._message("O", struct.pack("<H", milliseconds))))
         return self
 
+    def said(self, level, microseconds, text):
+        self.data.append(("L", self._message("L", struct.pack("<BQ", ord(str(level)), microseconds) + text.encode())))
+        return self
+
     def save(self, path):
         start = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + self._message("B", bytes(40))
         path.write_bytes(start + b"".join(self.head) + b"".join(message for _, message in self.data))
