@@ -101,16 +101,47 @@ def between_flights(data: Dataset, left: Array, model: Model, different: float =
     count = int(data.flight.max()) + 1
     if count < 2:
         return None
-    means, variances = zip(
-        *(_mean(data.block[data.flight == f], left[data.flight == f]) for f in range(count)), strict=True
-    )
+    means, noise = _means(data, left)
     known = data.measured_axes
-    spread = np.sum((np.array(means) - np.mean(means, axis=0)) ** 2, axis=0)
-    noise = np.mean(variances, axis=0)
+    spread = np.sum((means - np.mean(means, axis=0)) ** 2, axis=0)
     if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < different:
         return None
     pooled = (spread + WORTH * typical_trim(model) ** 2) / (count - 1 + WORTH)
     return np.where(known, np.sqrt(pooled * (1.0 + 1.0 / count)), 0.0)
+
+
+@dataclass(frozen=True)
+class FlightsApart:
+    """What is left on average of each flight (n,) [N or Nm] on one `axis`, where flights do not agree."""
+
+    axis: int
+    names: tuple[str, ...]
+    means: Array
+
+
+def flights_apart(
+    data: Dataset, left: Array, model: Model, different: float = 5.0, usual: float = 3.0
+) -> tuple[FlightsApart, ...]:
+    """Axes on which what a model leaves (K, 6) differs between flights by far more than noise, the farthest first.
+
+    By `different` times what their blocks of time make likely and `usual` times what flights of one vehicle differ by:
+    as the model says, or as is typical. No one number is the constant of these flights.
+    """
+    if int(data.flight.max()) < 1:
+        return ()
+    means, noise = _means(data, left)
+    typical = typical_trim(model) if model.between_flights is None else np.array(model.between_flights)
+    apart = np.std(means, axis=0, ddof=1) / np.maximum(np.maximum(different * np.sqrt(noise), usual * typical), 1e-30)
+    names = tuple(dict.fromkeys(r.flight for r in data.records))
+    axes = [int(k) for k in np.argsort(-apart) if data.measured_axes[k] and apart[k] > 1.0]
+    return tuple(FlightsApart(k, names, means[:, k]) for k in axes)
+
+
+def _means(data: Dataset, left: Array) -> tuple[Array, Array]:
+    """Means (flights, 6) of what is left (K, 6), and the variance (6,) of such a mean by its blocks of time."""
+    each = [_mean(data.block[data.flight == f], left[data.flight == f]) for f in range(int(data.flight.max()) + 1)]
+    means, variances = zip(*each, strict=True)
+    return np.array(means), np.mean(variances, axis=0)
 
 
 def _mean(block: NDArray[np.intp], left: Array) -> tuple[Array, Array]:

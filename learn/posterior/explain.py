@@ -42,7 +42,9 @@ from wrenchgap.learn.diagnose.relevance import Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart, flights_apart
 from wrenchgap.learn.identify.fit import Fit, with_fit
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
@@ -160,6 +162,7 @@ def search_dataset(
         noise=data.noise,
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
+        apart=flights_apart(data, left_by(data, with_fit(model, whole.fit)), model),
         limits=detection_limits(found.scorer, keys, model.vehicle, silent=silent, of=limits_of),
         **vars(rest),
     )
@@ -201,6 +204,7 @@ class Explanation(Result):
     some were given; `answering` are the axes on which commands answered a disturbance. `named_there` says that what
     is named pushes where `one_rotor` pushes: the mean of what comes and goes, whose name is open.
     `limits` say what these flights could have shown beside what is named, `recoveries` what was found again of it.
+    `apart` are axes on which the flights do not agree on a constant, the farthest first.
     """
 
     verdict: Verdict
@@ -227,6 +231,7 @@ class Explanation(Result):
     named_there: bool = False
     limits: tuple[DetectionLimit, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
+    apart: tuple[FlightsApart, ...] = ()
 
     @property
     def reduction(self) -> Array:

@@ -228,7 +228,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": of_flights(found.flights),
+        "notes": [*posterior.apart(found), *of_flights(found.flights)],
     }
 
 
@@ -246,7 +246,8 @@ def brief(found: Explanation) -> list[Part]:
     and the members.
     """  # noqa: D205
     said: list[Part] = [
-        Line(text, "bold") for text in (summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
+        Line(text, "bold")
+        for text in (*posterior.apart(found), summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
     ]
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += map(Line, posterior.cheapest_check(found.posterior.settle))

@@ -86,6 +86,19 @@ def nothing_missing(found: Explanation) -> str:
     return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell."
 
 
+def apart(found: Explanation, most: int = 5) -> list[str]:
+    """That flights do not agree on a constant, in a sentence with the means of `most` of them; none where they do."""
+    said = []
+    for one in found.apart[:1]:
+        means = zip(one.names[:most], one.means, strict=False)
+        listed = ", ".join(f"{quantity(mean, unit_of(one.axis))} in {name}" for name, mean in means)
+        said.append(
+            f"The flights do not agree: on {AXES[one.axis]} what is left on average is {listed}; explain them one by "
+            "one, or use `wrenchgap changed`."
+        )
+    return said
+
+
 def turbulence(found: Explanation, most: float = 0.05) -> str:
     """Axes on which more than noise is left that nothing predicts; above `most` of the weight it is not believed."""
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]

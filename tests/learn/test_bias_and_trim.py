@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.identify.bias_and_trim import WORTH, between_flights, trim_of, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import WORTH, between_flights, flights_apart, trim_of, typical_trim
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model_file import dumps, loads
@@ -44,6 +44,21 @@ def test_the_scatter_is_that_which_was_put_in_pooled_with_what_is_typical(fly, h
     usual = typical_trim(hexarotor)
     assert found[3] == pytest.approx(np.sqrt((np.sum(sizes**2) + WORTH * usual[3] ** 2) / (3 + WORTH) * 1.25), rel=0.02)
     assert found[5] == pytest.approx(usual[5] * np.sqrt(WORTH / (3 + WORTH) * 1.25), rel=0.2)
+
+
+def test_flights_that_differ_by_more_than_vehicles_do_are_told_apart(fly, hexarotor):
+    """Centres of mass 16 % of the arm apart on two flights, not 4 %: that is how a battery goes in."""
+    data = several(fly, hexarotor, 2)
+    usual = typical_trim(hexarotor)[4]
+    for share, axes in ((4.0, [4]), (1.0, [])):
+        left = noise(data)
+        left[:, 4] += share * usual * np.array([-1.0, 1.0])[data.flight]
+        found = flights_apart(data, left, hexarotor)
+        assert [one.axis for one in found] == axes
+    left[:, 4] += 3.0 * usual * np.array([-1.0, 1.0])[data.flight]
+    (one,) = flights_apart(data, left, hexarotor)
+    assert one.names == ("0", "1")
+    assert one.means == pytest.approx([-4.0 * usual, 4.0 * usual], rel=0.02)
 
 
 def test_typical_trims_follow_from_weight_and_arm(hexarotor):

@@ -18,6 +18,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart
 from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
@@ -142,6 +143,16 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     given = replace(named, model=MODEL.with_effects([*model.effects[1:], *named.model.effects]))
     assert any("The model already has" in part.text for part in brief(given) if isinstance(part, Line))
     assert to_json(given)["already"].endswith("again: M3 20 % weaker (rotor_thrust M3 -0.200).")
+
+
+def test_that_flights_do_not_agree_is_said_first(named):
+    """On the farthest axis, with the mean of each flight; of flights that agree nothing is."""
+    axes = FlightsApart(5, ("monday", "friday"), np.array([-0.02, 0.01])), FlightsApart(2, ("a", "b"), np.zeros(2))
+    first = brief(replace(named, apart=axes))[0].text
+    assert first.startswith(
+        "The flights do not agree: on torque_z what is left on average is -0.0200 Nm in monday, 0.0100 Nm in friday; "
+    )
+    assert brief(named)[0].text.startswith("Explained by")
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):
