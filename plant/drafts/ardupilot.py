@@ -71,7 +71,7 @@ def read_parameters(path: Path) -> dict[str, float]:
         if len(words) == 5 and words[0].isdecimal():
             words = words[2:4]
         try:
-            name, value = words[0].upper(), float(words[1])
+            name, value = words[0].upper(), np.nan if words[0].isdecimal() else float(words[1])
         except (IndexError, ValueError):
             value = np.nan
         if not np.isfinite(value):

@@ -370,6 +370,7 @@ def test_a_typed_frame_that_contradicts_the_parameters_is_used_and_told(tmp_path
             "'FRAME_CLASS,nan', .* a finite number",
         ),
         ("FRAME_CLASS,one\n", Given(mass=2.0), r"quad.param, line 1: got 'FRAME_CLASS,one', expected NAME,VALUE"),
+        ("1\t1\tFRAME_CLASS\t1\n", Given(mass=2.0), r"line 1: got '1\\t1\\tFRAME_CLASS\\t1', expected NAME,VALUE"),
         ("RCMAP_THROTTLE,inf\n", Given(mass=2.0), r"quad.param, line 1: got 'RCMAP_THROTTLE,inf', .* a finite number"),
     ],
 )
