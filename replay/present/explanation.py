@@ -89,6 +89,8 @@ def summary(found: Explanation) -> str:
     names, by = posterior.members_in_words(found)
     turbulence, unproven = posterior.turbulence(found), posterior.unproven(found)
     residual = posterior.largest_residual(found)
+    groups = "; ".join(map(in_words, found.groups))
+    alike = f"Indistinguishable on these logs: {groups}." if groups else ""
     if found.verdict is Verdict.NOTHING:
         none = posterior.nothing_missing(found)
         return _joined(none, posterior.nearest(found), turbulence, unproven, residual)
@@ -97,9 +99,7 @@ def summary(found: Explanation) -> str:
         if short(found) and not names:
             return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
         none = "Something is missing, but no effect of the catalogue explains it."
-        return _joined(partly or none, posterior.residual_in_words(found), unproven, residual)
-    groups = "; ".join(map(in_words, found.groups))
-    alike = f"Indistinguishable on these logs: {groups}." if groups else ""
+        return _joined(partly or none, alike, posterior.residual_in_words(found), unproven, residual)
     said = f"{by('Explained')} {names}."
     first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
     return _joined(*first, turbulence, unproven, residual)
