@@ -32,7 +32,8 @@ def sentences(
     said = []
     if shown:
         words = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
-        said.append(f"Would have been shown: {_listed(words, most_shown)}.")
+        unchecked = "" if found.recoveries else ", by the geometry and not checked by injection"
+        said.append(f"Would have been shown{unchecked}: {_listed(words, most_shown)}.")
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     if missed or hidden or lacking:
