@@ -82,14 +82,20 @@ class LogHealth:
 class Health(Result):
     """What `wrenchgap check` finds in logs, and which parameters of the autopilot differ between them.
 
-    `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one, and
-    where a log contradicts it. `repeated` are files that were left out, each with the one before that it equals.
+    `model` is the file or name of the model that was given, for its rotors and topics alone; empty without one. Where a
+    log contradicts it, it was not used (`fits`). `repeated` are files that were left out, each with the one before that
+    it equals.
     """
 
     logs: tuple[LogHealth, ...]
     parameters: ParameterDifferences
     model: str = ""
     repeated: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def fits(self) -> bool:
+        """Whether a model was given that no log contradicts."""
+        return bool(self.model) and not any(log.contradictions for log in self.logs)
 
 
 def check(
@@ -117,8 +123,7 @@ def check(
     names = [log.name for log in found]
     named = [log.name if names.count(log.name) == 1 else str(log.inspection.path) for log in found]
     differences = parameter_differences(zip(named, (log.autopilot for log in found), strict=True))
-    used = None if any(log.contradictions for log in found) else model
-    return Health(tuple(found), differences, "" if used is None else model_file.as_argument(used), tuple(repeated))
+    return Health(tuple(found), differences, "" if model is None else model_file.as_argument(model), tuple(repeated))
 
 
 def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth:

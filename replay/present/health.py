@@ -140,11 +140,14 @@ def next_command(found: Health) -> str:
     flown_ones = [log for log in found.logs if log.phases.lack is not NoPhases.POWER]
     if not flown_ones:
         return "wrenchgap check ANOTHER_LOG"
-    if found.model and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
+    mend = next((check.mend for log in found.logs for check in log.contradictions if check.mend), None)
+    if mend:
+        return f"{shlex.join(['wrenchgap', 'check', *logs, '-m', found.model])} {mend}"
+    if found.fits and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
         return shlex.join([*_comparison(flown_ones), "-m", found.model])
     if not found.model and all(_firmware(log) == CRAZYFLIE for log in flown_ones):
         return shlex.join(["wrenchgap", "check", *logs, "-m", "crazyflie"])
-    if found.model:
+    if found.fits:
         fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
         command = "compare" if fine else "inspect"
         return shlex.join(["wrenchgap", command, str(flown_ones[0].inspection.path), "-m", found.model])

@@ -118,7 +118,10 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
     if motors.balance_level != "ok":
         hard = motors.hardest
         short = f"{hard.rotor.name} {100 * hard.deviation:+.0f} % thrust"
-        yield Statement(motors.balance_level, "motors", short, _balance(motors, drift))
+        words = _balance(motors, drift)
+        if log.contradictions:
+            words = words.replace("Give its model with -m, to see whether", "A model that fits the log tells whether")
+        yield Statement(motors.balance_level, "motors", short, words)
     if motors.saturation_level == "ok":
         return
     if (motors.at_most or 0.0) > MOTORS.saturated:

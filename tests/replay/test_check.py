@@ -3,6 +3,7 @@
 import html
 import json
 import re
+import shlex
 import subprocess
 import sys
 from dataclasses import replace
@@ -675,6 +676,17 @@ def test_a_model_of_another_vehicle_is_contradicted_and_not_used(hover):
     assert "does not fit this log" in answer(found)[0][0] + answer(found)[1][0]
     assert {m.rotor.name for m in found.logs[0].motors.motors} == {"M1", "M2", "M3", "M4"}
     assert "-m" not in answer(found)[-1][0]
+
+
+def test_where_the_rotors_stand_in_another_order_the_next_command_reads_them_in_theirs(tmp_path):
+    model = wg.load_model("crazyflie")
+    flown = wg.simulate(model, "multi_axis", duration=15.0, excitation=1.0, seed=3)
+    order = [3, 1, 0, 2]  # the model's rotor k is the log's column order.index(k)
+    mixed = replace(flown, actuators=replace(flown.actuators, rotor_speed=flown.actuators.rotor_speed[:, order]))
+    log = write(replace(mixed, commanded=None), tmp_path / "mixed.mcap")
+    words = shlex.split(answer(wg.check(log, model))[-1][0])
+    assert words[words.index("check") + 1 : words.index("--topic")] == [str(log), "-m", "crazyflie"]
+    assert words[words.index("--topic") + 1].endswith("[2,1,3,0]")
 
 
 def test_of_many_logs_each_that_is_shown_can_be_read(run, tmp_path):
