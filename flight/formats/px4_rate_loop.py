@@ -12,6 +12,7 @@ parameter reference and "Controller Diagrams" (docs.px4.io); checked on logs of 
 """
 
 from collections.abc import Mapping
+from enum import IntFlag
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,13 @@ USUAL = {"IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "IMU_GYRO_RATEMAX": 
 """PX4's defaults; firmware without MC_YAW_TQ_CUTOFF has no filter there."""
 NOTCHES = (("NF0_FRQ", "NF0_BW"), ("NF1_FRQ", "NF1_BW"), ("NF_FREQ", "NF_BW"))
 """Fixed notches, after IMU_GYRO_; the last of 1.12 and before."""
-OF_SPEEDS, OF_SPECTRUM = 1, 2
-"""Bits of IMU_GYRO_DNF_EN: notches at the motors' speeds, and at peaks of the gyroscope's spectrum."""
+
+
+class MovingNotch(IntFlag):
+    """Bits of IMU_GYRO_DNF_EN: notches at the motors' speeds, and at peaks of the gyroscope's spectrum."""
+
+    SPEEDS = 1
+    SPECTRUM = 2
 
 
 def gains_of(parameters: Mapping[str, float | int], speeds: Array) -> RateLoop | None:
@@ -44,11 +50,11 @@ def gains_of(parameters: Mapping[str, float | int], speeds: Array) -> RateLoop |
     names = [f"MC_{axis}RATE_{k}" for k in "KPID" for axis in AXES] + [f"MC_{axis}_P" for axis in AXES]
     if any(name not in parameters for name in names):
         return None
-    moving = int(parameters.get("IMU_GYRO_DNF_EN", 0))
-    if moving & OF_SPECTRUM or (moving & OF_SPEEDS and not len(speeds)):
+    moving = MovingNotch(int(parameters.get("IMU_GYRO_DNF_EN", 0)))
+    if MovingNotch.SPECTRUM in moving or (MovingNotch.SPEEDS in moving and not len(speeds)):
         return None
     notches = [[float(parameters.get(f"IMU_GYRO_{name}", 0.0)) for name in pair] for pair in NOTCHES]
-    if moving & OF_SPEEDS:
+    if MovingNotch.SPEEDS in moving:
         width, least, count = (float(parameters[f"IMU_GYRO_DNF_{name}"]) for name in ("BW", "MIN", "HMC"))
         turns = np.outer(np.arange(1, int(count) + 1), speeds / (2.0 * np.pi)).ravel()
         notches += [[max(float(turn), least), width] for turn in turns]

@@ -193,9 +193,7 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
             remedy = "check the mass, or expect thrust_scale to be found." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
-            usual = (
-                1.5 if name == "commanded" else 2.0
-            )  # fast flight is measured, and commands carry the weight on average
+            usual = 1.5 if name == "commanded" else 2.0  # what is measured of fast flight may be more
             level: Level = "warn" if 1.0 / usual < share < usual else "bad"
             found.append(Check("weight", level, f"{words}: another vehicle, unit or mass? correct vehicle.mass."))
     return found
