@@ -128,7 +128,7 @@ def judged(case: Hidden) -> dict[str, Any]:
     train, test = wg.open_flights(flights, model, cutoff_hz=cutoff, accept=("rate",) if cutoff else ())
     found = wg.discover(train, model, validate=test)
     own = OWN if vehicle == "hexarotor" else ""
-    hidden = [law for law in found.laws if law.name != own]  # what is said of the hidden law
+    hidden = [law for law in found.laws if own not in (law.name, *dict(law.equivalents))]  # not of the vehicle's own
     names = {f"law_{atom}" for atom in LAWS[name].right} if kind == "law" else set()
     itself = any(law.name in names for law in hidden[:1])
     right = itself or any(n in names for law in hidden[:1] for n, _ in law.equivalents)
