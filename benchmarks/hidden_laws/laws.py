@@ -63,8 +63,8 @@ def _thrust_with_speed(x: View, k: float) -> Wrench:
 
 
 def _wake(x: View, k: float) -> Wrench:
-    pair, tilt = x.T[0::2] + x.T[1::2], x.alpha
-    loss = sum(np.roll(pair, s) * np.cos(tilt - np.roll(tilt, s)) for s in (1, -1))
+    each, tilt = 0.5 * (x.T[0::2] + x.T[1::2]), x.alpha  # of a rotor of each arm
+    loss = sum(np.roll(each, s) * np.cos(tilt - np.roll(tilt, s)) for s in (1, -1))
     return x.at_hubs(-k * np.repeat(loss, 2)[:, None] * x.T[:, None] * x.n)
 
 
@@ -92,7 +92,7 @@ LAWS = {
     "pressure_point": HiddenLaw(
         lambda x, k: (NONE, k * np.array([0.0, 0.0, x.v[1]])), 0.03, ("torque_z_v_y",), on_hexarotor=0.3
     ),
-    "wake": HiddenLaw(_wake, 0.004, ("wake_cos",), ("hexarotor",), sign=-1.0),
+    "wake": HiddenLaw(_wake, 0.008, ("wake_cos",), ("hexarotor",), sign=-1.0),
     "tilt_rate": HiddenLaw(
         lambda x, k: (NONE, k * (x.alpha_rate[:, None] * x.axis).sum(axis=0)),
         0.03,

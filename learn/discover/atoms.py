@@ -301,7 +301,7 @@ class _Library:
             ]
             code = _forces(f"n * ({' + '.join(parts)})[:, :, None]")
             term = Term(code, f"sum_ij T_i T_j {symbol} n_i", "1/N", SETTINGS.small / hover)
-            yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j beside i", (term,), 1.0)
+            yield Atom(f"wake_{name}", f"W = k {term.symbol} at r_i, j the upper rotor of an arm beside", (term,), 1.0)
 
 
 def constants(vehicle: Vehicle, volts: float) -> dict[str, str]:
