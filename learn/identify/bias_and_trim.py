@@ -24,10 +24,9 @@ ACCELEROMETER_BIAS = 0.05
 
 WORTH = 2.0
 """Flights that the typical values are worth, where few flights say how much they differ."""
-ROTOR, PLACE, AIR, MOUNT = 0.01, 0.02, 0.015, np.radians(0.5)
+ROTOR, PLACE, AIR = 0.01, 0.02, 0.015
 """Typical between flights: thrust of one rotor, relative to it; place of the centre of mass, relative to the radius of
-the circle on which the rotors are; thrust of all rotors (battery, density), relative to the weight; angle [rad] between
-the axis of thrust and the axis z of the IMU."""
+the circle on which the rotors are; thrust of all rotors (battery, density), relative to the weight."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +55,10 @@ class Trim:
 def trim_of(model: Model, far: float = 5.0) -> Trim:
     """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ.
 
-    Where nothing is known of other flights and no rotor tilts, no autopilot is level with the rotors to better than
-    `MOUNT`: gravity's share across thrust. (On rotors that tilt this is no constant force in B.) No flight is beyond
-    `far` standard deviations of what differs between flights.
+    No flight is beyond `far` standard deviations of what differs between flights.
     """
-    mass, arms = model.vehicle.body.mass, model.vehicle.arms
+    mass = model.vehicle.body.mass
     scatter = np.zeros(6) if model.between_flights is None else np.array(model.between_flights)
-    if model.between_flights is None and arms is not None and not arms.tilts.any():
-        scatter[:2] = MOUNT * mass * GRAVITY
     bias = np.full(3, ACCELEROMETER_BIAS)
     turned = 3 + np.flatnonzero(scatter[3:] > 0.0)
     return Trim(
@@ -87,7 +82,7 @@ def typical_trim(model: Model) -> Array:
         radius = float(np.median(np.linalg.norm(vehicle.arms.position_B[:, :2], axis=1)))
         kappa = float(np.median(np.abs(vehicle.rotors.kappa)))
         share = 1.0 / np.sqrt(len(vehicle.rotors))
-    across = MOUNT * weight
+    across = np.radians(0.5) * weight
     tilting = np.hypot(PLACE, ROTOR * share / np.sqrt(2.0)) * radius * weight
     return np.array([across, across, AIR * weight, tilting, tilting, ROTOR * share * kappa * weight])
 

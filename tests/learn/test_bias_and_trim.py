@@ -104,14 +104,3 @@ def test_the_model_file_keeps_it():
     again = loads(dumps(model))
     assert again.between_flights == model.between_flights
     assert loads(dumps(replace(again, between_flights=None))).between_flights is None
-
-
-def test_a_vehicle_whose_rotors_do_not_tilt_may_have_its_autopilot_half_a_degree_off_level(hexarotor):
-    """Tilted by d the IMU sees g sin d across thrust; not where rotors tilt, or flights were compared."""
-    fixed = model_file.load("crazyflie")
-    level, known = trim_of(fixed), trim_of(replace(fixed, between_flights=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
-    across = GRAVITY * np.sin(np.radians(0.5))
-    assert level.scale[:2] == pytest.approx(np.hypot(across, known.scale[:2]), rel=1e-4)
-    assert level.scale[2] == known.scale[2] == trim_of(hexarotor).scale[2]
-    assert np.all(level.limit[:2] >= 5.0 * across)
-    assert list(trim_of(hexarotor).scale) == list(known.scale)
