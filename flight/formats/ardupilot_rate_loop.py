@@ -15,7 +15,6 @@ AC_PID, AC_AttitudeControl, NotchFilter, AP_MotorsMatrix. Its slew limit (SMAX),
 """
 
 from collections.abc import Mapping
-from enum import IntFlag
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +35,6 @@ NOTCHES = {
     "INS_NOTCH": (80.0, 20.0, 15.0, 1.0),
 }
 """ArduPilot's defaults of _FREQ and _BW [Hz], _ATT [dB] and _HMNCS."""
-
-
-class NotchOption(IntFlag):
-    """The bit of _OPTS that matters here: a notch for every motor."""
-
-    EACH_MOTOR = 2
 
 
 def gains_of(parameters: Mapping[str, float | int]) -> RateLoop | None:
@@ -83,11 +76,11 @@ def _notches(parameters: Mapping[str, float | int]) -> Array:
         if parameters.get(f"{head}_ENABLE", 0) and centre > 0.5 * width:
             r = centre / (centre - 0.5 * width)
             motors = sum(parameters.get(f"SERVO{n}_FUNCTION") in MOTOR_FUNCTIONS for n in range(1, 33))
-            times = (
-                max(motors, 1) if NotchOption.EACH_MOTOR in NotchOption(int(parameters.get(f"{head}_OPTS", 0))) else 1
-            )
+            every = int(parameters.get(f"{head}_OPTS", 0)) & 2  # a notch for every motor
             turns = [k for k in range(1, 17) if int(harmonics) >> (k - 1) & 1]
-            found += [(k * centre, k * centre * (r - 1.0 / r), 10.0 ** (-depth / 20.0)) for k in turns] * times
+            found += [(k * centre, k * centre * (r - 1.0 / r), 10.0 ** (-depth / 20.0)) for k in turns] * (
+                max(motors, 1) if every else 1
+            )
     return np.array(found).reshape(-1, 3)
 
 

@@ -84,15 +84,10 @@ def flown_by_autopilot(
     hover over which the thrust curve is taken for a line. The torques are compared at the samples that both are logged
     of; the rates behind the flights' low-pass, since attitudes have other stamps.
     """  # noqa: D205
-    found = [
-        (
-            f.records[0].cutoff_hz,
-            px4_rate_loop.logged_loop(f.flight.path) or ardupilot_rate_loop.logged_loop(f.flight.path),
-        )
-        for f in flights
-    ]
-    loops = [(cutoff_hz, loop) for cutoff_hz, loop in found if loop is not None]
-    if not loops or len(loops) < len(found) or model.command is None:
+    kinds = (px4_rate_loop, ardupilot_rate_loop)
+    each = [(f.records[0].cutoff_hz, kind.logged_loop(f.flight.path)) for f in flights for kind in kinds]
+    loops = [(cutoff_hz, loop) for cutoff_hz, loop in each if loop is not None]
+    if not loops or len(loops) < len(flights) or model.command is None:
         return None
     first, axes = loops[0][1], np.ones(3, dtype=bool)
     for cutoff_hz, loop in loops:

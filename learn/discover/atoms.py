@@ -39,7 +39,7 @@ from wrenchgap.plant.vehicle import Vehicle
 COMMANDS = frozenset(("thrust", "thrust of rotors"))
 """Causes that are commands, which answer a disturbance at once."""
 MOTION = frozenset(("velocity", "body rates"))
-"""Causes that are the motion itself, from which a force or torque that is passive takes energy."""
+"""Causes that are the motion itself."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,11 @@ class Atom:
     def commanded(self) -> bool:
         """Whether it depends on commands alone, which answer a disturbance: then gains of it are the controller's."""
         return bool(self.causes) and set(self.causes) <= COMMANDS
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether it depends on the motion alone, from which a passive force or torque takes energy."""
+        return bool(self.causes) and set(self.causes) <= MOTION
 
     def needs(self, what: str) -> bool:
         """Whether one of its quantities needs a pose, moving air, a voltage, rotors, tilts or rates."""

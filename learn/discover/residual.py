@@ -19,7 +19,7 @@ from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
-from wrenchgap.learn.discover.atoms import MOTION, Atom, atoms, constants
+from wrenchgap.learn.discover.atoms import Atom, atoms, constants
 from wrenchgap.learn.discover.evidence import CLIPPED, Evidence, Whitening, evidence, possible, ranges, responses
 from wrenchgap.learn.discover.search import Step, best_on, coefficients, gain_beside, step
 from wrenchgap.learn.discover.settings import SETTINGS
@@ -160,7 +160,7 @@ class Residual:
         and what a gust turns or pushes moves along with it at once.
         """  # noqa: D205
         power = _power(self.data, made, self.given.vehicle.body.com_B)
-        return set(atom.causes) <= MOTION and bool(np.mean(power > 0.0) > SETTINGS.feeding)
+        return atom.of_motion and bool(np.mean(power > 0.0) > SETTINGS.feeding)
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""
@@ -333,12 +333,14 @@ def _centred(data: Dataset, left: Array) -> Array:
 
 def _power(data: Dataset, made: Array, com_B: Array) -> Array:
     """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass, v its velocity over ground; not a number
-    where that is not known.
+    where a force acts and that is not known.
     """  # noqa: D205
-    if not all(r.has_pose for r in data.records):
-        return np.full(len(made), np.nan)
     states = [r.state_kept for r in data.records]
     omega = np.concatenate([s.omega_B for s in states])
+    if not made[:, :3].any():
+        return np.asarray(np.sum(made[:, 3:] * omega, axis=1))
+    if not all(r.has_pose for r in data.records):
+        return np.full(len(made), np.nan)
     velocity = np.concatenate([so3.rotate_inverse(s.quat_EB, s.velocity_E) for s in states])
     return np.asarray(np.sum(made * np.hstack((velocity + np.cross(omega, com_B), omega)), axis=1))
 

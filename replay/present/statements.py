@@ -118,10 +118,8 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
     if motors.balance_level != "ok":
         hard = motors.hardest
         short = f"{hard.rotor.name} {100 * hard.deviation:+.0f} % thrust"
-        words = _balance(motors, drift)
-        if log.contradictions:
-            words = words.replace("Give its model with -m, to see whether", "A model that fits the log tells whether")
-        yield Statement(motors.balance_level, "motors", short, words)
+        told = "A model that fits the log tells" if log.contradictions else "Give its model with -m, to see"
+        yield Statement(motors.balance_level, "motors", short, _balance(motors, drift, told))
     if motors.saturation_level == "ok":
         return
     if (motors.at_most or 0.0) > MOTORS.saturated:
@@ -135,8 +133,8 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
     yield Statement(motors.saturation_level, "saturation", f"{worst.rotor.name} saturated", words)
 
 
-def _balance(motors: Motors, drift: str) -> str:
-    """Which motor works harder, what that looks like, and what to do."""
+def _balance(motors: Motors, drift: str, told: str) -> str:
+    """Which motor works harder, what that looks like, and what to do, which `told` begins where places are unknown."""
     hard = motors.hardest
     amount = f"commanded {share(hard.deviation)} more thrust than the mean in level hover"
     said = f"{_first(rotor(hard.rotor))} is {amount}"
@@ -168,7 +166,7 @@ def _balance(motors: Motors, drift: str) -> str:
     if motors.shape is Shape.ONE:
         return f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC."
     if motors.shape is Shape.UNKNOWN:
-        return f"{said}. Give its model with -m, to see whether a weight, a yaw bias or a propeller makes it."
+        return f"{said}. {told} whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)
     less = f"{_pair(least) if least.alike else rotor(least.rotor)} {share(-least.deviation)} less"
     return (
