@@ -159,8 +159,8 @@ class Residual:
         """Whether a law of the motion alone feeds it at every moment: nothing passive does (damping takes energy out),
         and what a gust turns or pushes moves along with it at once.
         """  # noqa: D205
-        power = _power(self.data, made, self.given.vehicle.body.com_B)
-        return atom.of_motion and bool(np.mean(power > 0.0) > SETTINGS.feeding)
+        feeds = _power(self.data, made, self.given.vehicle.body.com_B) > 0.0
+        return atom.of_motion and bool(np.mean(feeds) > SETTINGS.feeding)
 
     def _parts(self, on: Evidence, k: int) -> tuple[tuple[str, float, float], ...]:
         """The leading coefficient on each flight, or on thirds of a single one."""
@@ -332,15 +332,14 @@ def _centred(data: Dataset, left: Array) -> Array:
 
 
 def _power(data: Dataset, made: Array, com_B: Array) -> Array:
-    """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass, v its velocity over ground; not a number
-    where a force acts and that is not known.
-    """  # noqa: D205
+    """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass, v its velocity over ground.
+
+    Not a number where a force acts and v is not known.
+    """
+    if made[:, :3].any() and not all(r.has_pose for r in data.records):
+        return np.full(len(made), np.nan)
     states = [r.state_kept for r in data.records]
     omega = np.concatenate([s.omega_B for s in states])
-    if not made[:, :3].any():
-        return np.asarray(np.sum(made[:, 3:] * omega, axis=1))
-    if not all(r.has_pose for r in data.records):
-        return np.full(len(made), np.nan)
     velocity = np.concatenate([so3.rotate_inverse(s.quat_EB, s.velocity_E) for s in states])
     return np.asarray(np.sum(made * np.hstack((velocity + np.cross(omega, com_B), omega)), axis=1))
 
