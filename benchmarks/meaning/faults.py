@@ -233,6 +233,13 @@ def _rotor_spikes(speed: Array) -> Array:
     return out
 
 
+def _lost_speeds(speed: Array) -> Array:
+    out = speed.copy()
+    rows = np.random.default_rng(0).choice(np.arange(20, len(out) - 20), 20, replace=False)
+    out[rows, rows % out.shape[1]] = 0.0
+    return out
+
+
 def _slow(role: str, every: int) -> Change:
     def apply(flight: Flight) -> Flight:
         series = getattr(flight, role)
@@ -382,6 +389,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("a rotor's command zero for 1 s", ("frozen",), _held("actuators", "rotor_speed", [1], 1.0, 0.0)),
     Fault("spikes of 1e5 m/s^2", ("spikes",), _spiked),
     Fault("spikes of rotor speed", ("spikes",), _rotors(_rotor_spikes)),
+    Fault("rotor speed 0 in 20 single samples", ("spikes",), _rotors(_lost_speeds)),
     Fault("every tenth rotor speed 9000 rad/s", ("spikes",), _rotors(_often_beyond)),
     Fault("IMU at 10 Hz", ("rate",), _slow("imu", 25)),
     Fault("commands at 10 Hz", ("rate",), lambda f: _slow("actuators", 25)(_slow("commanded", 25)(f))),

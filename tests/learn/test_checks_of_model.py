@@ -135,7 +135,42 @@ def test_single_commands_beyond_speed_max_are_left_out_and_counted():
     assert check.level == "warn"
     assert "2 sample(s)" in check.words
     assert found.actuators.rotor_speed.max() == 2000.0
-    assert found.actuators.dropped == {"beyond speed_max": 2}
+    assert found.actuators.dropped == {"impossible command": 2}
     every, none = without_impossible_commands(flight_of(250.0, speeds=lambda n: np.full((n, 4), 9000.0)), model)
     assert none == ()  # a unit, which another check names
     assert len(every.actuators.time) == 2000
+
+
+def test_a_single_zero_of_a_rotor_that_turns_is_a_lost_value():
+    model = wg.load_model("crazyflie")
+
+    def speeds(count):
+        out = np.full((count, 4), 2000.0)
+        out[[100, 700], [1, 3]] = 0.0
+        return out
+
+    found, (check,) = without_impossible_commands(flight_of(250.0, speeds=speeds), model)
+    assert check.level == "warn"
+    assert "2 sample(s) where a turning rotor's speed is lost" in check.words
+    assert found.actuators.rotor_speed.min() == 2000.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "below"),
+    [
+        (slice(100, 110), 0.0),  # a command that is zero for a while
+        (slice(100, 101), 300.0),  # a small command
+        (slice(100, 400, 2), 0.0),  # often: nothing is lost so often, this is how the log tells it
+    ],
+)
+def test_zeros_that_a_command_may_have_stay(rows, below):
+    model = wg.load_model("crazyflie")
+
+    def speeds(count):
+        out = np.full((count, 4), 2000.0)
+        out[rows, 2] = below
+        return out
+
+    found, checks = without_impossible_commands(flight_of(250.0, speeds=speeds), model)
+    assert checks == ()
+    assert len(found.actuators.time) == 2000

@@ -145,6 +145,9 @@ class RecordThresholds:
     """Share of the samples up to which they are left out where all are far from the others."""
     far: float = 3.0
     """How many times what three quarters of the others are counts as far."""
+    turning: float = 0.5
+    """Of a rotor's median speed: between two samples beyond it, a single zero is a lost value and no command (a
+    command that is cut off at zero passes through small ones; none of the real logs tried has such a zero)."""
 
 
 RECORDS = RecordThresholds()
@@ -230,6 +233,14 @@ def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
     return share <= RECORDS.many and float(size[beyond].min()) > RECORDS.far * float(np.percentile(size[~beyond], 75))
 
 
+def _lost(speed: Array) -> NDArray[np.bool_]:
+    """Single zeros (N, n) of rotor speeds (N, n) in rad/s, between two samples of a rotor that turns."""
+    turns = speed > RECORDS.turning * np.median(speed, axis=0)
+    lost = np.zeros(speed.shape, bool)
+    lost[1:-1] = (speed[1:-1] == 0.0) & turns[:-2] & turns[2:]
+    return lost
+
+
 def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
     """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit."""
     vehicle = model.vehicle
@@ -239,11 +250,17 @@ def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, t
     found: list[Check] = []
     sent = flight.actuators
     if sent is not None and sent.rotor_speed.shape[1] == len(rotors):
-        beyond = np.any(np.abs(sent.rotor_speed) > RECORDS.speed_margin * rotors.speed_max, axis=1)
-        if _some(beyond, np.max(np.abs(sent.rotor_speed), axis=1)):
-            flight = without(flight, "actuators", beyond, "beyond speed_max", split=False)
-            words = f"actuators: {int(beyond.sum())} sample(s) beyond {RECORDS.speed_margin:g} times"
-            found.append(Check("spikes", "warn", f"{words} vehicle.rotor.speed_max: left out."))
+        speed = np.abs(sent.rotor_speed)
+        beyond = np.any(speed > RECORDS.speed_margin * rotors.speed_max, axis=1)
+        beyond &= _some(beyond, np.max(speed, axis=1))
+        lost = np.any(_lost(speed), axis=1)
+        lost &= float(lost.mean()) <= MASKING.rare
+        limit = f"beyond {RECORDS.speed_margin:g} times vehicle.rotor.speed_max"
+        for bad, words in ((beyond, limit), (lost, "where a turning rotor's speed is lost (a single 0)")):
+            if bad.any():
+                found.append(Check("spikes", "warn", f"actuators: {int(bad.sum())} sample(s) {words}: left out."))
+        if np.any(beyond | lost):
+            flight = without(flight, "actuators", beyond | lost, "impossible command", split=False)
     if flight.commanded is not None:
         size = lengths(flight.commanded.wrench_B[:, :3])
         most = RECORDS.force_margin * float(np.sum(rotors.c_f * rotors.speed_max**2))
