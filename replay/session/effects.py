@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.identify.staircase import Basis, Staircase, Steps, staircase, steps
@@ -65,10 +66,9 @@ class SessionEffects:
             self._fitted((), flight, f"fit on {flight}")
 
     def _fitted(self, names: tuple[str, ...], flight: str, words: str) -> None:
-        from wrenchgap.replay import api  # here: the page stands before it is there
 
         working = self.working
-        added = api.add(working.model, names, working.flight(flight))
+        added = wg.add(working.model, names, working.flight(flight))
         order = tuple(dict.fromkeys((*working.order, *names)))
         working.change(Revision(added.model, words, order, added.logs, added.trial))
 
@@ -124,13 +124,12 @@ class SessionEffects:
     def exported(self, target: str, flight: str) -> str:
         """The current model in the terms of an autopilot, with what was set in this flight, or of a simulator."""
         from wrenchgap.plant.targets.autopilots import AUTOPILOTS  # here: the page need not wait for them
-        from wrenchgap.replay import api_models
 
         with self.working.lock:
             model, autopilot = self.working.model, self.working.flight(flight).flight.autopilot
         same = autopilot is not None and target in AUTOPILOTS and AUTOPILOTS[target].name == autopilot.name
         before = autopilot.parameters if autopilot is not None and same else None
-        return api_models.export_model(model, target, parameters=before).text
+        return wg.export_model(model, target, parameters=before).text
 
     def trajectory_text(self, found: Design) -> str:
         """A designed flight as a trajectory file."""
@@ -202,31 +201,25 @@ class SessionEffects:
 
     def explain(self, flight: str, report: Report) -> Explanation:
         """What is missing in the current model; searched for in a process of its own, for long."""
-        from wrenchgap.replay import api
-
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
-        return worker_result(lambda tell: replace(api.explain(opened, model, progress=tell), flights=()), report)
+        return worker_result(lambda tell: replace(wg.explain(opened, model, progress=tell), flights=()), report)
 
     def discover(self, flight: str, known: Explanation | None, report: Report) -> Discovery:
         """The law of what is left beside what `known` says, or a new search; looked for in its own process."""
-        from wrenchgap.replay import api
-
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
 
         def work(tell: Report) -> Discovery:
-            found = api.discover(opened, model, explanation=known, progress=tell)
+            found = wg.discover(opened, model, explanation=known, progress=tell)
             return replace(found, explanation=replace(found.explanation, flights=()))
 
         return worker_result(work, report)
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report, seconds: float = 30.0) -> Design:
         """The flight of so many `seconds` that separates these effects; searched for in its own process, for long."""
-        from wrenchgap.replay import api
-
         for name in names:
             find(name)
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
-        return worker_result(lambda tell: api.design(names, model, opened, duration=seconds, progress=tell), report)
+        return worker_result(lambda tell: wg.design(names, model, opened, duration=seconds, progress=tell), report)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+import wrenchgap as wg
 from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
@@ -81,9 +82,7 @@ class Intake:
 
     def with_logs(self, logs: Sequence[Path], report: Report) -> Intake:
         """With these logs, looked at."""
-        from wrenchgap.replay.api_flights import check  # here: the page stands before it is there
-
-        health = check(list(logs), self.model, self.options, progress=report) if logs else None
+        health = wg.check(list(logs), self.model, self.options, progress=report) if logs else None
         if health is not None and health.repeated:
             again, first = (Path(file).name for file in health.repeated[0])
             raise UsageError(f"{again}: the same log as {first}, which is open")
@@ -95,10 +94,8 @@ class Intake:
 
     def drafted(self, given: Given, report: Report) -> Intake:
         """With a model of what the first log says and what is `given`. Raises UsageError, ModelError, LogError."""
-        from wrenchgap.replay.api_models import draft_model
-
         known = self.logs and self.logs[0].suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
-        sheet = draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
+        sheet = wg.draft_model(self.logs[0] if known else None, given=given, command="wrenchgap view")
         return replace(self, given=given).with_model(sheet.model, report, sheet)
 
     @property

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import wrenchgap as wg
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
@@ -117,7 +118,6 @@ class LogSession:
 
         A GP belongs to the model that it was learnt on, and is left out once that has changed.
         """
-        from wrenchgap.replay import api  # here: the page stands before they are there
         from wrenchgap.replay.present.report import Repetition, page
 
         working, model, one = self.working, self.model, self.working.flight(flight)
@@ -126,7 +126,7 @@ class LogSession:
         words = ["wrenchgap", "report", str(one.flight.path), "-m", name]
         words += ["--validate", *(str(o.flight.path) for o in others)] if others else []
         gp = working.gp if model is working.opened_model else None
-        made = api.report(one, model, validate=others, gp=gp, progress=progress)
+        made = wg.report(one, model, validate=others, gp=gp, progress=progress)
         return page(made, Repetition.of(made, name, shlex.join([*words, "-o", "report.html"])))
 
     def _made(self, name: str) -> Scene:

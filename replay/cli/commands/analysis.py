@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.flights import READ
 from wrenchgap.replay.cli.requests import DetailedRun, Run
@@ -39,7 +40,6 @@ def compare(
 
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.documents import check_tables
 
     check_tables(csv)
@@ -49,7 +49,7 @@ def compare(
     with run.progress("reading") as report:
         flights, _ = run.open(reading.options, logs, base)
         report(0.7, "comparing")
-        result = api.compare(flights, base, *others, gp=process)
+        result = wg.compare(flights, base, *others, gp=process)
     how = {"signed": True} if by_flight else {}
     run.result(result, details=run.details or by_flight, **how)
     ask = shlex.join(["wrenchgap", "explain", *map(str, logs), "-m", model])
@@ -74,13 +74,11 @@ def where(
 
     Example: `wrenchgap where flight.mcap -m tilt_hexarotor --figure where.png`
     """
-    from wrenchgap.replay import api
-
     run.claim({"--figure": figure}, *logs, model, gp)
     base, process = run.model(model), run.gp(gp)
     with run.progress("where") as report:
         flights, _ = run.open(reading.options, logs, base)
-        result = api.where(flights, base, gp=process, progress=report)
+        result = wg.where(flights, base, gp=process, progress=report)
     run.result(result)
     run.notes(base.notes)
     run.save("where", result, figure=figure)
@@ -104,7 +102,6 @@ def explain(
     Example: `wrenchgap explain train.mcap -m tilt_hexarotor --validate test.mcap`
     """
     from wrenchgap.learn.parallel import cores, get_ready
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.explanation import what_next
 
     run.claim({}, *logs, *(validate or ()), model)
@@ -113,7 +110,7 @@ def explain(
         get_ready(cores())  # workers start while logs are read
         flights, tests = run.open(reading.options, logs, base, validate)
         asked: Any = {"names": names, "validate": tests, "injections": injections}
-        found = api.explain(flights, base, **asked, progress=report)
+        found = wg.explain(flights, base, **asked, progress=report)
     run.result(found)
     read = (run.common_options(), run.common_options("cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], *read))
@@ -143,7 +140,6 @@ def discover(
     Example: `wrenchgap discover train.mcap -m tilt_hexarotor --validate test.mcap -o law.py`
     """
     from wrenchgap.flight.atomic import atomic
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.discovery import what_next
 
     run.claim({"--output": output, "--figure": figure}, *logs, *(validate or ()), model)
@@ -152,7 +148,7 @@ def discover(
     base = run.model(model)
     with run.progress("discovering") as report:
         flights, tests = run.open(reading.options, logs, base, validate)
-        found = api.discover(flights, base, validate=tests, progress=report)
+        found = wg.discover(flights, base, validate=tests, progress=report)
     run.result(found)
     if output is not None and found.source:
         with atomic(output) as partial:
@@ -185,7 +181,6 @@ def report(
 
     Example: `wrenchgap report train.mcap -m tilt_hexarotor --validate test.mcap -o report.html`
     """
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.report import Repetition, save, to_json
 
     run.claim({"--output": output}, *logs, *(validate or ()), model, gp)
@@ -197,7 +192,7 @@ def report(
     options = {key: value for key, value in said.items() if value}
     with run.progress("reporting") as told:
         flights, tests = run.open(reading.options, logs, base, validate)
-        found = api.report(flights, base, validate=tests, gp=process, progress=told)
+        found = wg.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
         repetition = Repetition.of(found, model, run.command_line(), run.common_options(), options, gp)
         save(found, output, force=run.force, repetition=repetition)
@@ -235,14 +230,13 @@ def changed(
     Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
     """
     from wrenchgap.learn.parallel import cores, get_ready
-    from wrenchgap.replay import api_flights
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
     base, names = run.model(model), parse_effects(effects_only)
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
-        found = api_flights.changed(bad, good, base, names=names, injections=injections, progress=report)
+        found = wg.changed(bad, good, base, names=names, injections=injections, progress=report)
     run.result(found)
     run.notes(base.notes)
     run.save("changed", found, figure=figure, page=page)
@@ -276,7 +270,6 @@ def trend(
 
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
-    from wrenchgap.replay import api_flights
     from wrenchgap.replay.present.documents import check_tables
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
@@ -294,7 +287,7 @@ def trend(
             raise usage_error(f"--vehicle {vehicle}: does nothing with logs; leave it out")
         else:
             flights, _ = run.open(reading.options, logs, base)
-            found = api_flights.trend(flights, base, names, parts=parts, progress=report)
+            found = wg.trend(flights, base, names, parts=parts, progress=report)
     run.result(found)
     run.save("trend", found, figure=figure, parquet=table, page=page)
 

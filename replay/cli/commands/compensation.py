@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli import values
 from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
@@ -76,7 +77,6 @@ def learn(
     # Long because typer reads the options from the signature, one a line.
     from wrenchgap.learn.identify.learning import default_mean, physics_of
     from wrenchgap.learn.process.gp import FitSettings
-    from wrenchgap.replay import api
 
     run.claim({"--output": output}, *logs, *(validate or ()), model)
     wanted, base = values.parse_outputs(outputs), run.model(model)
@@ -88,7 +88,7 @@ def learn(
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:
         flights, tests = run.open(reading.options, logs, base, validate)
-        learnt = api.learn_gp(
+        learnt = wg.learn_gp(
             flights,
             base,
             outputs=wanted,
@@ -98,7 +98,7 @@ def learn(
             guard=not no_guard,
             progress=report,
         )
-    api.save_gp(learnt, output, force=run.force)
+    wg.save_gp(learnt, output, force=run.force)
     run.result(learnt)
     run.notes(base.notes)
     run.write("learn", {**learnt.to_json(), "gp": str(output)}, GP=output)
@@ -149,7 +149,6 @@ def replay(
         _prove(log, export, csv, reading, run)
         return
     from wrenchgap.learn.process.predictors import cutoff_of
-    from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import source_by_name
     from wrenchgap.replay.present.documents import check_tables, write_csv, write_parquet
     from wrenchgap.replay.present.replay import write_log
@@ -168,7 +167,7 @@ def replay(
     options = reading.options.changed(cutoff_hz=reading.options.cutoff_hz or cutoff_of(process))
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
-        result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
+        result = wg.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
     if output is not None:
         write_log(result, output, force=run.force)
     if csv is not None:
@@ -182,7 +181,6 @@ def replay(
 
 def _prove(log: Path, folder: Path, csv: Path | None, reading: o.Reading, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
-    from wrenchgap.replay.export.flown import prove_flown
     from wrenchgap.replay.present.documents import check_tables
 
     used = ("log", "export", "csv", "budget", "own", "json", "force", "quiet")
@@ -191,7 +189,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, reading: o.Reading, run: R
     check_tables(csv)
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
-        found = prove_flown(log, folder, budget=reading.options.budget)
+        found = wg.prove_flown(log, folder, budget=reading.options.budget)
     if log.is_file():
         run.note_input(log, "log")
     run.result(found)
@@ -274,7 +272,6 @@ def counterfactual(
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
     # Long because typer reads the options from the signature, one a line.
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.counterfactual import write_log
 
     run.claim({"--output": output}, log, gp)
@@ -282,7 +279,7 @@ def counterfactual(
     process, flown = run.gp(gp), None if allocation is None else run.model(allocation, "allocation")
     with run.progress("counterfactual", "reading the log") as report:
         ((flight,), _) = run.open(reading.options, [log], base)
-        result = api.counterfactual(
+        result = wg.counterfactual(
             flight,
             base,
             gp=process,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Run
 from wrenchgap.replay.cli.values import complete_effects, usage_error
@@ -61,7 +62,6 @@ def export(
     """
     # Long because typer reads the options from the signature, one a line.
     from wrenchgap.flight.atomic import resolved
-    from wrenchgap.replay.export.export import export_compensator
 
     run.claim({}, model, gp)
     for path in (model, gp):
@@ -70,7 +70,7 @@ def export(
     base, process = run.model(model), run.gp(gp)
     settings = gate.settings(dt=1.0 / base.controller.rate_hz if dt is None else dt, max_evaluations=evaluations)
     with run.progress("exporting", "compiling, the first time on this machine"):
-        made = export_compensator(
+        made = wg.export_compensator(
             process,
             base,
             output,

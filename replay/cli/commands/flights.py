@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import DetailedRun, Omit, Run
 from wrenchgap.replay.cli.values import (
@@ -145,7 +146,6 @@ def design(
     import numpy as np
 
     from wrenchgap.learn.design.manoeuvres import usual
-    from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
@@ -156,7 +156,7 @@ def design(
     tilt = limits.tilt if max_tilt is None else float(np.radians(max_tilt))
     along = None if also is None else parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
-        found = api.design(
+        found = wg.design(
             parse_effects(",".join(effects)),
             base,
             run.open(reading.options, logs or [], base)[0],
@@ -207,7 +207,6 @@ def ready(
     Example: `wrenchgap ready test.mcap -m fitted.toml --for figure8 --payload 0.4 --wind 5`
     """
     from wrenchgap.plant.simulation.flight_plan import Plan, trajectory_file, trajectory_path
-    from wrenchgap.replay import api_flights
 
     file = trajectory_path(trajectory)
     run.claim({"--figure": figure}, *logs, model, file)
@@ -218,7 +217,7 @@ def ready(
     with run.progress("reading") as report:
         flights, _ = run.open(reading.options, logs, base)
         asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage}
-        found = api_flights.ready(flights, base, trajectory, progress=report, **asked)
+        found = wg.ready(flights, base, trajectory, progress=report, **asked)
     run.result(found)
     run.save("ready", found, figure=figure)
 
@@ -243,14 +242,12 @@ def predict(
 
     Example: `wrenchgap predict test.mcap -m fitted.toml --horizon 0.1,0.5,1`
     """
-    from wrenchgap.replay import api_flights
-
     run.claim({"--figure": figure}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
     asked = {} if horizon is None else {"horizons": parse_seconds("--horizon", horizon)}
     process = run.gp(gp)
     with run.progress("predicting") as report:
         flights, _ = run.open(reading.options, logs, base)
-        found = api_flights.predict(flights, base, *others, gp=process, progress=report, **asked)
+        found = wg.predict(flights, base, *others, gp=process, progress=report, **asked)
     run.result(found)
     run.save("predict", found, figure=figure)

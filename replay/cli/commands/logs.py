@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
 from wrenchgap.replay.cli.values import usage_error
@@ -109,11 +110,10 @@ def inspect(
 
 def _keep(run: DetailedRun, model: "Model", asked: "ReadOptions", output: Path, body: Mapping[str, Any]) -> None:
     """Write the model with how the logs were read, and say what of it is kept."""
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.inspection import kept_in_words
 
     kept = asked.recorded_in(model)
-    saved = api.save_model(kept, output, before=model, command=run.command_line(), force=run.force)
+    saved = wg.save_model(kept, output, before=model, command=run.command_line(), force=run.force)
     run.line(f"kept in {output}: {kept_in_words(asked)}")
     run.write_model("inspect", body, saved, output)
 

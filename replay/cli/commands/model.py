@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.export import Precision
 from wrenchgap.replay.cli.requests import DetailedRun, Run
@@ -63,7 +64,6 @@ def new(
     Example: `wrenchgap model new --from flight.ulg --mass 1.52 --mass-tolerance 0.005 -o vehicle.toml`
     """
     from wrenchgap.plant.drafts.sources import Given, beside
-    from wrenchgap.replay import api_models
 
     run.claim({"--output": output, "--figure": figure}, source)
     needed = {"--mass KG": mass, "--frame FRAME": frame, "--arm METRES": arm}
@@ -75,10 +75,10 @@ def new(
     given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
     allowed = parse_budget(budget)
-    sheet = api_models.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
+    sheet = wg.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)
     for path in [source, *beside(source)] if source is not None else []:
         run.note_input(path, "source")
-    saved = api_models.save_draft(sheet, output, force=run.force)
+    saved = wg.save_draft(sheet, output, force=run.force)
     run.result(saved)
     run.draw(saved, figure)
     run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
@@ -164,13 +164,12 @@ def add(
     base, command = run.model(model), run.command_line()
     if value and (effects or logs):
         raise usage_error("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
-    from wrenchgap.replay import api
 
     if value:
         from wrenchgap.plant.effect_values import with_values
         from wrenchgap.replay.present.addition import effects_json, model_table
 
-        saved = api.save_model(with_values(base, value), output, before=base, command=command, force=run.force)
+        saved = wg.save_model(with_values(base, value), output, before=base, command=command, force=run.force)
         run.show(model_table(saved))
         run.write_model("add", {"effects": effects_json(saved.snapshot), "refitted": []}, saved, output)
         return
@@ -181,8 +180,8 @@ def add(
     parse_effects(",".join(effects))
     with run.progress("fitting") as report:
         flights, _ = run.open(reading.options, logs, base)
-        added = api.add(base, effects, flights, progress=report)
-    saved = api.save_model(added, output, command=command, force=run.force)
+        added = wg.add(base, effects, flights, progress=report)
+    saved = wg.save_model(added, output, command=command, force=run.force)
     run.result(added)
     run.write_model("add", added.to_json(), saved, output)
 
@@ -204,15 +203,13 @@ def calibrate(
 
     Example: `wrenchgap calibrate monday.ulg tuesday.ulg -m vehicle.toml -o calibrated.toml`
     """
-    from wrenchgap.replay import api, api_models
-
     run.claim({"--output": output}, *logs, *(validate or ()))
     base, command = run.model(model), run.command_line()
     with run.progress("calibrating") as report:
         flights, tests = run.open(reading.options, logs, base, validate)
-        found = api_models.calibrate(flights, base, validate=tests, progress=report)
+        found = wg.calibrate(flights, base, validate=tests, progress=report)
     kept = found.given if found.added is None else found.added
-    saved = api.save_model(kept, output, before=base, command=command, force=run.force)
+    saved = wg.save_model(kept, output, before=base, command=command, force=run.force)
     run.result(found)
     run.write_model("calibrate", found.to_json(), saved, output, unchanged=found.added is None)
 
@@ -222,12 +219,11 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
 
     Example: `wrenchgap remove servo_lag -m fitted.toml -o without.toml`
     """
-    from wrenchgap.replay import api
     from wrenchgap.replay.present.addition import effects_json, model_table
 
     run.claim({"--output": output})
     base = run.model(model)
-    saved = api.save_model(base.without(effects), output, before=base, command=run.command_line(), force=run.force)
+    saved = wg.save_model(base.without(effects), output, before=base, command=run.command_line(), force=run.force)
     names = list(dict.fromkeys(effects))
     run.line(f"removed {', '.join(names)} from {base.name}")
     run.show(*([model_table(saved)] if saved.effects else []))
@@ -258,11 +254,10 @@ def write(
     Example: `wrenchgap write fitted.toml --to px4 --parameters flight.ulg -o fitted.params`
     """
     from wrenchgap.flight.atomic import atomic
-    from wrenchgap.replay import api_models
 
     run.claim({"--output": output}, model, parameters)
     read = run.model(model)
-    made = api_models.export_model(
+    made = wg.export_model(
         read, target.value, parameters=parameters, origin=run.command_line(), budget=parse_budget(budget)
     )
     if parameters is not None:
@@ -300,8 +295,6 @@ def effectiveness(
 
     from wrenchgap.flight.atomic import resolved
     from wrenchgap.flight.errors import ModelError
-    from wrenchgap.replay import api_models
-    from wrenchgap.replay.export.allocation import export_allocation
 
     run.claim({"--figure": figure, "--csv": csv}, model)
     for option, path in (("--figure", figure), ("--csv", csv), ("--json", run.json)):
@@ -312,11 +305,11 @@ def effectiveness(
     except ValueError:
         raise usage_error(f"--tilt {tilt}: expected degrees, one or several with commas between") from None
     read = run.model(model)
-    found = api_models.effectiveness(read, angles.tolist())
+    found = wg.effectiveness(read, angles.tolist())
     more: dict[str, Any] = {"left": None, "margins": None, "folder": None if output is None else str(output)}
     words: Any = "float" if precision is Precision.float else "double"
     try:
-        made = export_allocation(read, output, precision=words, command=run.command_line(), force=run.force)
+        made = wg.export_allocation(read, output, precision=words, command=run.command_line(), force=run.force)
     except ModelError as error:
         if output is not None:
             raise

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.changed.changed import Changed, Verdict
@@ -42,12 +43,10 @@ class SessionComparisons:
 
     def of(self, suspect: str, healthy: tuple[str, ...], report: Report) -> Changed:
         """Compare one flight with others of the same vehicle; takes long, in a process of its own."""
-        from wrenchgap.replay.api_flights import changed  # here: the page stands before it is there
-
         with self.working.lock:
             model = self.working.model
             one, others = self.working.flight(suspect), [self.working.flight(h) for h in healthy]
-        return worker_result(lambda tell: replace(changed(one, others, model, progress=tell), flights=()), report)
+        return worker_result(lambda tell: replace(wg.changed(one, others, model, progress=tell), flights=()), report)
 
     def add(self, found: Changed, name: str) -> None:
         """Put what changed into the model. Raises UsageError unless the model is the one called `name` still."""
@@ -146,9 +145,8 @@ class ChangedPanel(Panel):
             model, flights, self._followed = working.model, list(working.flights.values()), working.name
 
         def followed(report: Report) -> Trend:
-            from wrenchgap.replay.api_flights import trend  # here: the page stands before it is there
 
-            return worker_result(lambda tell: trend(flights, model, parts=True, progress=tell), report)
+            return worker_result(lambda tell: wg.trend(flights, model, parts=True, progress=tell), report)
 
         def done(found: Trend) -> None:
             from wrenchgap.replay.present import season, trend

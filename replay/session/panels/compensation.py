@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import wrenchgap as wg
 from wrenchgap.flight import AXES, UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
@@ -92,12 +93,10 @@ class SessionCompensation:
 
     def replay(self, flight: str, report: Report) -> Replay:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
-        from wrenchgap.replay import api  # here: others need not wait for them
-
         with self.working.lock:
             gp, setting = self._known()
             log, model = self.working.flight(flight), self.working.opened_model
-        found = worker_result(lambda tell: api.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
+        found = worker_result(lambda tell: wg.replay_compensation(log, model, gp, setting.gate, progress=tell), report)
         found = replace(found, flight=log.flight, model=model, gp=gp)  # in place of the copies of the other process
         with self.working.lock:
             if setting is self.setting:  # not changed meanwhile

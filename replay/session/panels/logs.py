@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.plant.drafts.ardupilot import FRAMES
 from wrenchgap.plant.drafts.draft import Sheet
@@ -115,10 +116,8 @@ class LogsPanel(Panel):
         given = self._given()
         self.preview.content = ""
         if self.source.value == OF_LOG and given.frame and given.arm:
-            from wrenchgap.replay.api_models import draft_model  # here: the page stands before it is there
-
             with suppress(WrenchgapError):  # what makes the model says what is wrong
-                sheet = draft_model(None, given=replace(given, mass=given.mass or 1.0))
+                sheet = wg.draft_model(None, given=replace(given, mass=given.mass or 1.0))
                 self.preview.content = html.render("sheet", lines=(), assumed=(), drawn=_from_above(sheet))
 
     def _received(self, path: Path) -> None:

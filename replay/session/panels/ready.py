@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.trajectory import TRAJECTORIES
 from wrenchgap.replay.session.panels import html
@@ -45,9 +46,8 @@ class ReadyPanel(Panel):
         name, asked = self.trajectory.value, {"payload": self.payload.value, "wind": self.wind.value}
 
         def ready(report: Report) -> Any:
-            from wrenchgap.replay.api_flights import ready  # here: the page stands before it is there
 
-            return worker_result(lambda tell: ready(flight, model, name, **asked, progress=tell), report)
+            return worker_result(lambda tell: wg.ready(flight, model, name, **asked, progress=tell), report)
 
         def done(found: Readiness) -> None:
             from wrenchgap.replay.present import readiness as words  # here: the page stands before it is there
