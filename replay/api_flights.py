@@ -17,7 +17,7 @@ from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.prediction import HORIZONS, OpenLoop, open_loop
-from wrenchgap.replay.readiness import Readiness, readiness
+from wrenchgap.replay.readiness import ready as ready
 
 
 @check_arguments
@@ -100,49 +100,6 @@ def trend(
     """
     known = model_of(model).without_tolerances
     return trending.trend(listed(flights), known, effects, parts=parts, progress=progress)
-
-
-@check_arguments
-def ready(
-    flights: Flights,
-    model: Model | Addition,
-    trajectory: str,
-    *,
-    duration: float | None = None,
-    payload: float = 0.0,
-    wind: float = 0.0,
-    voltage: float | None = None,
-    progress: Callable[[float, str], None] | None = None,
-) -> Readiness:
-    """Whether a vehicle keeps its authority and its margins on a flight that it has not flown yet.
-
-    Parameters
-    ----------
-    flights
-        Opened for `model`; what it leaves of them acts on the flight to come.
-    model
-        With rotors, and effects as they were fitted, with standard deviations.
-    trajectory
-        A name, or a file of `design`; `duration` [s] is by default its own.
-    payload, wind, voltage
-        More mass [kg] at the centre of mass; a steady wind [m/s] from any side; the battery's voltage [V], by default
-        the lowest that was logged.
-
-    Returns
-    -------
-    Readiness
-        The decision; of each rotor and arm the share of what it has, and with what probability that is enough; margins
-        of the attitude loops.
-
-    Raises
-    ------
-    ModelError
-        For a model without rotors.
-    UsageError
-        For an unknown trajectory, and conditions that no vehicle flies in.
-    """
-    asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage, "progress": progress}
-    return readiness(listed(flights, "ready"), model_of(model), trajectory, **asked)
 
 
 @check_arguments

@@ -22,13 +22,15 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Range
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.prediction import predict
+from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
@@ -118,23 +120,47 @@ class Readiness(Result):
     notes: tuple[object, ...] = ()
 
 
-def readiness(
-    flights: Sequence[OpenFlight],
-    model: Model,
+@check_arguments
+def ready(
+    flights: Flights,
+    model: Model | Addition,
     trajectory: str,
     *,
     duration: float | None = None,
     payload: float = 0.0,
     wind: float = 0.0,
     voltage: float | None = None,
-    seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
 ) -> Readiness:
-    """Of a `trajectory` (a name, or a file of `design`) after flights that were opened for `model`.
+    """Whether a vehicle keeps its authority and its margins on a flight that it has not flown yet.
 
-    A `payload` [kg] hangs at the vehicle's centre of mass; a steady `wind` [m/s] comes from any side; `voltage` [V] is
-    by default the lowest that was logged, where the model depends on it. Raises as `replay.api_flights.ready`.
+    Parameters
+    ----------
+    flights
+        Opened for `model`; what it leaves of them acts on the flight to come.
+    model
+        With rotors, and effects as they were fitted, with standard deviations.
+    trajectory
+        A name, or a file of `design`; `duration` [s] is by default its own.
+    payload, wind, voltage
+        More mass [kg] at the centre of mass; a steady wind [m/s] from any side; the battery's voltage [V], by default
+        the lowest that was logged.
+
+    Returns
+    -------
+    Readiness
+        The decision; of each rotor and arm the share of what it has, and with what probability that is enough; margins
+        of the attitude loops.
+
+    Raises
+    ------
+    ModelError
+        For a model without rotors.
+    UsageError
+        For an unknown trajectory, and conditions that no vehicle flies in.
     """
+    # Long because a `Readiness` has as many fields, one a line.
+    flights, model = listed(flights, "ready"), model_of(model)
     for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
         if value is not None and not 0.0 <= value <= most:
             raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
@@ -144,7 +170,7 @@ def readiness(
     check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
-    loaded, rng = _loaded(model, payload), np.random.default_rng(seed)
+    loaded, rng = _loaded(model, payload), np.random.default_rng(0)
     report = progress or (lambda fraction, words: None)
     report(0.1, "what these flights leave")
     left = [(r, _left(r, model)) for f in flights for r in f.records]

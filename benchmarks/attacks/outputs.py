@@ -194,14 +194,14 @@ def files_of(name: str) -> dict[str, str]:
     """The export of a model of an effect, with this name of the vehicle and of its file."""
     from wrenchgap.plant import model_file
     from wrenchgap.plant.model import make_effect
-    from wrenchgap.replay.export.export import export
+    from wrenchgap.replay.export.export import export_compensator
 
     model = model_file.load(MODEL)
     vehicle = replace(model.vehicle, name=name)
     model = replace(model, vehicle=vehicle).with_effects(
         [make_effect(vehicle, "com_offset", dict.fromkeys("xyz", 0.01))]
     )
-    return export(None, model, names=(name, "-"), command=f"wrenchgap export -m '{name}'").files
+    return export_compensator(None, model, names=(name, "-"), command=f"wrenchgap export -m '{name}'").files
 
 
 @contextmanager

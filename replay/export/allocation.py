@@ -22,7 +22,7 @@ from wrenchgap.compensate.c_expressions import INT
 from wrenchgap.compensate.c_printer import Printer, bounds, fields_of, members, name_of_constant
 from wrenchgap.compensate.compiling import PRINTED
 from wrenchgap.flight.arguments import check_arguments
-from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.identify.add import Addition, model_of
@@ -126,9 +126,7 @@ def export_allocation(
     """
     known = model_of(model)
     if folder is not None:
-        checked(Path(folder), FILES, force=force)
-        if known.path is not None and known.path.resolve().is_relative_to(Path(folder).resolve()):
-            raise UsageError(f"--output {folder}: the model {known.path} is in it; choose another name")
+        checked(Path(folder), FILES, force=force, model=known)
     problem = allocation_problem(known)
     allocator, left = Allocator(problem), left_by_model(known, problem)
     if left.worse:

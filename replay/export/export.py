@@ -93,7 +93,7 @@ class Export(Result):
 def export_compensator(
     gp: GaussianProcess | Learnt | None,
     model: Model | Addition,
-    folder: str | Path,
+    folder: str | Path | None = None,
     settings: Settings | None = None,
     *,
     lead: float | None = None,
@@ -105,65 +105,27 @@ def export_compensator(
     observer: Asked = None,
     observer_max: float | None = None,
 ) -> Export:
-    """Write the compensation as a folder of C99 (docs/export.md), all of it or nothing.
+    """The compensation as C99 (docs/export.md); with a `folder` all files are written there, or none.
 
-    Without a process, that of the model's effects alone. `settings` are by default those of the model's control rate,
-    with 12 evaluations of the model in one search. Effects in `without` are left out. With an `observer` of so many Hz,
-    or "log" for the bandwidth in the GP's file, what the rest leaves is corrected too, by at most `observer_max` [Nm].
+    Of a process, and where its mean is physics of the effects of `model`; without a process, of the effects alone.
+    `settings` are by default those of the model's control rate, with 12 evaluations of the model in one search.
+    `settings.dt` is the control period; `settings.max_evaluations` bounds each search. Effects in `without` are left
+    out. `names` are those of the files of model and process. With an `observer` of so many Hz, or "log" for the
+    bandwidth in the GP's file, what the rest leaves is corrected too, by at most `observer_max` [Nm].
 
     Raises UsageError where the folder exists and `force` is not given, and for what cannot be exported, by name.
     """
-    path, known = Path(folder), model_of(model)
-    checked(path, tuple(FILES), force=force)
-    if known.path is not None and known.path.resolve().is_relative_to(path.resolve()):
-        raise UsageError(f"--output {path}: the model {known.path} is in it; choose another name")
-    asked = settings or Settings(dt=1.0 / known.controller.rate_hz, max_evaluations=EVALUATIONS)
-    made = export(
-        None if gp is None else compensators.gp_of(gp),
-        known,
-        asked,
-        lead=lead,
-        precision=precision,
-        leave_out=without,
-        names=names,
-        command=command,
-        date=f"{datetime.now(UTC):%Y-%m-%d}",
-        observer=observer,
-        observer_max=observer_max,
-    )
-    write_folder(path, made.files, force=force)
-    return made
-
-
-def export(
-    process: GaussianProcess | None,
-    model: Model,
-    settings: Settings | None = None,
-    *,
-    lead: float | None = None,
-    precision: str = "double",
-    leave_out: Sequence[str] = (),
-    names: tuple[str, str] = ("-", "-"),
-    command: str = "wrenchgap export",
-    date: str = "",
-    observer: Asked = None,
-    observer_max: float | None = None,
-) -> Export:
-    """The compensation of `process`, and of the effects of `model` where its mean is physics, as C99.
-
-    Without a process, of the effects alone. `settings.dt` is the control period; `settings.max_evaluations` bounds each
-    search. Effects in `leave_out` are not exported. `names` are those of the files of model and process. With an
-    observer (`replay.export.observer`) the same object corrects what the rest leaves.
-
-    Raises UsageError for effects that cannot be exported, by name, and for a precision that is none.
-    """
     # Long because an `Export` has as many fields, one a line.
-    kept, left_out = _without(process, model, leave_out)
-    asked = replace(settings or Settings(max_evaluations=EVALUATIONS), solver="onboard")
+    known, process = model_of(model), None if gp is None else compensators.gp_of(gp)
+    if folder is not None:
+        checked(Path(folder), FILES, force=force, model=known)
+    kept, left_out = _without(process, known, without)
+    asked = settings or Settings(dt=1.0 / known.controller.rate_hz, max_evaluations=EVALUATIONS)
+    asked = replace(asked, solver="onboard")
     if asked.regulariser > 0.0:
         raise UsageError("export: regulariser is not zero, and the exported search has none; leave it out")
-    without = tuple(e for e in model.effects if e.name in left_out)
-    loop, plan = _parts(process, kept, asked, lead, without, alone=observer is not None)
+    idle = tuple(e for e in known.effects if e.name in left_out)
+    loop, plan = _parts(process, kept, asked, lead, idle, alone=observer is not None)
     watched = observed(observer, observer_max, loop, process, kept, asked.dt)
     in_loop = None if watched is None else compensators.judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
@@ -178,7 +140,8 @@ def export(
     if loop is not None and plan.physics is not None:
         physics = loop.model if isinstance(loop.model, PhysicsMismatch) else loop.physics
         effects = () if physics is None else tuple(e.name for e in physics.model.effects)
-    said = {"precision": precision, "dt": asked.dt, "date": date, "command": Own(printable(command))}
+    said = {"precision": precision, "dt": asked.dt, "date": f"{datetime.now(UTC):%Y-%m-%d}"}
+    said["command"] = Own(printable(command))
     said |= _names(process, kept, names) | _recorded(vectors)
     said |= context(plan, pieces, effects, tables, macros, watched, in_loop)
     outputs = tuple(AXES[k] for k in plan.gate.rows)
@@ -186,26 +149,29 @@ def export(
     corrected = _corrected(outputs, refused, effects, observed=watched is not None)
     com = ", ".join(f"{float(v):g}" for v in kept.vehicle.body.com_B)
     said |= {"com": f"({com})", "cost": Own(words_of(price)), "corrected": corrected}
-    return Export(
+    made = Export(
         model=kept,
         outputs=outputs,
         files=_files(said),
         effects=effects,
         left_out=left_out,
-        precision=cast(Precision, precision),
+        precision=precision,
         dt=asked.dt,
         points=0 if plan.expansion is None else plan.expansion.points.shape[1],
         inputs=() if plan.expansion is None else plan.expansion.input_groups,
         has_process=plan.expansion is not None,
         cost=price,
         solved=vectors.solved,
-        caveats=() if process is None else compensators.caveats(process, model),
+        caveats=() if process is None else compensators.caveats(process, known),
         corrected=corrected,
         observer_hz=None if watched is None else watched.bandwidth_hz,
         observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
         correction_max=tuple(correction_max(plan, watched).tolist()),
         judged=in_loop,
     )
+    if folder is not None:
+        write_folder(Path(folder), made.files, force=force)
+    return made
 
 
 def _check_range(tables: Sequence[Table], precision: str) -> None:

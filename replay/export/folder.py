@@ -6,12 +6,13 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from wrenchgap.flight.atomic import check_writable, flush, resolved
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.model import Model
 
 HERE, EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of Linux (renameat2(2))."""
@@ -19,11 +20,11 @@ COMMON = frozenset({"Makefile", "README.md", "CMakeLists.txt", "selftest.c", "se
 """Names that others give files too: a folder that holds nothing else is not ours."""
 
 
-def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: bool = False) -> None:
+def checked(folder: Path, names: Collection[str], *, force: bool = False, model: Model | None = None) -> None:
     """Check, before any work, that a folder may be written.
 
     Raises UsageError where it exists and `force` is not given, is a file, the working folder or one that cannot be
-    written to, holds files that are not ours, or where its parent does not exist.
+    written to, holds files that are not ours or the `model` that is exported, or where its parent does not exist.
     """
     target = resolved(folder)
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
@@ -56,6 +57,8 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
             f"--output {folder}: holds {', '.join(others[:3])}, which this command did not write; --force replaces the "
             "whole folder, so choose an empty one"
         )
+    if model is not None and model.path is not None and model.path.resolve().is_relative_to(target):
+        raise UsageError(f"--output {folder}: the model {model.path} is in it; choose another name")
 
 
 def write_folder(folder: Path, files: Mapping[str, str], *, force: bool = False) -> Path:

@@ -34,7 +34,6 @@ from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
-from wrenchgap.replay.export.export import export
 
 
 @pytest.fixture(scope="module")
@@ -116,12 +115,14 @@ def test_what_is_refused_is_not_called_corrected(flown):
         for name, gain in (("torque_x", 0.0), ("torque_y", 1.0), ("torque_z", 0.0))
     )
     judged = replace(fitted, gain=np.array([0.0, 1.0, 0.0]), provenance=replace(fitted.provenance, verdicts=said))
-    made = export(judged, MODEL)
+    made = wg.export_compensator(judged, MODEL)
     assert made.corrected == "torque_y; torque_x, torque_z not corrected (verdict of learn)"
     assert f"Corrected: {made.corrected}, every" in made.files["README.md"]
-    assert export(fitted, MODEL).corrected == "torque_x, torque_y, torque_z"
-    assert export(judged, MODEL, Settings(despite_verdict=True, max_evaluations=12)).corrected.endswith("torque_z")
-    watched = export(judged, MODEL, observer=1.0, observer_max=0.1)
+    assert wg.export_compensator(fitted, MODEL).corrected == "torque_x, torque_y, torque_z"
+    assert wg.export_compensator(
+        judged, MODEL, settings=Settings(despite_verdict=True, max_evaluations=12)
+    ).corrected.endswith("torque_z")
+    watched = wg.export_compensator(judged, MODEL, observer=1.0, observer_max=0.1)
     assert watched.corrected == "torque_y; torque_x, torque_z by the observer alone"
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
@@ -20,7 +21,6 @@ from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
 from wrenchgap.replay.compensation.replay import replay_compensation as replay
-from wrenchgap.replay.export.export import export
 from wrenchgap.replay.present.learning import caution
 
 NAME = "tilt_hexarotor"
@@ -126,11 +126,11 @@ def test_a_process_is_used_on_the_effects_that_it_was_learnt_on_and_on_no_others
     heavier = MODEL.with_effects([make_effect(MODEL.vehicle, "mass", {"added": 0.1})])
     more = heavier.with_effects([*heavier.effects, *KNOWN.effects])
     assert predictors(twice, (), gp)[1] == [OtherPhysics("com_offset")]
-    assert export(gp, twice, leave_out=["com_offset"]).left_out == {"com_offset": "left out as asked"}
+    assert wg.export_compensator(gp, twice, without=["com_offset"]).left_out == {"com_offset": "left out as asked"}
     for other, have in ((heavier, "mass"), (more, "com_offset, mass|mass, com_offset"), (MODEL, "none")):
         for use in (
             lambda m: predictors(m, (), gp),
-            lambda m: export(gp, m),
+            lambda m: wg.export_compensator(gp, m),
             lambda m: compensating.compensator(gp, m),
         ):
             with pytest.raises(FitError, match=f"learnt on top of the effects com_offset, .* are ({have}); give the"):
