@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.unmeasured import axis_names
@@ -34,7 +33,7 @@ from wrenchgap.learn.process import store
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import Model, model_file
 from wrenchgap.plant.simulation.flight_plan import Plan, fly
-from wrenchgap.replay.compensation import compensators
+from wrenchgap.replay.compensation.compensators import compensator as compensator
 from wrenchgap.replay.compensation.compensators import gp_of
 from wrenchgap.replay.compensation.replay import replay_compensation as replay_compensation
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
@@ -254,21 +253,6 @@ def design(
     base = model_of(model)
     base = replace(base, unmeasured=axis_names([*base.unmeasured, *unmeasured]))
     return designing.design(effects, base, flights=listed(flights), progress=progress, **how)
-
-
-@check_arguments
-def compensator(
-    gp: GaussianProcess | Learnt,
-    model: Model | Addition,
-    settings: Settings | None = None,
-    *,
-    lead: float | None = None,
-) -> Compensator:
-    """What goes into a control loop: `compensator(gp, model).step(wrench_des, state)` gives the wrench to command.
-
-    With the effects of the model where the process was learnt on top of them; `lead` [s] is the lead time.
-    """
-    return compensators.compensator(gp_of(gp), model_of(model), settings, lead=lead)
 
 
 @check_arguments

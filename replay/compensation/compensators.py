@@ -1,6 +1,7 @@
 """The compensator that a stored process asks for: with its physics where it was learnt on top of some."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wrenchgap.compensate import INDI, L1, Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
@@ -35,19 +36,22 @@ def gp_of(gp: GaussianProcess | Learnt) -> GaussianProcess:
     return gp.gp if isinstance(gp, Learnt) else gp
 
 
+@check_arguments
 def compensator(
-    process: GaussianProcess,
-    model: Model,
+    gp: GaussianProcess | Learnt,
+    model: Model | Addition,
     settings: Settings | None = None,
     *,
     lead: float | None = None,
-    without: tuple[ModelEffect, ...] = (),
+    without: Sequence[ModelEffect] = (),
 ) -> Compensator:
-    """Compensate with `process`, and where its mean is physics with the effects of `model`, lags led by `lead` [s].
+    """What goes into a control loop: `compensator(gp, model).step(wrench_des, state)` gives the wrench to command.
 
-    `without` are effects that the process was learnt on and that are left out on purpose. Raises FitError for a process
-    of another vehicle, or one on top of other effects.
+    With the effects of the model where the process was learnt on top of them; `lead` [s] is the lead time. `without`
+    are effects that the process was learnt on and that are left out on purpose. Raises FitError for a process of
+    another vehicle, or one on top of other effects.
     """
+    process, model = gp_of(gp), model_of(model)
     process.check_vehicle(model.vehicle.name)
     expected = len(AXES) + len(columns(process.settings.inputs))
     if len(process.input_mean) != expected:
