@@ -26,20 +26,8 @@ if TYPE_CHECKING:
 
 FIRST_VERSION = (
     *("check", "simulate", "compare", "changed", "where", "add", "remove", "history", "report", "learn", "replay"),
-    *(
-        "counterfactual",
-        "design",
-        "convert",
-        "model",
-        "calibrate",
-        "export",
-        "batch",
-        "predict",
-        "ready",
-        "discover",
-        "write",
-        "effectiveness",
-    ),
+    *("counterfactual", "design", "convert", "model", "calibrate", "export", "batch", "predict", "ready", "discover"),
+    *("write", "effectiveness"),
 )
 VERSIONS = dict.fromkeys(FIRST_VERSION, 1) | {"inspect": 2, "explain": 2, "replay-export": 2, "trend": 2}
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""

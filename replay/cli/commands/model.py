@@ -9,25 +9,14 @@ from typing import Annotated, Any
 import typer
 
 import wrenchgap as wg
+from wrenchgap.plant.targets import TARGETS
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.export import Precision
 from wrenchgap.replay.cli.requests import DetailedRun, Run
 from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, usage_error
 
-
-class Target(StrEnum):
-    """What `write` writes for, of `plant.targets`."""
-
-    px4, ardupilot, crazyflie, mjcf, sdf, urdf, rotorpy = (
-        "px4",
-        "ardupilot",
-        "crazyflie",
-        "mjcf",
-        "sdf",
-        "urdf",
-        "rotorpy",
-    )
-    drone_models = "drone-models"
+Target = StrEnum("Target", list(TARGETS))  # type: ignore[misc]  # known when this is imported, not to mypy
+"""What `write` writes for."""
 
 
 def new(
