@@ -9,7 +9,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.discover.discover import Discovery, Outcome
 from wrenchgap.learn.discover.residual import Law
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import number, quantity, share
+from wrenchgap.replay.present.numbers import entries, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, table
 
 UNITS = {"speed": "m/s", "rate": "rad/s", "height": "m", "thrust": "N", "time": "s", "voltage_excess": ""}
@@ -134,11 +134,7 @@ def to_json(found: Discovery) -> dict[str, Any]:
     """The body of the `discover` schema."""
     laws = [
         {
-            **{
-                k: v
-                for k, v in vars(law).items()
-                if k not in ("coefficients", "equivalents", "parts", "nearest", "flown_ranges")
-            },
+            **vars(law),
             "coefficients": [vars(c) for c in law.coefficients],
             "equivalents": [{"name": n, "formula": f} for n, f in law.equivalents],
             "parts": [{"part": n, "value": v, "std": s} for n, v, s in law.parts],
@@ -147,18 +143,8 @@ def to_json(found: Discovery) -> dict[str, Any]:
         }
         for law in found.laws
     ]
-    kept = (
-        "rejected",
-        "depends",
-        "rms_before",
-        "rms_after",
-        "noise",
-        "energy_reduction",
-        "regression_reduction",
-        "held_out",
-        "tried",
-    )
-    body = {name: getattr(found, name) for name in kept}
+    body = entries(found, "rejected", "depends", "rms_before", "rms_after", "noise", "energy_reduction")
+    body |= entries(found, "regression_reduction", "held_out", "tried")
     named = {"verdict": found.explanation.verdict, "effects": found.explanation.effects}
     return {"summary": summary(found), "outcome": found.outcome, **named, "laws": laws, **body}
 

@@ -8,7 +8,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.effectiveness import ROUNDING, Effectiveness
 from wrenchgap.plant.targets.quantities import Quantity
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import number
+from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 SURE = 3.0
@@ -51,10 +51,10 @@ def sentences(found: Effectiveness) -> list[str]:
             arm = f"{number(1e3 * value)} +-{number(1e3 * std, 2)} mm"
             out.append(f"Force makes torque: one newton of {AXES[k]} makes {AXES[i]} by an arm of {arm}.")
     weak = []
-    for r in range(found.matrix.value.shape[1]):
+    for r, name in enumerate(rotor_names(found)):
         part, std = _of_rotor(found, r)
         if abs(part - 1.0) > max(SURE * std, 0.005):
-            weak.append(f"{found.vehicle.rotor_name(r)} {_per_cent(part, std)}")
+            weak.append(f"{name} {_per_cent(part, std)}")
     if weak:
         out.append(f"Thrust over what is asked of it: {', '.join(weak)}.")
     if not found.matrix.by:
@@ -69,7 +69,7 @@ def controllable_axes(found: Effectiveness) -> Any:
 
 def allocation_rows(found: Effectiveness) -> list[str]:
     """What the rows of the allocation ask for: thrusts of rotors, of those that tilt along and across them at rest."""
-    names = [found.vehicle.rotor_name(r) for r in range(found.matrix.value.shape[1])]
+    names = rotor_names(found)
     if len(names) == len(found.allocation.value):
         return names
     arms, rotors = found.vehicle.geometry()
@@ -109,31 +109,30 @@ def _achieved(found: Effectiveness) -> Any:
     return table("what comes when the nominal allocation is asked for", ("", *(AXES[i] for i in axes)), rows)
 
 
-def by_rotor(found: Effectiveness) -> tuple[list[str], list[tuple[str, list[tuple[float, float, float]]]]]:
+def rotor_names(found: Effectiveness) -> list[str]:
+    """Names of the rotors that the model file has."""
+    return [found.vehicle.rotor_name(r) for r in range(found.matrix.value.shape[1])]
+
+
+def acted_axes(found: Effectiveness) -> Any:
+    """Axes on which a rotor acts, nominally or as flown."""
+    return np.flatnonzero(np.abs(found.matrix.nominal).max(axis=1) + np.abs(found.matrix.value).max(axis=1) > 1e-9)
+
+
+def by_rotor(found: Effectiveness) -> tuple[list[str], list[tuple[str, list[list[float]]]]]:
     """Axes on which a rotor acts, and of each rotor its name and, by axis, value, standard deviation, nominal value."""
-    axes = np.flatnonzero(np.abs(found.matrix.nominal).max(axis=1) + np.abs(found.matrix.value).max(axis=1) > 1e-9)
-    parts = (found.matrix.value, found.matrix.std, found.matrix.nominal)
-    rows = [
-        (
-            found.vehicle.rotor_name(r),
-            [(float(parts[0][k, r]), float(parts[1][k, r]), float(parts[2][k, r])) for k in axes],
-        )
-        for r in range(found.matrix.value.shape[1])
-    ]
-    return [AXES[k] for k in axes], rows
+    axes = acted_axes(found)
+    parts = np.stack([found.matrix.value, found.matrix.std, found.matrix.nominal])[:, axes].T
+    return [AXES[k] for k in axes], list(zip(rotor_names(found), parts.tolist(), strict=True))
 
 
 def _by_rotor(found: Effectiveness) -> Any:
-    axes = np.flatnonzero(np.abs(found.matrix.nominal).max(axis=1) + np.abs(found.matrix.value).max(axis=1) > 1e-9)
+    axes, rotors = by_rotor(found)
     rows = []
-    for r in range(found.matrix.value.shape[1]):
-        for what, values, stds in (
-            ("as flown", found.matrix.value, found.matrix.std),
-            ("nominal", found.matrix.nominal, np.zeros_like(found.matrix.std)),
-        ):
-            first = found.vehicle.rotor_name(r) if what == "as flown" else ""
-            rows.append((first, what, *(_cell(float(values[k, r]), float(stds[k, r])) for k in axes)))
-    return table("effectiveness of each rotor [1, m]", ("", "", *(AXES[k] for k in axes)), rows, left=2)
+    for name, cells in rotors:
+        rows.append((name, "as flown", *(_cell(value, std) for value, std, _ in cells)))
+        rows.append(("", "nominal", *(_cell(nominal, 0.0) for *_, nominal in cells)))
+    return table("effectiveness of each rotor [1, m]", ("", "", *axes), rows, left=2)
 
 
 def _allocation(found: Effectiveness) -> Any:
@@ -148,21 +147,15 @@ def _allocation(found: Effectiveness) -> Any:
 
 def to_json(found: Effectiveness) -> dict[str, Any]:
     """See docs/json.md."""
+    sizes = ("matrix=matrix.value", "matrix_std=matrix.std", "nominal=matrix.nominal")
+    achieved = ("achieved=achieved.value", "achieved_std=achieved.std")
     return {
-        "vehicle": found.vehicle.name,
-        "tilt": found.tilt,
+        **entries(found, "vehicle=vehicle.name", "tilt"),
         "axes": list(AXES),
-        "rotors": [found.vehicle.rotor_name(r) for r in range(found.matrix.value.shape[1])],
-        "effects": list(found.matrix.by),
-        "left_out": list(found.left_out),
-        "matrix": found.matrix.value,
-        "matrix_std": found.matrix.std,
-        "nominal": found.matrix.nominal,
-        "achieved": found.achieved.value,
-        "achieved_std": found.achieved.std,
+        "rotors": rotor_names(found),
+        **entries(found, "effects=matrix.by", "left_out", *sizes, *achieved),
         "asked": allocation_rows(found),
-        "allocation": found.allocation.value,
-        "nominal_allocation": found.allocation.nominal,
+        **entries(found, "allocation=allocation.value", "nominal_allocation=allocation.nominal"),
     }
 
 
@@ -170,28 +163,28 @@ def frame(found: Effectiveness) -> list[dict[str, Any]]:
     """One row for each rotor and axis."""
     return [
         {
-            "rotor": found.vehicle.rotor_name(r),
+            "rotor": name,
             "axis": axis,
             "flown": float(found.matrix.value[k, r]),
             "std": float(found.matrix.std[k, r]),
             "nominal": float(found.matrix.nominal[k, r]),
         }
-        for r in range(found.matrix.value.shape[1])
+        for r, name in enumerate(rotor_names(found))
         for k, axis in enumerate(AXES)
     ]
 
 
 def picture(found: Effectiveness) -> style.Picture:
     """Axes (1, K): a panel for each axis that a rotor acts on, a pair of bars for each rotor, nominal and as flown."""
-    axes = np.flatnonzero(np.abs(found.matrix.value).max(axis=1) + np.abs(found.matrix.nominal).max(axis=1) > 1e-9)
+    axes = acted_axes(found)
     title = f"{found.vehicle.name}: wrench per newton asked of each rotor, about hover"
     size = (max(3.0 * len(axes), 6.0), 1.2 + 0.3 * found.matrix.value.shape[1])
     return style.Picture((1, len(axes)), size, lambda panels: _draw(found, axes, panels), title=title)
 
 
 def _draw(found: Effectiveness, axes: Any, panels: Any) -> None:
-    places = np.arange(found.matrix.value.shape[1])
-    names = [found.vehicle.rotor_name(int(r)) for r in places]
+    names = rotor_names(found)
+    places = np.arange(len(names))
     for k, panel in zip(axes, np.ravel(panels), strict=True):
         panel.barh(places - 0.2, found.matrix.nominal[k], 0.36, color="0.7", label="nominal")
         error = found.matrix.std[k]

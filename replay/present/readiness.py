@@ -7,7 +7,7 @@ import numpy as np
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import label, number, quantity, share
+from wrenchgap.replay.present.numbers import entries, label, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
@@ -145,26 +145,16 @@ def _loops(found: Readiness) -> Table:
 def to_json(found: Readiness) -> dict[str, Any]:
     """The body of the `ready` schema."""
     body = {name: value for name, value in vars(found).items() if name not in ("vehicle", "notes")}
-    body["authority"] = [vars(one) for one in found.authority]
-    body["loops"] = [vars(one) for one in found.loops]
-    body["beyond"] = [vars(one) for one in found.beyond]
-    body["first"] = [vars(one) for one in found.first]
     return {"summary": summary(found), "vehicle": found.vehicle.name, **body, "notes": sentences(found.notes)}
 
 
 def frame(found: Readiness) -> list[dict[str, Any]]:
     """A row for each part."""
-    ends = ("p05", "p50", "p95")
-    return [
-        {
-            "part": one.part,
-            "used": one.used,
-            "nominal": one.nominal,
-            **dict(zip(ends, map(float, one.needs), strict=True)),
-            "probability": one.probability,
-        }
-        for one in found.authority
-    ]
+    rows = []
+    for one in found.authority:
+        needs = dict(zip(("p05", "p50", "p95"), map(float, one.needs), strict=True))
+        rows.append({**entries(one, "part", "used", "nominal"), **needs, "probability": one.probability})
+    return rows
 
 
 def picture(found: Readiness) -> style.Picture:
