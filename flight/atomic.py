@@ -58,6 +58,12 @@ def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
             partial.unlink()
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text, all of it or nothing; raises as `atomic`."""
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
 def resolved(path: Path) -> Path:
     """The absolute path, with links followed. Raises UsageError for links in a circle, and for what is no name."""
     try:

@@ -36,6 +36,11 @@ def logs_in(paths: list[Path] | None) -> list[Path] | None:
     return existing_paths(paths)
 
 
+def output(metavar: str, words: str) -> Any:
+    """The option of what a command writes."""
+    return typer.Option("--output", "-o", metavar=metavar, help=words)
+
+
 Logs = Annotated[
     list[Path],
     typer.Argument(
@@ -97,7 +102,7 @@ JsonFile = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-LogOut = Annotated[Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).")]
+LogOut = Annotated[Path | None, output("LOG2", "Log to write (.mcap).")]
 GpOption = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
 ]
@@ -115,7 +120,7 @@ Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every s
 Effects = Annotated[
     list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=values.complete_effects)
 ]
-ModelOut = Annotated[Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.")]
+ModelOut = Annotated[Path, output("MODEL2", "Model file to write.")]
 DespiteVerdict = Annotated[
     bool, typer.Option("--despite-verdict", help="Compensate in full, also where the verdict of learn is against it.")
 ]

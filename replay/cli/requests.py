@@ -254,9 +254,10 @@ class Run:
         if parquet is not None:
             write_parquet(result.to_frame(), parquet)
         if page is not None:
-            from wrenchgap.replay.present.report.page import PAGES, write_page
+            from wrenchgap.flight.atomic import write_text
+            from wrenchgap.replay.present.report.page import PAGES
 
-            write_page(PAGES[type(result)](result, self.command_line()), page)
+            write_text(page, PAGES[type(result)](result, self.command_line()))
         self.write(command, {**result.to_json(), **more}, figure=figure, table=csv or parquet, page=page)
 
     @property

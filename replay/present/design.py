@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.atomic import atomic, write_text
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
@@ -80,8 +80,7 @@ def parts(design: Design) -> list[Part]:
 def write(design: Design, output: Path, csv: Path | None) -> None:
     """The trajectory file, and the sampled reference where it is asked for."""
     file = finished(design, output.stem)
-    with atomic(output) as partial:
-        partial.write_text(trajectory_file.dumps(file), encoding="utf-8")
+    write_text(output, trajectory_file.dumps(file))
     if csv is not None:
         with atomic(csv) as partial:
             trajectory_file.write_csv(file, partial, design.model.controller.rate_hz)

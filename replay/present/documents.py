@@ -17,7 +17,7 @@ import numpy as np
 
 from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
-from wrenchgap.flight.atomic import atomic, check_writable, resolved
+from wrenchgap.flight.atomic import atomic, check_writable, resolved, write_text
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.model_file import tool_version
 
@@ -98,8 +98,7 @@ def write_json(path: Path | None, result: Mapping[str, Any], *, force: bool) -> 
         sys.stdout.buffer.write(text.encode())
         return
     claim({"--json": path}, force=force)
-    with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def plain(value: Any) -> Any:

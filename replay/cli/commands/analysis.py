@@ -122,9 +122,7 @@ def discover(
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Effect file of the law to write (.py).")
-    ] = None,
+    output: Annotated[Path | None, o.output("FILE", "Effect file of the law to write (.py).")] = None,
     figure: o.Figure = None,
     *,
     reading: o.Reading,
@@ -139,7 +137,7 @@ def discover(
 
     Example: `wrenchgap discover train.mcap -m tilt_hexarotor --validate test.mcap -o law.py`
     """
-    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.flight.atomic import write_text
     from wrenchgap.replay.present.discovery import what_next
 
     run.claim({"--output": output, "--figure": figure}, *logs, *(validate or ()), model)
@@ -151,8 +149,7 @@ def discover(
         found = wg.discover(flights, base, validate=tests, progress=report)
     run.result(found)
     if output is not None and found.source:
-        with atomic(output) as partial:
-            partial.write_text(found.source, encoding="utf-8")
+        write_text(output, found.source)
     written = output if found.source else None
     read = (run.common_options(), run.common_options(*READ, "cutoff"))
     run.show(*what_next(found, model, [str(p) for p in logs], None if written is None else str(written), *read))
@@ -167,7 +164,7 @@ def discover(
 def report(
     logs: o.Logs,
     model: o.ModelOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="HTML", help="Page to write (.html).")],
+    output: Annotated[Path, o.output("HTML", "Page to write (.html).")],
     validate: o.Validate = None,
     gp: o.GpOption = None,
     *,

@@ -36,11 +36,8 @@ SomeModels = Annotated[
 ]
 Output = Annotated[
     str,
-    typer.Option(
-        "--output",
-        "-o",
-        metavar="FOLDER",
-        help="Where rows are written, a folder or s3://...; the same command again goes on where it stopped.",
+    o.output(
+        "FOLDER", "Where rows are written, a folder or s3://...; the same command again goes on where it stopped."
     ),
 ]
 

@@ -22,7 +22,7 @@ Scale = StrEnum("Scale", ["standardised", "raw"])
 def learn(
     logs: o.Logs,
     model: o.ModelOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="GP", help="File to write.")],
+    output: Annotated[Path, o.output("GP", "File to write.")],
     validate: o.Validate = None,
     points: Annotated[int, typer.Option(metavar="N", min=2, help="Training points kept.")] = 200,
     outputs: Annotated[

@@ -105,9 +105,7 @@ def _numbers(folder: Path) -> dict[str, Any]:
 
 def demo(
     ctx: typer.Context,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the files.")] = Path(
-        "demo-output"
-    ),
+    output: Annotated[Path, o.output("FOLDER", "Folder for the files.")] = Path("demo-output"),
     json: o.JsonFile = None,
     force: o.Force = False,
 ) -> None:
@@ -170,12 +168,11 @@ def _written(folder: Path) -> dict[str, str]:
 
 def _note_written(files: list[str]) -> None:
     """Add these files of the working folder to the record of what demos wrote."""
-    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.flight.atomic import write_text
     from wrenchgap.replay.present.documents import sha256
 
     written = _written(Path()) | {name: sha256(Path(name)) for name in files}
-    with atomic(Path(WRITTEN)) as partial:
-        partial.write_text(dumps(written, indent=1) + "\n", encoding="utf-8")
+    write_text(Path(WRITTEN), dumps(written, indent=1) + "\n")
 
 
 def _result(run: Run, found: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ Precision = StrEnum("Precision", ["double", "float"])
 
 def export(
     model: o.ModelOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.")],
+    output: Annotated[Path, o.output("FOLDER", "Folder to write.")],
     gp: Annotated[
         Path | None, typer.Argument(metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.")
     ] = None,

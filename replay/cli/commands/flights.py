@@ -42,7 +42,7 @@ def simulate(
             autocompletion=complete_trajectories,
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")],
+    output: Annotated[Path, o.output("LOG", "Log to write (.mcap).")],
     duration: Annotated[float | None, typer.Option(metavar="S", help="Length in seconds.")] = None,
     excitation: Annotated[
         float, typer.Option(metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
@@ -99,7 +99,7 @@ READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
 def design(
     effects: o.Effects,
     model: o.ModelOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).")],
+    output: Annotated[Path, o.output("FLIGHT", "Trajectory to write (.toml).")],
     logs: Annotated[
         list[Path] | None,
         typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),

@@ -55,12 +55,9 @@ def inspect(
     model: o.OptionalModel = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="MODEL2",
-            help="Write MODEL with the --topic, --shift, --cutoff and --unmeasured of this command, where no check is "
-            "bad.",
+        o.output(
+            "MODEL2",
+            "Write MODEL with the --topic, --shift, --cutoff and --unmeasured of this command, where no check is bad.",
         ),
     ] = None,
     *,
@@ -120,9 +117,7 @@ def _keep(run: DetailedRun, model: "Model", asked: "ReadOptions", output: Path, 
 
 def convert(
     logs: o.Logs,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.")
-    ],
+    output: Annotated[Path, o.output("OUT", "Log to write (.mcap), or an existing folder.")],
     *,
     reading: Annotated[o.Reading, Omit("cutoff", "between", "accept", "keep")],
     run: Run,

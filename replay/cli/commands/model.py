@@ -102,9 +102,7 @@ def _positive(text: str) -> bool:
 
 def show(
     model: o.ModelFile,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the file as it is, to be changed.")
-    ] = None,
+    output: Annotated[Path | None, o.output("FILE", "Write the file as it is, to be changed.")] = None,
     figure: o.Figure = None,
     *,
     run: Run,
@@ -222,9 +220,7 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
 def write(
     model: o.ModelFile,
     target: Annotated[Target, typer.Option("--to", help="An autopilot, a format of robot descriptions, a simulator.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="File to write; none: look at it only.")
-    ] = None,
+    output: Annotated[Path | None, o.output("FILE", "File to write; none: look at it only.")] = None,
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -242,7 +238,7 @@ def write(
 
     Example: `wrenchgap write fitted.toml --to px4 --parameters flight.ulg -o fitted.params`
     """
-    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.flight.atomic import write_text
 
     run.claim({"--output": output}, model, parameters)
     read = run.model(model)
@@ -253,8 +249,7 @@ def write(
         run.note_input(parameters, "parameters")
     run.result(made)
     if output is not None:
-        with atomic(output) as partial:
-            partial.write_text(made.text, encoding="utf-8")
+        write_text(output, made.text)
     run.write("write", made.to_json(), **{target.value: output})
 
 
@@ -263,10 +258,7 @@ def effectiveness(
     tilt: Annotated[
         str, typer.Option(metavar="DEG[,DEG...]", help="Tilt of all arms, or of each, about which it hovers.")
     ] = "0",
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Write the corrected allocation, as C99 and Python."),
-    ] = None,
+    output: Annotated[Path | None, o.output("FOLDER", "Write the corrected allocation, as C99 and Python.")] = None,
     precision: Annotated[Precision, typer.Option(help="Of the C, unless its build says otherwise.")] = Precision.double,
     figure: o.Figure = None,
     csv: o.Csv = None,

@@ -15,7 +15,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
-from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.atomic import write_text
 from wrenchgap.flight.autopilot import ParameterDifferences
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection
@@ -50,7 +50,7 @@ from wrenchgap.replay.report import Report
 def save(report: Report, path: Path, *, force: bool = False, repetition: Repetition | None = None) -> None:
     """Write the page. Raises UsageError where the file exists and `force` is not given."""
     claim({"report": path}, force=force, inputs=[str(f.flight.path) for f in (*report.flights, *report.unseen)])
-    write_page(page(report, repetition or Repetition.of(report)), path)
+    write_text(path, page(report, repetition or Repetition.of(report)))
 
 
 def page(report: Report, repetition: Repetition) -> str:
@@ -82,12 +82,6 @@ def page(report: Report, repetition: Repetition) -> str:
 def environment() -> Environment:
     """The templates; texts are escaped, and nothing may be missing."""
     return html_templates(PackageLoader("wrenchgap.replay.present.report"))
-
-
-def write_page(text: str, path: Path) -> None:
-    """Write a page, all of it or nothing."""
-    with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
 
 
 def flights_page(tool: str, logs: Sequence[Flight | Inspection], flights: Sequence[Any] = (), **parts: Any) -> str:
