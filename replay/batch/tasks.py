@@ -19,6 +19,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+import wrenchgap as wg
 from wrenchgap._kernels import removed_kernels
 from wrenchgap.flight import AXES, UsageError, WrenchgapError, work_files
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
@@ -26,7 +27,6 @@ from wrenchgap.learn.identify.trend import flight_values, followed_flight
 from wrenchgap.learn.posterior.flight_evidence import evidence, packed
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
-from wrenchgap.replay import api, api_flights
 from wrenchgap.replay.batch.sources import Source, at_hand
 from wrenchgap.replay.batch.store import Store, fit_json
 from wrenchgap.replay.present.documents import plain
@@ -89,7 +89,7 @@ class Plan:
 
 def model_text(name: str) -> ModelText:
     """A shipped model, or a file. Raises ModelError for what is no model."""
-    found = api.load_model(name)
+    found = wg.load_model(name)
     assert found.path is not None
     return ModelText(found.path.name, found.text)  # with the bench table, which workers do not see
 
@@ -113,7 +113,7 @@ def model_of(text: ModelText) -> Model:
     with tempfile.TemporaryDirectory(dir=work_files.folder()) as folder:
         path = Path(folder) / text.name
         path.write_text(text.text, encoding="utf-8")
-        return api.load_model(path)
+        return wg.load_model(path)
 
 
 KEPT = ("key", "log", "status", "reason", "wall_s", "cpu_s", "bytes", "peak_mb")
@@ -201,7 +201,7 @@ def _open(path: Path, plan: Plan, text: ModelText | None) -> tuple[OpenFlight, M
 
 def _inspect(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> dict[str, Any]:
     options = {k: v for k, v in plan.reading.items() if k != "between"}
-    seen = api.inspect(path, None if text is None else model_of(text), **options)
+    seen = wg.inspect(path, None if text is None else model_of(text), **options)
     found = plain(seen.to_json())
     checks = [*found["checks"], *found["model_checks"]]
     levels = [c["level"] for c in checks if not c["accepted"]]
@@ -212,7 +212,7 @@ def _inspect(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
 
 def _compare(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> dict[str, Any]:
     one, model, row = _open(path, plan, text)
-    found = api.compare([one], model, ahead=False)
+    found = wg.compare([one], model, ahead=False)
     rms = {"rms": plain(found.evaluations[-1].pooled.rms), "rms_nominal": plain(found.evaluations[0].pooled.rms)}
     fitted = fit_json(flight_values(one, model.without_tolerances, plan.names), followed_flight(one))
     return {**row, **rms, "fit": _text(fitted), "result": _text(found.to_json())}
@@ -227,7 +227,7 @@ def _explain(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
         rms[int(axis)] = float(left[k])
     row |= {"rms": rms, "evidence": packed(found)}
     if plan.each:
-        seen = api.explain([one], model, names=plan.names, jobs=1)
+        seen = wg.explain([one], model, names=plan.names, jobs=1)
         row |= {"verdict": str(seen.verdict), "result": _text(seen.to_json())}
     return row
 
@@ -236,7 +236,7 @@ def _changed(path: Path, plan: Plan, text: ModelText | None, vehicle: str) -> di
     one, model, row = _open(path, plan, text)
     assert text is not None
     good = _healthy(plan.healthy, text, json.dumps(dict(plan.reading)))
-    found = api_flights.changed([one], list(good), model, names=plan.names, jobs=1)
+    found = wg.changed([one], list(good), model, names=plan.names, jobs=1)
     body = plain(found.to_json())
     return {**row, "verdict": str(body["verdict"]), "result": _text(body)}
 

@@ -121,10 +121,7 @@ def to_json(found: Batch) -> dict[str, Any]:
     """The body of the `batch` schema."""
     columns = ("log", "vehicle", "date", "flight", "status", "seconds", "verdict", "rms", "cpu_s")
     return {
-        "command": found.plan.command,
-        "output": found.output,
-        "passes": found.plan.number,
-        "settled": found.settled,
+        **entries(found, "command=plan.command", "output", "passes=plan.number", "settled"),
         "logs": len(found.rows),
         "failed": len(found.failures),
         "done_now": len(found.outcome.rows),

@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchgap.compensate.allocator import SETTINGS
 from wrenchgap.replay.export.allocation import AllocationExport
-from wrenchgap.replay.present.numbers import number, share
+from wrenchgap.replay.present.numbers import entries, number, share
 from wrenchgap.replay.present.tables import Line, Part
 
 CHECK = (
@@ -52,11 +52,9 @@ def to_json(made: AllocationExport) -> dict[str, Any]:
     """See docs/json.md."""
     found = made.margins
     return {
-        "vehicle": made.model.vehicle.name,
-        "effects": list(made.effects),
-        "precision": made.precision,
+        **entries(made, "vehicle=model.vehicle.name", "effects", "precision"),
         "files": sorted(made.files),
-        "left": {"nominal": made.left.nominal, "corrected": made.left.corrected},
+        "left": entries(made.left, "nominal", "corrected"),
         "margins": {
             "demands": len(found.best),
             "null_space": found.spare,

@@ -12,6 +12,7 @@ from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import parameters, season
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
+    by_reason,
     entries,
     label,
     number,
@@ -196,10 +197,8 @@ def notes(found: Trend) -> list[str]:
 
 def _of_flights(found: Trend) -> list[str]:
     """Notes of the flights; one that all of them have is said once."""
-    said: dict[str, list[str]] = {}
-    for name, one in zip(found.names, found.flights, strict=True):
-        for text in sentences(one.notes):
-            said.setdefault(text.removeprefix(f"{name}: "), []).append(text)
+    named = zip(found.names, found.flights, strict=True)
+    said = by_reason((text.removeprefix(f"{n}: "), text) for n, one in named for text in sentences(one.notes))
     every = len(found.flights)
     return [
         note for rest, texts in said.items() for note in ([f"all flights: {rest}"] if len(texts) == every else texts)

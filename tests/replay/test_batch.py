@@ -317,7 +317,7 @@ def test_a_worker_has_the_bench_table_and_keeps_the_model_where_it_is_removed(tm
     own = tmp_path / "own.toml"
     own.write_text(f'{head}\n[command]\nunit = "normalised"\ntable = "bench.csv"\n{rest}')
     asked = []
-    monkeypatch.setattr(tasks.api, "load_model", lambda path, load=wg.load_model: asked.append(path) or load(path))
+    monkeypatch.setattr(tasks.wg, "load_model", lambda path, load=wg.load_model: asked.append(path) or load(path))
     text = model_text(str(own))
     (tmp_path / "bench.csv").unlink()
     model = tasks.model_of(text)

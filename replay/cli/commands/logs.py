@@ -37,12 +37,12 @@ def check(
     from wrenchgap._lazy import uncollected
 
     with uncollected():
-        from wrenchgap.replay import api_flights
+        look_at = wg.check
 
     run.claim({"--figure": figure, "--page": page}, *logs, model)
     known = None if model is None else run.model(model)
     with run.progress("checking") as report:
-        found = api_flights.check(logs, known, reading.options, progress=report)
+        found = look_at(logs, known, reading.options, progress=report)
     run.inputs[:0] = [
         {"role": "log", "file": str(log.inspection.path), "sha256": log.inspection.content_hash} for log in found.logs
     ]
