@@ -36,9 +36,14 @@ def logs_in(paths: list[Path] | None) -> list[Path] | None:
     return existing_paths(paths)
 
 
+def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
+    """An option with a value, which the help calls `metavar`; its names where they are not that of the parameter."""
+    return typer.Option(*names, metavar=metavar, help=words, **more)
+
+
 def output(metavar: str, words: str) -> Any:
     """The option of what a command writes."""
-    return typer.Option("--output", "-o", metavar=metavar, help=words)
+    return option(metavar, words, "--output", "-o")
 
 
 Logs = Annotated[
@@ -55,12 +60,9 @@ SomeLogs = Annotated[
         metavar="[LOG...]", help="Logs, as of other commands; none: they are dropped on the page.", callback=logs_in
     ),
 ]
-FromLogs = Annotated[
-    list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", callback=logs_in)
-]
+FromLogs = Annotated[list[Path] | None, option("LOG...", "Logs to fit to.", "--from", callback=logs_in)]
 Validate = Annotated[
-    list[Path] | None,
-    typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted.", callback=logs_in),
+    list[Path] | None, option("LOG...", "Flights to test the result on; never fitted.", callback=logs_in)
 ]
 Log = Annotated[
     Path,
@@ -78,17 +80,14 @@ OptionalModel = Annotated[str | None, typer.Option("--model", "-m", **_MODEL)]
 ModelFile = Annotated[str, typer.Argument(**_MODEL)]
 BudgetOption = Annotated[
     str | None,
-    typer.Option(
-        "--budget",
-        metavar="MEMORY,TIME",
-        help="What reading one log may take, e.g. 8GB,120s, where the default refuses a sound log (docs/logs.md).",
+    option(
+        "MEMORY,TIME",
+        "What reading one log may take, e.g. 8GB,120s, where the default refuses a sound log (docs/logs.md).",
     ),
 ]
 Lead = Annotated[
     float | None,
-    typer.Option(
-        "--lead", metavar="S", help="Lead time (lag compensation horizon), in seconds, with physics as the GP's mean."
-    ),
+    option("S", "Lead time (lag compensation horizon), in seconds, with physics as the GP's mean."),
 ]
 JsonFile = Annotated[
     Path | None,
@@ -103,20 +102,13 @@ JsonFile = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 LogOut = Annotated[Path | None, output("LOG2", "Log to write (.mcap).")]
-GpOption = Annotated[
-    Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
-]
+GpOption = Annotated[Path | None, option("GP", "A Gaussian process of `wrenchgap learn`, on MODEL.")]
 Against = Annotated[
     list[str] | None,
-    typer.Option(
-        "--against",
-        metavar="MODEL2...",
-        help="Other models of the same vehicle.",
-        autocompletion=values.complete_models,
-    ),
+    option("MODEL2...", "Other models of the same vehicle.", autocompletion=values.complete_models),
 ]
-Figure = Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Draw the result.")]
-Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")]
+Figure = Annotated[Path | None, option("PNG", "Draw the result.")]
+Csv = Annotated[Path | None, option("FILE", "Every sample as a table.")]
 Effects = Annotated[
     list[str], typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=values.complete_effects)
 ]
@@ -126,27 +118,24 @@ DespiteVerdict = Annotated[
 ]
 Fit = Annotated[
     str | None,
-    typer.Option(
-        metavar="A,B",
-        help="Effects to fit to each flight. Default: those of MODEL, else rotor_thrust of rotors "
+    option(
+        "A,B",
+        "Effects to fit to each flight. Default: those of MODEL, else rotor_thrust of rotors "
         "that do not tilt, else thrust_scale,com_offset.",
     ),
 ]
-ChangesOnly = Annotated[
-    str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
-]
+ChangesOnly = Annotated[str | None, option("A,B", "Try changes of these effects only.")]
 Injections = Annotated[
     int,
-    typer.Option(
-        "--injections",
+    option(
+        "N",
+        "Check N of the limits of what could have been shown by adding the effect to the logs and searching "
+        "again; each takes as long as the search.",
         min=0,
         max=200,
-        metavar="N",
-        help="Check N of the limits of what could have been shown by adding the effect to the logs and searching "
-        "again; each takes as long as the search.",
     ),
 ]
-Page = Annotated[Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")]
+Page = Annotated[Path | None, option("FILE", "All of it as a web page (.html).")]
 
 
 def _load_own_effects(paths: list[Path] | None) -> list[Path] | None:
@@ -176,58 +165,53 @@ class Reading:
 
     topic: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="ROLE=/TOPIC",
-            help="Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for "
-            "more.",
+        option(
+            "ROLE=/TOPIC",
+            "Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for more.",
             autocompletion=values.complete_topics,
         ),
     ] = None
     shift: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="ROLE=SECONDS",
-            help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for "
-            "more.",
+        option(
+            "ROLE=SECONDS",
+            "Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
         ),
     ] = None
     cutoff: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Low-pass on measurement and prediction alike, in Hz; default: the model file's, or 8; of "
+        option(
+            "HZ",
+            "Low-pass on measurement and prediction alike, in Hz; default: the model file's, or 8; of "
             "`replay` and `view` with a GP that of its data.",
         ),
     ] = None
     between: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="T0:T1",
-            help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
+        option(
+            "T0:T1",
+            "Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
         ),
     ] = None
     unmeasured: Annotated[
         str | None,
-        typer.Option(
-            metavar="A,B",
-            help="Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md).",
+        option(
+            "A,B", "Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md)."
         ),
     ] = None
     accept: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="CHECK",
-            help="Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for "
-            "more.",
+        option(
+            "CHECK",
+            "Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for more.",
             autocompletion=values.complete_checks,
         ),
     ] = None
     keep: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="PHASE",
-            help="Use this phase too: ground, held, take-off, landing, impact, crash, saturation or all; repeat for "
-            "more.",
+        option(
+            "PHASE",
+            "Use this phase too: ground, held, take-off, landing, impact, crash, saturation or all; repeat for more.",
             autocompletion=values.complete_phases,
         ),
     ] = None

@@ -88,7 +88,7 @@ def explain(
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
-    effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try only these effects.")] = None,
+    effects_only: Annotated[str | None, o.option("A,B", "Try only these effects.")] = None,
     injections: o.Injections = 1,
     *,
     reading: o.Reading,
@@ -205,9 +205,9 @@ def changed(
     model: o.ModelOption,
     healthy: Annotated[
         list[Path],
-        typer.Option(
-            metavar="LOG...",
-            help="Logs of the same vehicle when all was well; several say what is usual.",
+        o.option(
+            "LOG...",
+            "Logs of the same vehicle when all was well; several say what is usual.",
             callback=o.existing_paths,
         ),
     ],
@@ -250,11 +250,9 @@ def trend(
         ),
     ] = False,
     figure: o.Figure = None,
-    table: Annotated[Path | None, typer.Option(metavar="FILE", help="Every value as a table (.parquet).")] = None,
+    table: Annotated[Path | None, o.option("FILE", "Every value as a table (.parquet).")] = None,
     page: o.Page = None,
-    vehicle: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of rows of `batch compare`: whose flights.")
-    ] = None,
+    vehicle: Annotated[str | None, o.option("NAME", "Of rows of `batch compare`: whose flights.")] = None,
     *,
     reading: o.Reading,
     run: DetailedRun,

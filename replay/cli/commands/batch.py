@@ -20,19 +20,17 @@ Sources = Annotated[
 ]
 Models = Annotated[
     list[str],
-    typer.Option(
+    o.option(
+        "MODEL",
+        "Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
         "--model",
         "-m",
-        metavar="MODEL",
-        help="Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
         autocompletion=complete_models,
     ),
 ]
 SomeModels = Annotated[
     list[str] | None,
-    typer.Option(
-        "--model", "-m", metavar="MODEL", help="Check logs against this model too, or VEHICLE=MODEL; repeat for more."
-    ),
+    o.option("MODEL", "Check logs against this model too, or VEHICLE=MODEL; repeat for more.", "--model", "-m"),
 ]
 Output = Annotated[
     str,
@@ -46,19 +44,10 @@ Output = Annotated[
 class Where:
     """Who does the work."""
 
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="A Dask cluster. Default: this machine."),
-    ] = None
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Processes on this machine. Default: its cores.")
-    ] = None
-    memory: Annotated[
-        str, typer.Option(metavar="SIZE", help="Most memory of each of them, e.g. 2GB; `auto`: its share.")
-    ] = "auto"
-    vehicle: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
-    ] = None
+    scheduler: Annotated[str | None, o.option("tcp://HOST:PORT", "A Dask cluster. Default: this machine.")] = None
+    workers: Annotated[int | None, o.option("N", "Processes on this machine. Default: its cores.", min=1)] = None
+    memory: Annotated[str, o.option("SIZE", "Most memory of each of them, e.g. 2GB; `auto`: its share.")] = "auto"
+    vehicle: Annotated[str | None, o.option("NAME", "Of all logs. Default: the folder that a log is in.")] = None
     again: Annotated[
         bool, typer.Option("--again", help="Try logs once more that have failed, or whose row cannot be read.")
     ] = False
@@ -148,14 +137,9 @@ def explain(
     logs: Sources,
     model: Models,
     output: Output,
-    effects_only: Annotated[str | None, typer.Option(metavar="A,B", help="Try these effects only.")] = None,
+    effects_only: Annotated[str | None, o.option("A,B", "Try these effects only.")] = None,
     passes: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Most passes over the logs: each linearises candidates where the last found them.",
-        ),
+        int, o.option("N", "Most passes over the logs: each linearises candidates where the last found them.", min=1)
     ] = 2,
     each: Annotated[
         bool, typer.Option("--each", help="Search every log by itself as well, as `wrenchgap explain` does.")
@@ -180,7 +164,7 @@ def explain(
 def changed(
     logs: Sources,
     model: Models,
-    healthy: Annotated[list[str], typer.Option(metavar="LOG...", help="Logs of the same vehicle when all was well.")],
+    healthy: Annotated[list[str], o.option("LOG...", "Logs of the same vehicle when all was well.")],
     output: Output,
     effects_only: o.ChangesOnly = None,
     *,

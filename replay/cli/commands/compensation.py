@@ -24,19 +24,14 @@ def learn(
     model: o.ModelOption,
     output: Annotated[Path, o.output("GP", "File to write.")],
     validate: o.Validate = None,
-    points: Annotated[int, typer.Option(metavar="N", min=2, help="Training points kept.")] = 200,
-    outputs: Annotated[
-        str, typer.Option(metavar="WHAT", help="torque, wrench, or axes like torque_x,force_z.")
-    ] = "torque",
+    points: Annotated[int, o.option("N", "Training points kept.", min=2)] = 200,
+    outputs: Annotated[str, o.option("WHAT", "torque, wrench, or axes like torque_x,force_z.")] = "torque",
     subsample: Annotated[
         Subsample, typer.Option(help="k-medoids library; pyclustering is the paper's.")
     ] = Subsample.fasterpam,
     inputs: Annotated[
         str | None,
-        typer.Option(
-            metavar="WHAT",
-            help="Inputs besides the command: past, velocity, rates, position, with commas; or auto.",
-        ),
+        o.option("WHAT", "Inputs besides the command: past, velocity, rates, position, with commas; or auto."),
     ] = None,
     mean: Annotated[
         Mean | None,
@@ -52,8 +47,8 @@ def learn(
         Search, typer.Option(help="Of the hyperparameters: closed-form, or GPy's, the paper's; slower.")
     ] = Search.closed_form,
     scale: Annotated[Scale, typer.Option(help="Inputs of k-medoids; raw is the paper's.")] = Scale.standardised,
-    restarts: Annotated[int, typer.Option(metavar="N", min=0, max=1000, help="Random starts of the likelihood.")] = 1,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of k-medoids and restarts.")] = 0,
+    restarts: Annotated[int, o.option("N", "Random starts of the likelihood.", min=0, max=1000)] = 1,
+    seed: Annotated[int, o.option("N", "Seed of k-medoids and restarts.", min=0)] = 0,
     no_guard: Annotated[
         bool, typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs.")
     ] = False,
@@ -107,27 +102,27 @@ def learn(
 def replay(
     log: o.Log,
     model: o.OptionalModel = None,
-    gp: Annotated[Path | None, typer.Option(metavar="GP", help="A GP of `wrenchgap learn`.")] = None,
+    gp: Annotated[Path | None, o.option("GP", "A GP of `wrenchgap learn`.")] = None,
     export: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
+        o.option(
+            "FOLDER",
+            "Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
             "(it is compiled and run).",
         ),
     ] = None,
     output: o.LogOut = None,
     source: Annotated[
         str | None,
-        typer.Option(
-            metavar="desired|commanded",
-            help="Logged wrench to compensate; default: desired where it is logged.",
+        o.option(
+            "desired|commanded",
+            "Logged wrench to compensate; default: desired where it is logged.",
             autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
         ),
     ] = None,
     lead: o.Lead = None,
     csv: o.Csv = None,
-    parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Every step as Parquet.")] = None,
+    parquet: Annotated[Path | None, o.option("FILE", "Every step as Parquet.")] = None,
     figure: o.Figure = None,
     *,
     reading: o.Reading,
@@ -202,7 +197,7 @@ def counterfactual(
     log: o.Log,
     model: o.ModelOption,
     output: o.LogOut = None,
-    gp: Annotated[Path | None, typer.Option(metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")] = None,
+    gp: Annotated[Path | None, o.option("GP", "Compensate with this GP of `wrenchgap learn`.")] = None,
     lead: o.Lead = None,
     baselines: Annotated[
         bool,
@@ -213,52 +208,45 @@ def counterfactual(
     ] = False,
     feedback: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="LAW[=HZ]", help="Re-simulate with this feedback instead: observer, indi or l1, and its cut-off."
-        ),
+        o.option("LAW[=HZ]", "Re-simulate with this feedback instead: observer, indi or l1, and its cut-off."),
     ] = None,
     despite_verdict: o.DespiteVerdict = False,
     without: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="EFFECT",
-            help="Re-simulate the vehicle without this effect of MODEL.",
-            autocompletion=values.complete_effects,
+        o.option(
+            "EFFECT", "Re-simulate the vehicle without this effect of MODEL.", autocompletion=values.complete_effects
         ),
     ] = None,
     with_: Annotated[
         list[str] | None,
-        typer.Option(
+        o.option(
+            "EFFECT=P:V,...",
+            "Re-simulate it with this effect as well.",
             "--with",
-            metavar="EFFECT=P:V,...",
-            help="Re-simulate it with this effect as well.",
             autocompletion=values.complete_effects,
         ),
     ] = None,
     gains: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
+        list[str] | None, o.option("NAME=VALUE", "Other gains, e.g. integral=0 or omega_attitude=5,5,4.")
     ] = None,
     believe: Annotated[
         str | None,
-        typer.Option(
-            metavar="MODEL2",
-            help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
+        o.option(
+            "MODEL2",
+            "Controller and allocation know mass, inertia and centre of mass of MODEL2.",
             autocompletion=values.complete_models,
         ),
     ] = None,
     allocation: Annotated[
         str | None,
-        typer.Option(
-            metavar="MODEL3",
-            help="Allocate by the effectiveness as flown of MODEL3 (`wrenchgap effectiveness`).",
+        o.option(
+            "MODEL3",
+            "Allocate by the effectiveness as flown of MODEL3 (`wrenchgap effectiveness`).",
             autocompletion=values.complete_models,
         ),
     ] = None,
-    start: Annotated[float, typer.Option(metavar="S", help="Start of the re-simulation, in seconds.")] = 0.0,
-    duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Its length, in seconds; default: to the end.")
-    ] = None,
+    start: Annotated[float, o.option("S", "Start of the re-simulation, in seconds.")] = 0.0,
+    duration: Annotated[float | None, o.option("S", "Its length, in seconds; default: to the end.")] = None,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
     run: DetailedRun,

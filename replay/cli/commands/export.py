@@ -24,30 +24,22 @@ def export(
     ] = None,
     precision: Annotated[Precision, typer.Option(help="Of the build, unless it says otherwise.")] = Precision.double,
     dt: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Control period in seconds; default: that of MODEL's controller."),
+        float | None, o.option("S", "Control period in seconds; default: that of MODEL's controller.")
     ] = None,
-    evaluations: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Evaluations of the model in one search, at most.")
-    ] = 12,
+    evaluations: Annotated[int, o.option("N", "Evaluations of the model in one search, at most.", min=1)] = 12,
     lead: o.Lead = None,
     without: Annotated[
-        list[str] | None,
-        typer.Option(metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=complete_effects),
+        list[str] | None, o.option("EFFECT", "Leave this effect of MODEL out.", autocompletion=complete_effects)
     ] = None,
     observer: Annotated[
         str | None,
-        typer.Option(
-            metavar="HZ|log",
-            help="With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file.",
+        o.option(
+            "HZ|log", "With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file."
         ),
     ] = None,
     observer_max: Annotated[
         float | None,
-        typer.Option(
-            metavar="NM",
-            help="Largest torque that the observer corrects; default: three times the largest mismatch learnt.",
-        ),
+        o.option("NM", "Largest torque that the observer corrects; default: three times the largest mismatch learnt."),
     ] = None,
     *,
     gate: o.Gate,

@@ -34,30 +34,25 @@ def simulate(
     model: o.ModelOption,
     trajectory: Annotated[
         str,
-        typer.Option(
+        o.option(
+            "NAME",
+            "See --list; or a file of `wrenchgap design`.",
             "--trajectory",
             "-t",
-            metavar="NAME",
-            help="See --list; or a file of `wrenchgap design`.",
             autocompletion=complete_trajectories,
         ),
     ],
     output: Annotated[Path, o.output("LOG", "Log to write (.mcap).")],
-    duration: Annotated[float | None, typer.Option(metavar="S", help="Length in seconds.")] = None,
-    excitation: Annotated[
-        float, typer.Option(metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of sensor noise and excitation.")] = 0,
+    duration: Annotated[float | None, o.option("S", "Length in seconds.")] = None,
+    excitation: Annotated[float, o.option("SIZE", "Multisine on all axes: 1 is usual for training logs.")] = 0.0,
+    seed: Annotated[int, o.option("N", "Seed of sensor noise and excitation.")] = 0,
     integral: Annotated[
         bool | None, typer.Option("--integral/--no-integral", help="Integral action of the controller.")
     ] = None,
     hide: Annotated[
-        list[str] | None,
-        typer.Option(metavar="EFFECT=P:V,...", help="Effect of the plant that MODEL does not have."),
+        list[str] | None, o.option("EFFECT=P:V,...", "Effect of the plant that MODEL does not have.")
     ] = None,
-    truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the true model, with the hidden effects.")
-    ] = None,
+    truth: Annotated[Path | None, o.option("FILE", "Write the true model, with the hidden effects.")] = None,
     list_: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")
     ] = False,
@@ -101,34 +96,28 @@ def design(
     model: o.ModelOption,
     output: Annotated[Path, o.output("FLIGHT", "Trajectory to write (.toml).")],
     logs: Annotated[
-        list[Path] | None,
-        typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
+        list[Path] | None, o.option("LOG...", "Logs to take the effects' sizes from, and to compare with.", "--from")
     ] = None,
-    duration: Annotated[float, typer.Option(metavar="S", help="Length of the flight, in seconds.")] = 30.0,
-    room: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
-    ] = None,
+    duration: Annotated[float, o.option("S", "Length of the flight, in seconds.")] = 30.0,
+    room: Annotated[str | None, o.option("X,Y,Z", "Free space in metres, floor at z = 0 (default 4,4,3).")] = None,
     max_tilt: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="Largest tilt, in degrees; default: 60, or 30 for fixed rotors."),
+        float | None, o.option("DEG", "Largest tilt, in degrees; default: 60, or 30 for fixed rotors.")
     ] = None,
-    max_speed: Annotated[float, typer.Option(metavar="M/S", help="Largest speed, in m/s.")] = 2.0,
+    max_speed: Annotated[float, o.option("M/S", "Largest speed, in m/s.")] = 2.0,
     also: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="EFFECT...",
-            help="Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
+        o.option(
+            "EFFECT...",
+            "Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
             autocompletion=complete_effects,
         ),
     ] = None,
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")
     ] = False,
-    csv: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The sampled reference, for other flight stacks.")
-    ] = None,
+    csv: Annotated[Path | None, o.option("FILE", "The sampled reference, for other flight stacks.")] = None,
     figure: o.Figure = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the sensor noise.")] = 0,
+    seed: Annotated[int, o.option("N", "Seed of the sensor noise.", min=0)] = 0,
     *,
     reading: Annotated[o.Reading, Omit("cutoff")],
     run: Run,
@@ -186,14 +175,12 @@ def ready(
     logs: o.Logs,
     model: o.ModelOption,
     trajectory: Annotated[
-        str, typer.Option("--for", metavar="TRAJECTORY", help="What to fly: a name, or a file of `wrenchgap design`.")
+        str, o.option("TRAJECTORY", "What to fly: a name, or a file of `wrenchgap design`.", "--for")
     ],
-    duration: Annotated[float | None, typer.Option(metavar="S", help="Its length; by default its own.")] = None,
-    payload: Annotated[float, typer.Option(metavar="KG", help="Mass more, at the centre of mass.")] = 0.0,
-    wind: Annotated[float, typer.Option(metavar="M/S", help="A steady wind, from any side.")] = 0.0,
-    voltage: Annotated[
-        float | None, typer.Option(metavar="V", help="Of the battery; by default the lowest that was logged.")
-    ] = None,
+    duration: Annotated[float | None, o.option("S", "Its length; by default its own.")] = None,
+    payload: Annotated[float, o.option("KG", "Mass more, at the centre of mass.")] = 0.0,
+    wind: Annotated[float, o.option("M/S", "A steady wind, from any side.")] = 0.0,
+    voltage: Annotated[float | None, o.option("V", "Of the battery; by default the lowest that was logged.")] = None,
     figure: o.Figure = None,
     *,
     reading: o.Reading,
@@ -227,9 +214,7 @@ def predict(
     model: o.ModelOption,
     against: o.Against = None,
     gp: o.GpOption = None,
-    horizon: Annotated[
-        str | None, typer.Option("--horizon", metavar="S,S", help="How far ahead, in seconds. Default: 0.1,0.5,1.")
-    ] = None,
+    horizon: Annotated[str | None, o.option("S,S", "How far ahead, in seconds. Default: 0.1,0.5,1.")] = None,
     figure: o.Figure = None,
     *,
     reading: o.Reading,

@@ -23,21 +23,17 @@ def new(
     output: o.ModelOut,
     source: Annotated[
         Path | None,
-        typer.Option(
-            "--from",
-            metavar="SOURCE",
-            help="PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.",
+        o.option(
+            "SOURCE", "PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.", "--from"
         ),
     ] = None,
-    mass: Annotated[float | None, typer.Option(metavar="KG", help="What the vehicle weighs, with its battery.")] = None,
-    mass_tolerance: Annotated[
-        float | None, typer.Option(metavar="KG", help="How well that is known, e.g. 0.005.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the vehicle.")] = None,
-    frame: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame with --arm, e.g. quad_x.")] = None,
+    mass: Annotated[float | None, o.option("KG", "What the vehicle weighs, with its battery.")] = None,
+    mass_tolerance: Annotated[float | None, o.option("KG", "How well that is known, e.g. 0.005.")] = None,
+    name: Annotated[str | None, o.option("NAME", "Name of the vehicle.")] = None,
+    frame: Annotated[str | None, o.option("FRAME", "Frame with --arm, e.g. quad_x.")] = None,
     arm: Annotated[float | None, typer.Option(help="From the middle to a motor, in metres.")] = None,
     radius: Annotated[float | None, typer.Option("--rotor-radius", help="Of the rotors, in metres.")] = None,
-    thrust_max: Annotated[float | None, typer.Option(metavar="N", help="Thrust of one rotor at full throttle.")] = None,
+    thrust_max: Annotated[float | None, o.option("N", "Thrust of one rotor at full throttle.")] = None,
     interactive: Annotated[bool, typer.Option("--interactive", "-i", help="Ask for what SOURCE does not say.")] = False,
     figure: o.Figure = None,
     budget: o.BudgetOption = None,
@@ -133,8 +129,7 @@ def add(
     ] = None,
     logs: o.FromLogs = None,
     value: Annotated[
-        list[str] | None,
-        typer.Option(metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
+        list[str] | None, o.option("EFFECT=P:V,...", "Set values by hand instead, e.g. servo_lag=tau:0.05.")
     ] = None,
     *,
     reading: o.Reading,
@@ -222,10 +217,7 @@ def write(
     target: Annotated[Target, typer.Option("--to", help="An autopilot, a format of robot descriptions, a simulator.")],
     output: Annotated[Path | None, o.output("FILE", "File to write; none: look at it only.")] = None,
     parameters: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="LOG|FILE", help="Parameters that were set: a log of PX4 or ArduPilot, or a file of them."
-        ),
+        Path | None, o.option("LOG|FILE", "Parameters that were set: a log of PX4 or ArduPilot, or a file of them.")
     ] = None,
     budget: o.BudgetOption = None,
     *,
@@ -255,9 +247,7 @@ def write(
 
 def effectiveness(
     model: o.ModelFile,
-    tilt: Annotated[
-        str, typer.Option(metavar="DEG[,DEG...]", help="Tilt of all arms, or of each, about which it hovers.")
-    ] = "0",
+    tilt: Annotated[str, o.option("DEG[,DEG...]", "Tilt of all arms, or of each, about which it hovers.")] = "0",
     output: Annotated[Path | None, o.output("FOLDER", "Write the corrected allocation, as C99 and Python.")] = None,
     precision: Annotated[Precision, typer.Option(help="Of the C, unless its build says otherwise.")] = Precision.double,
     figure: o.Figure = None,

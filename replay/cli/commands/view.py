@@ -19,16 +19,15 @@ def view(
     gp: o.GpOption = None,
     against: o.Against = None,
     saved: Annotated[
-        Path | None,
-        typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
+        Path | None, o.option("FILE", "Open a view that was saved on the page; of another log as well.", "--view")
     ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")] = 8080,
     save_to: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Folder into which the page may write models and trajectories; without it the browser downloads them.",
+        o.option(
+            "FOLDER",
+            "Folder into which the page may write models and trajectories; without it the browser downloads them.",
         ),
     ] = None,
     force: Annotated[
