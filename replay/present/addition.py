@@ -148,12 +148,8 @@ def picture(added: Addition) -> style.Picture:
     Axes are (1, 2): forces and torques. The errors are those on time that was not fitted, where there is any.
     """
     where = "on the fitted logs" if added.trial is None else "on held-out time of these logs"
-    return style.Picture(
-        (1, 2),
-        (10.0, 3.8),
-        lambda axes: _draw(added, axes[0]),
-        title=f"{', '.join(e.name for e in added.model.effects)} in {added.given.name}: error {where}",
-    )
+    title = f"{', '.join(e.name for e in added.model.effects)} in {added.given.name}: error {where}"
+    return style.Picture((1, 2), (10.0, 3.8), lambda axes: _draw(added, axes[0]), title=title)
 
 
 def _draw(added: Addition, panels: Any) -> None:

@@ -168,14 +168,10 @@ def picture(result: Comparison) -> style.Picture:
     turn wrench and residual of x, y, z. The last row, where there are several flights, is the rms by flight.
     """
     rows = 6 + (len(result.flights) > 1)
-    return style.Picture(
-        (rows, 2),
-        (14.0, 2.0 * rows),
-        lambda axes: _draw(result, axes),
-        title=f"{_where(result)}: wrench measured, commanded and predicted, and residual by model; "
-        f"filtered at {result.records[0].cutoff_hz:g} Hz",
-        split=lambda f: _split(f, rows),
-    )
+    title = f"{_where(result)}: wrench measured, commanded and predicted, and residual by model; "
+    title += f"filtered at {result.records[0].cutoff_hz:g} Hz"
+    size, split = (14.0, 2.0 * rows), lambda figure: _split(figure, rows)
+    return style.Picture((rows, 2), size, lambda axes: _draw(result, axes), title=title, split=split)
 
 
 def _split(figure: Any, rows: int) -> Any:

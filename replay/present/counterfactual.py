@@ -221,13 +221,8 @@ def picture(result: Counterfactual) -> style.Picture:
     Axes are (4, 1): attitude error about x, y, z of the body, and the distance from the reference.
     """
     words = "; ".join(result.change.words) or "nothing changed"
-    return style.Picture(
-        (4, 1),
-        (11.0, 8.2),
-        lambda axes: _draw(result, axes),
-        title=f"{result.inference.recording.flight.name}, re-simulated: {style.shortened(words, 90)}",
-        share=True,
-    )
+    title = f"{result.inference.recording.flight.name}, re-simulated: {style.shortened(words, 90)}"
+    return style.Picture((4, 1), (11.0, 8.2), lambda axes: _draw(result, axes), title=title, share=True)
 
 
 def _draw(result: Counterfactual, axes: Any) -> None:

@@ -246,14 +246,9 @@ def picture(design: Design) -> style.Picture:
     this and the model has that"), at most four, the hardest first. Dashed lines part the manoeuvres.
     """
     count = len(_shown(design))
-    return style.Picture(
-        (5 + count, 1),
-        (11.0, 1.3 * 5 + 2.1 * count + 0.6),
-        lambda axes: _draw(design, axes),
-        title=f"reference of {design.trajectory.duration:g} s that separates {' and '.join(design.expected.names)}",
-        heights=[1.0] * 5 + [1.7] * count,
-        share=True,
-    )
+    size, heights = (11.0, 1.3 * 5 + 2.1 * count + 0.6), [1.0] * 5 + [1.7] * count
+    title = f"reference of {design.trajectory.duration:g} s that separates {' and '.join(design.expected.names)}"
+    return style.Picture((5 + count, 1), size, lambda axes: _draw(design, axes), title, heights, share=True)
 
 
 def _shown(design: Design, most: int = 4) -> list[Direction]:

@@ -151,12 +151,9 @@ def picture(found: Explanation) -> style.Picture:
     """One panel: of each effect the range, from its most to its least visible parameter, as a share of what is
     plausible, logarithmic; effects that could not have been shown reach the end.
     """  # noqa: D205
-    return style.Picture(
-        (),
-        (9.0, 1.2 + 0.24 * max(1, len(_by_effect(found.limits)))),
-        lambda panel: _draw(found, panel),
-        title=f"{found.model.name}: the smallest change that would have been firm",
-    )
+    size = (9.0, 1.2 + 0.24 * max(1, len(_by_effect(found.limits))))
+    title = f"{found.model.name}: the smallest change that would have been firm"
+    return style.Picture((), size, lambda panel: _draw(found, panel), title=title)
 
 
 def _draw(found: Explanation, panel: Any) -> None:

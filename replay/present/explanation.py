@@ -299,12 +299,9 @@ def picture(found: Explanation) -> style.Picture:
     One panel. Held-out time, on top of the model as given; the named effects are dark, with their confidence.
     """
     flights = ", ".join(f.records[0].flight for f in found.flights)
-    return style.Picture(
-        (),
-        (9.0, 1.5 + 0.27 * max(1, len(_shown(found)))),
-        lambda panel: _draw(found, panel),
-        title=f"{found.model.name}: what each effect alone explains" + (f" of {flights}" if flights else ""),
-    )
+    title = f"{found.model.name}: what each effect alone explains" + (f" of {flights}" if flights else "")
+    size = (9.0, 1.5 + 0.27 * max(1, len(_shown(found))))
+    return style.Picture((), size, lambda panel: _draw(found, panel), title=title)
 
 
 def _shown(found: Explanation, most: int = 20) -> list[Candidate]:

@@ -166,13 +166,8 @@ def picture(seen: LogReport) -> style.Picture:
     Axes are (R, 1), one for each role that a topic plays; one with a sentence where none does.
     """
     rows = max(1, len({} if seen.inspection.flight is None else seen.inspection.flight.series()))
-    return style.Picture(
-        (rows, 1),
-        (10.0, 1.25 * rows + 1.0),
-        lambda axes: _draw(seen, axes[:, 0]),
-        title=f"{seen.inspection.path.name}: rates and gaps of the topics",
-        share=True,
-    )
+    size, title = (10.0, 1.25 * rows + 1.0), f"{seen.inspection.path.name}: rates and gaps of the topics"
+    return style.Picture((rows, 1), size, lambda axes: _draw(seen, axes[:, 0]), title=title, share=True)
 
 
 def _draw(seen: LogReport, panels: Any) -> None:

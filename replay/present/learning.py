@@ -260,13 +260,9 @@ def picture(learnt: Learnt) -> style.Picture:
     and the share of samples within the predicted intervals, before and after calibration.
     """
     rows = len(_tested(learnt))
-    return style.Picture(
-        (rows, 3),
-        (15.0, 3.6 * rows + 0.5),
-        lambda axes: _draw(learnt, axes),
-        title=f"Gaussian process of {len(learnt.gp.inputs)} points for {', '.join(learnt.gp.outputs)}, "
-        f"on top of {learnt.gp.provenance.physics}",
-    )
+    title = f"Gaussian process of {len(learnt.gp.inputs)} points for {', '.join(learnt.gp.outputs)}, "
+    title += f"on top of {learnt.gp.provenance.physics}"
+    return style.Picture((rows, 3), (15.0, 3.6 * rows + 0.5), lambda axes: _draw(learnt, axes), title=title)
 
 
 def _tested(learnt: Learnt) -> dict[str, Comparison]:

@@ -250,14 +250,8 @@ def picture(replay: Replay) -> style.Picture:
     with its band on the right. Last row: sigma with its threshold, and beta.
     """
     rows = len(replay.outputs) + 1
-    return style.Picture(
-        (rows, 2),
-        (14.0, 2.1 * rows + 0.8),
-        lambda axes: _draw(replay, axes),
-        title=f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}; "
-        "*: filtered",
-        share=True,
-    )
+    title = f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}; *: filtered"
+    return style.Picture((rows, 2), (14.0, 2.1 * rows + 0.8), lambda axes: _draw(replay, axes), title=title, share=True)
 
 
 def _draw(replay: Replay, axes: Any) -> None:

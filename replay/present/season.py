@@ -87,9 +87,8 @@ def picture(found: Trend) -> style.Picture:
     if found.by_part:
         rows = len(parts_of(found))
         title = f"{found.model.name}: health of parts over {len(found.flights)} flights, changes from the model"
-        return style.Picture(
-            (rows, 3), (13.0, 1.15 * rows + 1.0), lambda axes: _draw_parts(found, axes), title=title, share=True
-        )
+        size = (13.0, 1.15 * rows + 1.0)
+        return style.Picture((rows, 3), size, lambda axes: _draw_parts(found, axes), title=title, share=True)
     shown = _shown(found)
     size = (max(8.0, min(16.0, 4.0 + 0.3 * len(found.flights))), 1.9 * len(shown) + (1.9 if _named(found) else 0.8))
     title = f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights, each fitted by itself"
