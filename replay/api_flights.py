@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.learn import GaussianProcess, Trend
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.opening import Flights, listed
@@ -13,8 +14,6 @@ from wrenchgap.learn.health import health as checking
 from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify import trend as trending
 from wrenchgap.learn.identify.add import Addition, labels, model_of
-from wrenchgap.learn.identify.trend import Trend
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.prediction import HORIZONS, OpenLoop, open_loop
 from wrenchgap.replay.readiness import ready as ready

@@ -22,21 +22,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
-from wrenchgap.flight.errors import LogError, ModelError, UsageError
+from wrenchgap.flight import LogError, ModelError, UsageError, so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
+from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.measurement import Record, commands_of
-from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.data.recording import CUTOFF_HZ, recorded_motion, samples_over_periods
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effect_values import drawn
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.rigid_body import RigidBody, unpack
 from wrenchgap.plant.state import Commands, Motion, State, rows
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 Index = NDArray[np.int_]

@@ -32,14 +32,13 @@ from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.prediction import predict
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.posterior.settings import DEFAULT
+from wrenchgap.plant import Model, Vehicle, make_effect
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
 from wrenchgap.plant.effect_values import drawn
-from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.simulation.flight_plan import Plan, designed_for, prepare
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin
 from wrenchgap.replay.loop_margins import GO, WITHIN, Gains, LoopMargins, flown_loops
 

@@ -26,10 +26,9 @@ import pyarrow.parquet as pq
 from pydantic import Field
 
 from wrenchgap._escaping import storable
+from wrenchgap.flight import FitError, Flight, UsageError
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.budget import default_memory
-from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.work_files import lock
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight
 from wrenchgap.learn.posterior.flight_evidence import unpacked

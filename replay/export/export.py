@@ -19,9 +19,8 @@ from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
+from wrenchgap.learn import GaussianProcess, Learnt
 from wrenchgap.learn.identify.add import Addition, model_of
-from wrenchgap.learn.identify.learning import Learnt
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight import so3
+from wrenchgap.flight import AXES, so3
 from wrenchgap.flight.atomic import atomic, write_text
-from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.designer import SEARCH

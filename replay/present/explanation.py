@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn import Explanation, Verdict
 from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
-from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.single_effects import Candidate
-from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style

@@ -8,9 +8,8 @@ import numpy as np
 from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.history import Value
-from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.numbers import quantity, size_in_words, user_name
 

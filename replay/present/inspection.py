@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight import Series, unmeasured_axes
 from wrenchgap.flight.check import Check, Level
-from wrenchgap.flight.flight import Series
 from wrenchgap.flight.inspection import Inspection, TopicReport
-from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.model_checks import LogReport

@@ -15,10 +15,9 @@ from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
-from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import where
 from wrenchgap.replay.present.numbers import number, quantity, share, unit_of, user_name
 from wrenchgap.replay.present.tables import Line

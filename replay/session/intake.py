@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 import wrenchgap as wg
-from wrenchgap.flight import so3, work_files
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight import UsageError, so3, work_files
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.checks import usable_cutoff
@@ -23,12 +22,10 @@ from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.phases import AIRBORNE
-from wrenchgap.plant import model_file
+from wrenchgap.plant import Body, Model, Vehicle, model_file
 from wrenchgap.plant.drafts.draft import Sheet
 from wrenchgap.plant.drafts.sources import Given
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.reader import text_of
-from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.replay.session.log_session import FLOORS, XYZ, LogSession
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Session, Stretch

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import wrenchgap as wg
-from wrenchgap.flight import so3
+from wrenchgap.flight import LogError, so3
 from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, ReferenceSeries
 from wrenchgap.flight.inspection import Channel, channels_of
 from wrenchgap.learn.data.comparison import compare

@@ -15,10 +15,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
+from wrenchgap.flight import Flight, Inspection
 from wrenchgap.flight.atomic import write_text
 from wrenchgap.flight.autopilot import ParameterDifferences
-from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.inspection import Inspection
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify.trend import Trend
