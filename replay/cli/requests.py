@@ -321,9 +321,10 @@ class DetailedRun(Run):
 
 
 def flat_command(function: Callable[..., None]) -> Callable[..., None]:
-    """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
+    """A command with its options one by one, as typer wants them: dataclasses of options become their fields, last."""
     groups: dict[str, tuple[Any, list[str]]] = {}
     options: list[inspect.Parameter] = []
+    grouped: list[inspect.Parameter] = []
     hints = get_type_hints(function, include_extras=True)
     for one in inspect.signature(function).parameters.values():
         annotation = hints[one.name]
@@ -335,7 +336,7 @@ def flat_command(function: Callable[..., None]) -> Callable[..., None]:
         without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
         wanted = [f for f in fields(kind) if f.name not in without]
         groups[one.name] = kind, [f.name for f in wanted]
-        options += [
+        grouped += [
             inspect.Parameter(f.name, one.KEYWORD_ONLY, default=f.default, annotation=own[f.name]) for f in wanted
         ]
 
@@ -344,6 +345,7 @@ def flat_command(function: Callable[..., None]) -> Callable[..., None]:
         made = {name: kind(**{n: values.pop(n) for n in names}) for name, (kind, names) in groups.items()}
         function(**values, **made)
 
+    options += grouped
     called.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     called.__annotations__ = {option.name: option.annotation for option in options}
     return called

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 def compare(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     against: o.Against = None,
@@ -29,9 +31,6 @@ def compare(
     by_flight: Annotated[
         bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
     ] = False,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Errors of models on flights, per axis and per flight, and where they are worst.
 
@@ -58,13 +57,12 @@ def compare(
 
 
 def where(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     gp: o.GpOption = None,
     figure: o.Figure = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -85,14 +83,13 @@ def where(
 
 
 def explain(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
     effects_only: Annotated[str | None, o.option("A,B", "Try only these effects.")] = None,
     injections: o.Injections = 1,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Rank the effects that could explain what the model misses, by the reduction of the error on held-out time.
 
@@ -119,14 +116,13 @@ def explain(
 
 
 def discover(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
     output: Annotated[Path | None, o.output("FILE", "Effect file of the law to write (.py).")] = None,
     figure: o.Figure = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Find the law of what `explain` cannot name, or say that these logs carry none.
 
@@ -162,14 +158,13 @@ def discover(
 
 
 def report(
+    reading: o.Reading,
+    run: Run,
     logs: o.Logs,
     model: o.ModelOption,
     output: Annotated[Path, o.output("HTML", "Page to write (.html).")],
     validate: o.Validate = None,
     gp: o.GpOption = None,
-    *,
-    reading: o.Reading,
-    run: Run,
 ) -> None:
     """Write one page that says which effect is missing, with what confidence, and how far the error is reduced.
 
@@ -198,6 +193,8 @@ def report(
 
 
 def changed(
+    reading: o.Reading,
+    run: DetailedRun,
     suspects: Annotated[
         list[Path],
         typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", callback=o.existing_paths),
@@ -215,9 +212,6 @@ def changed(
     injections: o.Injections = 1,
     figure: o.Figure = None,
     page: o.Page = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
 
@@ -240,6 +234,8 @@ def changed(
 
 
 def trend(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     fit: o.Fit = None,
@@ -253,9 +249,6 @@ def trend(
     table: Annotated[Path | None, o.option("FILE", "Every value as a table (.parquet).")] = None,
     page: o.Page = None,
     vehicle: Annotated[str | None, o.option("NAME", "Of rows of `batch compare`: whose flights.")] = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Fit each flight by itself and say which parameters stepped or drifted over the flights.
 

@@ -117,14 +117,13 @@ def inspect(
 
 
 def compare(
+    reading: o.Reading,
+    where: Where,
+    run: Run,
     logs: Sources,
     model: Models,
     output: Output,
     fit: o.Fit = None,
-    *,
-    reading: o.Reading,
-    where: Where,
-    run: Run,
 ) -> None:
     """Errors of the model on every flight, and each flight's own parameters: `wrenchgap trend FOLDER` follows them.
 
@@ -134,6 +133,9 @@ def compare(
 
 
 def explain(
+    reading: o.Reading,
+    where: Where,
+    run: Run,
     logs: Sources,
     model: Models,
     output: Output,
@@ -144,10 +146,6 @@ def explain(
     each: Annotated[
         bool, typer.Option("--each", help="Search every log by itself as well, as `wrenchgap explain` does.")
     ] = False,
-    *,
-    reading: o.Reading,
-    where: Where,
-    run: Run,
 ) -> None:
     """Rank the effects that the model is missing, vehicle by vehicle, on all flights together.
 
@@ -162,15 +160,14 @@ def explain(
 
 
 def changed(
+    reading: o.Reading,
+    where: Where,
+    run: Run,
     logs: Sources,
     model: Models,
     healthy: Annotated[list[str], o.option("LOG...", "Logs of the same vehicle when all was well.")],
     output: Output,
     effects_only: o.ChangesOnly = None,
-    *,
-    reading: o.Reading,
-    where: Where,
-    run: Run,
 ) -> None:
     """What changed on every flight, each by itself, against the same healthy flights of that vehicle.
 

@@ -20,6 +20,8 @@ Scale = StrEnum("Scale", ["standardised", "raw"])
 
 
 def learn(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     output: Annotated[Path, o.output("GP", "File to write.")],
@@ -58,9 +60,6 @@ def learn(
             "--as-fitted", help="As in the paper: believe the fit in full, whatever held-out time and stability say."
         ),
     ] = False,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Learn the wrench residual of the model, as a function of the commanded wrench.
 
@@ -100,6 +99,9 @@ def learn(
 
 
 def replay(
+    reading: o.Reading,
+    gate: o.Gate,
+    run: DetailedRun,
     log: o.Log,
     model: o.OptionalModel = None,
     gp: Annotated[Path | None, o.option("GP", "A GP of `wrenchgap learn`.")] = None,
@@ -124,10 +126,6 @@ def replay(
     csv: o.Csv = None,
     parquet: Annotated[Path | None, o.option("FILE", "Every step as Parquet.")] = None,
     figure: o.Figure = None,
-    *,
-    reading: o.Reading,
-    gate: o.Gate,
-    run: DetailedRun,
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
 
@@ -194,6 +192,8 @@ def _prove(log: Path, folder: Path, csv: Path | None, reading: o.Reading, run: R
 
 
 def counterfactual(
+    reading: Annotated[o.Reading, Omit("cutoff")],
+    run: DetailedRun,
     log: o.Log,
     model: o.ModelOption,
     output: o.LogOut = None,
@@ -247,9 +247,6 @@ def counterfactual(
     ] = None,
     start: Annotated[float, o.option("S", "Start of the re-simulation, in seconds.")] = 0.0,
     duration: Annotated[float | None, o.option("S", "Its length, in seconds; default: to the end.")] = None,
-    *,
-    reading: Annotated[o.Reading, Omit("cutoff")],
-    run: DetailedRun,
 ) -> None:
     """Re-simulate a recorded flight with something changed.
 

@@ -17,6 +17,8 @@ Precision = StrEnum("Precision", ["double", "float"])
 
 
 def export(
+    gate: o.Gate,
+    run: Run,
     model: o.ModelOption,
     output: Annotated[Path, o.output("FOLDER", "Folder to write.")],
     gp: Annotated[
@@ -41,9 +43,6 @@ def export(
         float | None,
         o.option("NM", "Largest torque that the observer corrects; default: three times the largest mismatch learnt."),
     ] = None,
-    *,
-    gate: o.Gate,
-    run: Run,
 ) -> None:
     """Write the compensation as C99 without dependencies: a library, its self-test, a Makefile, a README.
 

@@ -31,6 +31,7 @@ def _list(asked: bool) -> None:
 
 
 def simulate(
+    run: Run,
     model: o.ModelOption,
     trajectory: Annotated[
         str,
@@ -56,8 +57,6 @@ def simulate(
     list_: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")
     ] = False,
-    *,
-    run: Run,
 ) -> None:
     """Fly a simulated vehicle along a trajectory and write its log.
 
@@ -92,6 +91,8 @@ READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
 
 
 def design(
+    reading: Annotated[o.Reading, Omit("cutoff")],
+    run: Run,
     effects: o.Effects,
     model: o.ModelOption,
     output: Annotated[Path, o.output("FLIGHT", "Trajectory to write (.toml).")],
@@ -118,9 +119,6 @@ def design(
     csv: Annotated[Path | None, o.option("FILE", "The sampled reference, for other flight stacks.")] = None,
     figure: o.Figure = None,
     seed: Annotated[int, o.option("N", "Seed of the sensor noise.", min=0)] = 0,
-    *,
-    reading: Annotated[o.Reading, Omit("cutoff")],
-    run: Run,
 ) -> None:
     """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
 
@@ -172,6 +170,8 @@ def design(
 
 
 def ready(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     trajectory: Annotated[
@@ -182,9 +182,6 @@ def ready(
     wind: Annotated[float, o.option("M/S", "A steady wind, from any side.")] = 0.0,
     voltage: Annotated[float | None, o.option("V", "Of the battery; by default the lowest that was logged.")] = None,
     figure: o.Figure = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Say whether to fly: go, go with care, or no go, with the part that limits and how sure that is.
 
@@ -210,15 +207,14 @@ def ready(
 
 
 def predict(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     against: o.Against = None,
     gp: o.GpOption = None,
     horizon: Annotated[str | None, o.option("S,S", "How far ahead, in seconds. Default: 0.1,0.5,1.")] = None,
     figure: o.Figure = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Predict the motion from the logged commands alone, from every sample, and say how far off that is.
 

@@ -18,13 +18,12 @@ if TYPE_CHECKING:
 
 
 def check(
+    reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
+    run: DetailedRun,
     logs: o.Logs,
     model: o.OptionalModel = None,
     figure: o.Figure = None,
     page: o.Page = None,
-    *,
-    reading: Annotated[o.Reading, Omit("between", "shift", "cutoff", "keep")],
-    run: DetailedRun,
 ) -> None:
     """What to look at first, without a mass and without a model: one screen about a vehicle and its logs.
 
@@ -51,6 +50,8 @@ def check(
 
 
 def inspect(
+    reading: Annotated[o.Reading, Omit("between")],
+    run: DetailedRun,
     logs: o.Logs,
     model: o.OptionalModel = None,
     output: Annotated[
@@ -60,9 +61,6 @@ def inspect(
             "Write MODEL with the --topic, --shift, --cutoff and --unmeasured of this command, where no check is bad.",
         ),
     ] = None,
-    *,
-    reading: Annotated[o.Reading, Omit("between")],
-    run: DetailedRun,
 ) -> None:
     """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
 
@@ -116,11 +114,10 @@ def _keep(run: DetailedRun, model: "Model", asked: "ReadOptions", output: Path, 
 
 
 def convert(
-    logs: o.Logs,
-    output: Annotated[Path, o.output("OUT", "Log to write (.mcap), or an existing folder.")],
-    *,
     reading: Annotated[o.Reading, Omit("cutoff", "between", "accept", "keep")],
     run: Run,
+    logs: o.Logs,
+    output: Annotated[Path, o.output("OUT", "Log to write (.mcap), or an existing folder.")],
 ) -> None:
     """Write logs of any format as MCAP with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
 

@@ -20,6 +20,7 @@ Target = StrEnum("Target", list(TARGETS))  # type: ignore[misc]  # known when th
 
 
 def new(
+    run: Run,
     output: o.ModelOut,
     source: Annotated[
         Path | None,
@@ -37,8 +38,6 @@ def new(
     interactive: Annotated[bool, typer.Option("--interactive", "-i", help="Ask for what SOURCE does not say.")] = False,
     figure: o.Figure = None,
     budget: o.BudgetOption = None,
-    *,
-    run: Run,
 ) -> None:
     """Write a model file from what is known: every number in it carries a comment that says where it is from.
 
@@ -97,11 +96,10 @@ def _positive(text: str) -> bool:
 
 
 def show(
+    run: Run,
     model: o.ModelFile,
     output: Annotated[Path | None, o.output("FILE", "Write the file as it is, to be changed.")] = None,
     figure: o.Figure = None,
-    *,
-    run: Run,
 ) -> None:
     """What a model file says, as it was understood: mass properties, rotors, the command curve, effects.
 
@@ -122,6 +120,8 @@ def show(
 
 
 def add(
+    reading: o.Reading,
+    run: DetailedRun,
     model: o.ModelOption,
     output: o.ModelOut,
     effects: Annotated[
@@ -131,9 +131,6 @@ def add(
     value: Annotated[
         list[str] | None, o.option("EFFECT=P:V,...", "Set values by hand instead, e.g. servo_lag=tau:0.05.")
     ] = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Fit effects to logs and write the model that has them; the model file's comments stay.
 
@@ -169,13 +166,12 @@ def add(
 
 
 def calibrate(
+    reading: o.Reading,
+    run: DetailedRun,
     logs: o.Logs,
     model: o.ModelOption,
     output: o.ModelOut,
     validate: o.Validate = None,
-    *,
-    reading: o.Reading,
-    run: DetailedRun,
 ) -> None:
     """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
 
@@ -213,6 +209,7 @@ def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run:
 
 
 def write(
+    run: Run,
     model: o.ModelFile,
     target: Annotated[Target, typer.Option("--to", help="An autopilot, a format of robot descriptions, a simulator.")],
     output: Annotated[Path | None, o.output("FILE", "File to write; none: look at it only.")] = None,
@@ -220,8 +217,6 @@ def write(
         Path | None, o.option("LOG|FILE", "Parameters that were set: a log of PX4 or ArduPilot, or a file of them.")
     ] = None,
     budget: o.BudgetOption = None,
-    *,
-    run: Run,
 ) -> None:
     """Write what was identified for an autopilot, or the vehicle for a simulator.
 
@@ -246,14 +241,13 @@ def write(
 
 
 def effectiveness(
+    run: DetailedRun,
     model: o.ModelFile,
     tilt: Annotated[str, o.option("DEG[,DEG...]", "Tilt of all arms, or of each, about which it hovers.")] = "0",
     output: Annotated[Path | None, o.output("FOLDER", "Write the corrected allocation, as C99 and Python.")] = None,
     precision: Annotated[Precision, typer.Option(help="Of the C, unless its build says otherwise.")] = Precision.double,
     figure: o.Figure = None,
     csv: o.Csv = None,
-    *,
-    run: DetailedRun,
 ) -> None:
     """What rotors make of what is asked of them as flown, beside the nominal matrix, and the corrected allocation.
 

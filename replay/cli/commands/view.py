@@ -14,6 +14,8 @@ from wrenchgap.replay.cli.values import usage_error
 
 
 def view(
+    reading: o.Reading,
+    run: Annotated[Run, Omit("json", "force")],
     logs: o.SomeLogs = None,
     model: o.OptionalModel = None,
     gp: o.GpOption = None,
@@ -34,9 +36,6 @@ def view(
         bool, typer.Option("--force", help="With --save-to: the page may replace files that it did not write.")
     ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")] = False,
-    *,
-    reading: o.Reading,
-    run: Annotated[Run, Omit("json", "force")],
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
