@@ -20,6 +20,7 @@ import typer
 
 from wrenchgap._escaping import printable
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay import present
 from wrenchgap.replay.cli import options as o
 
 if TYPE_CHECKING:
@@ -207,10 +208,8 @@ class Run:
 
     def result(self, result: Any, **how: Any) -> None:
         """Print a result; `how` as `replay.present.parts` and that of its module have it."""
-        from wrenchgap.replay.present import parts
-
         how = {"details": self.details, **how}
-        self.show(*parts(result, **how))
+        self.show(*present.parts(result, **how))
         if not how["details"]:
             self.line("tables and notes: --details", "dim")
 
@@ -230,9 +229,7 @@ class Run:
     def draw(self, result: Any, path: Path | None) -> None:
         """Write a result's picture, where one is asked for."""
         if path is not None:
-            from wrenchgap.replay.present import save_figure
-
-            save_figure(result, path, force=self.force)
+            present.save_figure(result, path, force=self.force)
 
     def save(
         self,
