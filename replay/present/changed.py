@@ -14,7 +14,7 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
-from wrenchgap.replay.present import detection, parameters, timing, what_to_inspect
+from wrenchgap.replay.present import detection, parameters, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
@@ -29,14 +29,6 @@ from wrenchgap.replay.present.numbers import (
     size_in_words,
     unit,
     unmeasured,
-)
-from wrenchgap.replay.present.posterior import (
-    LIGHT,
-    cheapest_check,
-    class_json,
-    classes_in_words,
-    settle_json,
-    settle_lines,
 )
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, table
 
@@ -60,8 +52,8 @@ def parts(found: Changed) -> list[Part]:
     out += [Line(text) for text in what_to_inspect.sentences(found)[MOST_PLACES:]]
     out += note_lines([*outliers(found)[1:], *other_recordings(found)[1:]], "warning")
     out += note_lines([baseline(found), *feedback(found)])
-    out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
-    out += [*settle_lines(found.settle), Line(), *detection.lines(found), Line()]
+    out += [Line(said.replace(": nothing", ": nothing changed")) for said in posterior.classes_in_words(found.classes)]
+    out += [*posterior.settle_lines(found.settle), Line(), *detection.lines(found), Line()]
     out += [alone(found), Line(ALONE_LEGEND, "dim"), Line(), flights(found), *by_flight(found)]
     out += [*note_lines(not_compared(found)), *not_tried_lines(found.untried), *note_lines(notes(found))]
     return [*out, *parameters.parts(parameters.of_flights(found.flights))]
@@ -168,7 +160,7 @@ def summary(found: Changed) -> str:
         words = name if first is None else in_words(found, first)
         said.append(f"{words}, confidence {share(found.confidence(name))}")
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
-    others = [" + ".join(s.names) for s in group[1:] if s.weight >= LIGHT]
+    others = [" + ".join(s.names) for s in group[1:] if s.weight >= posterior.LIGHT]
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
     return f"Changed: {' and '.join(said)}.{alike}{firm}"
@@ -263,7 +255,7 @@ def to_json(found: Changed) -> dict[str, Any]:
     """The body of the `changed` schema."""
     return {
         **entries(found, "verdict", "firm"),
-        "classes": [class_json(c, found.model.vehicle) for c in found.classes],
+        "classes": [posterior.class_json(c, found.model.vehicle) for c in found.classes],
         "parameters": [_parameter(p) for p in found.parameters],
         "odd": [o.flight for o in found.odd],
         "not_compared": [asdict(one) | {"reason": one.reason} for one in found.not_compared],
@@ -276,7 +268,7 @@ def to_json(found: Changed) -> dict[str, Any]:
             for a in found.alone
         ],
         "odd_because": found.odd,
-        "settle": settle_json(found.settle),
+        "settle": posterior.settle_json(found.settle),
         **entries(found, "healthy", "suspect", "scatter"),
         "scatter_from": "flights" if found.scatter_known else "typical values",
         "by_flight": [
@@ -307,7 +299,7 @@ def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
     said = note_lines(other_recordings(found)[:1], "warning")
     said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
-    said += [*map(Line, cheapest_check(found.settle)), *note_lines(outliers(found)[:1], "warning")]
+    said += [*map(Line, posterior.cheapest_check(found.settle)), *note_lines(outliers(found)[:1], "warning")]
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 

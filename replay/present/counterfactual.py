@@ -12,22 +12,8 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.simulation.tracking import Tracking
 from wrenchgap.replay.compensation import compensators as compensating
-from wrenchgap.replay.counterfactual.counterfactual import (
-    ATTITUDE_GOAL_DEG,
-    CHANGED,
-    EXPLAINED_GOAL,
-    NULL_RUN,
-    POSITION_GOAL_M,
-    WORSE_DEG,
-    Caveat,
-    CompensationHarms,
-    ControlLost,
-    Counterfactual,
-    FlownPlainly,
-    NullRunOff,
-    ReferenceEnds,
-    WeakLaw,
-)
+from wrenchgap.replay.counterfactual import counterfactual as resimulated
+from wrenchgap.replay.counterfactual.counterfactual import CHANGED, NULL_RUN, Counterfactual
 from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
@@ -45,30 +31,30 @@ def notes(result: Counterfactual) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*found, *sentences(result.inference.recording.notes))))
 
 
-def _sentence(caveat: Caveat, flight: str, model: str) -> str:
+def _sentence(caveat: resimulated.Caveat, flight: str, model: str) -> str:
     match caveat:
-        case ReferenceEnds():
+        case resimulated.ReferenceEnds():
             return f"{flight}: the reference covers only a part of the re-simulation; its ends are held."
-        case ControlLost(run, lost):
+        case resimulated.ControlLost(run, lost):
             return f"{flight}{_WHERE.get(run, f', {run}:')} {lost}; the re-simulation ends there"
-        case NullRunOff(off):
+        case resimulated.NullRunOff(off):
             return (
                 f"{flight}: the null run is {off.attitude_deg_max:.2f} deg and {100 * off.position_m_max:.1f} cm off "
-                f"the recorded flight at most (goal {ATTITUDE_GOAL_DEG} deg, {100 * POSITION_GOAL_M:.0f} cm): IMU and "
-                "odometry disagree, or the log is too coarse"
+                f"the recorded flight at most (goal {resimulated.ATTITUDE_GOAL_DEG} deg, "
+                f"{100 * resimulated.POSITION_GOAL_M:.0f} cm): IMU and odometry disagree, or the log is too coarse"
             )
-        case WeakLaw(axes):
+        case resimulated.WeakLaw(axes):
             return (
-                f"{flight}: the control law of {model} explains less than {100 * EXPLAINED_GOAL:.0f} % of the recorded "
-                f"{', '.join(axes)}: there the re-simulated feedback is unreliable; set [controller] to the gains of "
-                "the flight"
+                f"{flight}: the control law of {model} explains less than {100 * resimulated.EXPLAINED_GOAL:.0f} % of "
+                f"the recorded {', '.join(axes)}: there the re-simulated feedback is unreliable; set [controller] to "
+                "the gains of the flight"
             )
-        case CompensationHarms(before, after):
+        case resimulated.CompensationHarms(before, after):
             return (
                 f"with this compensation the attitude error grows from {before:.3f} to {after:.3f} deg (norm of the "
                 "axes' means): do not fly it; see what `wrenchgap learn --validate` says of the GP"
             )
-        case FlownPlainly(reason):
+        case resimulated.FlownPlainly(reason):
             return f"{flight}: re-simulated in plain numpy, which takes a hundred times as long as compiled: {reason}."
         case NotCompiled():
             return sentence(caveat)
@@ -109,7 +95,8 @@ def brief(result: Counterfactual) -> list[Part]:
     for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:
         third.add_row(name, *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
-        least = np.repeat([WORSE_DEG, 0.0], (6, 2))  # of an axis that hardly errs any change is large in per cent
+        # of an axis that hardly errs any change is large in per cent
+        least = np.repeat([resimulated.WORSE_DEG, 0.0], (6, 2))
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > least, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
     norms = {key: float(np.linalg.norm(one[:3])) for key, one in errors.items()}

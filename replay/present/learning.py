@@ -12,28 +12,13 @@ from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.process.alternatives import COMPARED, Alternative, Alternatives
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.learn.process.held_out_time import Coverage
-from wrenchgap.replay.compensation.compensators import (
-    LearntFromThisFlight,
-    LearnWarned,
-    OtherVersion,
-    ProcessCaveat,
-    Refused,
-)
-from wrenchgap.replay.present import comparison
+from wrenchgap.replay.compensation import compensators as compensating
+from wrenchgap.replay.present import comparison, verdicts
 from wrenchgap.replay.present.addition import bars_by_axis
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
-from wrenchgap.replay.present.verdicts import (
-    lags_in_words,
-    margin_in_words,
-    observer_in_words,
-    observer_json,
-    verdict,
-    verdicts,
-    verdicts_json,
-)
 
 
 def parts(learnt: Learnt) -> list[Part]:
@@ -52,8 +37,8 @@ def parts(learnt: Learnt) -> list[Part]:
             f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
         )
     )
-    out.append(Line(margin_in_words(learnt.margin)))
-    out += [Line(words) for words in (observer_in_words(gp), *lags_in_words(gp)) if words]
+    out.append(Line(verdicts.margin_in_words(learnt.margin)))
+    out += [Line(words) for words in (verdicts.observer_in_words(gp), *verdicts.lags_in_words(gp)) if words]
     if learnt.alternatives is not None and learnt.alternatives.tried:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
     return [*out, *note_lines(_notes(learnt))]
@@ -127,23 +112,23 @@ def caution(found: Caution) -> str:
             return found.text
 
 
-def of_process(caveats: Sequence[ProcessCaveat]) -> tuple[str, ...]:
+def of_process(caveats: Sequence[compensating.ProcessCaveat]) -> tuple[str, ...]:
     """What a user must know before compensating with a process, one sentence each."""
     return tuple(map(_caveat, caveats))
 
 
-def _caveat(found: ProcessCaveat) -> str:
+def _caveat(found: compensating.ProcessCaveat) -> str:
     match found:
-        case Refused(listed):
-            return " ".join(verdict(one) for one in listed)
-        case LearnWarned(warning):
+        case compensating.Refused(listed):
+            return " ".join(verdicts.verdict(one) for one in listed)
+        case compensating.LearnWarned(warning):
             return f"when this GP was learnt: {caution(warning)}"
-        case OtherVersion(model, physics):
+        case compensating.OtherVersion(model, physics):
             return (
                 f"the GP was learnt on another version of {model} ({physics}): the physics that is compensated is that "
                 "of the model given here."
             )
-        case LearntFromThisFlight(flight):
+        case compensating.LearntFromThisFlight(flight):
             return f"{flight}: the GP was learnt from this very flight: the result is optimistic; use an unseen one"
 
 
@@ -194,8 +179,8 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
         "coverage": {name: {"before": before, "after": after} for name, (before, after) in learnt.coverage.items()},
         "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
         "stability_margin": {"percentile_1": min(margin.least, 1e6), "lag_s": margin.lag, "delay_s": margin.delay},
-        "observer": observer_json(gp),
-        "verdicts": verdicts_json(gp),
+        "observer": verdicts.observer_json(gp),
+        "verdicts": verdicts.verdicts_json(gp),
         "training": comparison.to_json(learnt.training),
         "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
         "warnings": [caution(c) for c in learnt.cautions],
@@ -223,13 +208,13 @@ def brief(learnt: Learnt) -> list[Part]:
     """The verdicts, a margin below one, what would be better, warnings, and errors on the flights kept apart."""
     title, tested = list(_tested(learnt).items())[-1]
     advice = (better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption))
-    unsafe = [margin_in_words(learnt.margin)] if learnt.margin.least < 1.0 else []
+    unsafe = [verdicts.margin_in_words(learnt.margin)] if learnt.margin.least < 1.0 else []
     lines = [
         *note_lines(unsafe, "warning"),
         *map(Line, filter(None, advice)),
         *note_lines(map(caution, learnt.cautions), "warning"),
     ]
-    return [*verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]
+    return [*verdicts.verdicts(learnt.gp), *lines, Line(), _prediction(title, tested)]
 
 
 def of_axes(learnt: Learnt) -> dict[str, Any]:

@@ -8,15 +8,8 @@ import typer
 
 import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli import values
 from wrenchgap.replay.cli.requests import DetailedRun, Omit, Run
-from wrenchgap.replay.cli.values import (
-    complete_effects,
-    complete_trajectories,
-    parse_effects,
-    parse_room,
-    parse_seconds,
-    usage_error,
-)
 
 
 def _list(asked: bool) -> None:
@@ -40,7 +33,7 @@ def simulate(
             "See --list; or a file of `wrenchgap design`.",
             "--trajectory",
             "-t",
-            autocompletion=complete_trajectories,
+            autocompletion=values.complete_trajectories,
         ),
     ],
     output: Annotated[Path, o.output("LOG", "Log to write (.mcap).")],
@@ -72,7 +65,7 @@ def simulate(
 
     run.claim({"--output": output, "--truth": truth}, trajectory)
     if output.suffix != ".mcap":
-        raise usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
+        raise values.usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
     true, _, _ = prepare(plan)
     with run.progress("flying", "flying") as report:
@@ -110,7 +103,7 @@ def design(
         o.option(
             "EFFECT...",
             "Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
-            autocompletion=complete_effects,
+            autocompletion=values.complete_effects,
         ),
     ] = None,
     anyway: Annotated[
@@ -137,17 +130,19 @@ def design(
 
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
     if output.suffix != ".toml":
-        raise usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
+        raise values.usage_error(
+            f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml"
+        )
     base = run.model(model)
     limits = usual(base.vehicle)
     tilt = limits.tilt if max_tilt is None else float(np.radians(max_tilt))
-    along = None if also is None else parse_effects(",".join(n for n in also if n != "none"))
+    along = None if also is None else values.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = wg.design(
-            parse_effects(",".join(effects)),
+            values.parse_effects(",".join(effects)),
             base,
             run.open(reading.options, logs or [], base)[0],
-            limits=replace(limits, room=parse_room(room) or limits.room, tilt=tilt, speed=max_speed),
+            limits=replace(limits, room=values.parse_room(room) or limits.room, tilt=tilt, speed=max_speed),
             duration=duration,
             also=along,
             unmeasured=reading.options.unmeasured,
@@ -225,7 +220,7 @@ def predict(
     """
     run.claim({"--figure": figure}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
-    asked = {} if horizon is None else {"horizons": parse_seconds("--horizon", horizon)}
+    asked = {} if horizon is None else {"horizons": values.parse_seconds("--horizon", horizon)}
     process = run.gp(gp)
     with run.progress("predicting") as report:
         flights, _ = run.open(reading.options, logs, base)
