@@ -15,6 +15,8 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
+Progress = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
 WIDER: dict[Any, Any] = {float: Real, int: Integral, bool: bool | np.bool_, Path: os.PathLike}
 """What stands for a type as well: numbers of numpy, and whatever is a path."""
 

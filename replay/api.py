@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight import Flight, UsageError, write
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn import Comparison, Design, Explanation, FitSettings, GaussianProcess, Learnt, Limits, LogReport
 from wrenchgap.learn.data import comparison
@@ -41,8 +41,6 @@ from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 from wrenchgap.replay.prediction import open_loop_beside
 from wrenchgap.replay.report import report as report
-
-Progress = Callable[[float, str], None]
 
 
 @check_arguments

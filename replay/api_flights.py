@@ -1,10 +1,10 @@
 """Public functions that look at logs without a model, and ask what differs; the others are in `replay.api`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.learn import GaussianProcess, Trend
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed
@@ -25,7 +25,7 @@ def check(
     model: Model | Addition | None = None,
     options: ReadOptions | None = None,
     *,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
     **more: Any,
 ) -> Health:
     """What a flight engineer looks at first, without a model: phases, motors, vibration, battery, estimator, rates.
@@ -70,7 +70,7 @@ def changed(
     names: Sequence[str] = (),
     injections: int = 0,
     jobs: int | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Changed:
     """What changed on suspect flights against healthy ones of the same vehicle, where on it, and what to inspect.
 
@@ -89,7 +89,7 @@ def trend(
     effects: Sequence[str] = (),
     *,
     parts: bool = False,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Trend:
     """Each flight fitted by itself, in the order given, and which parameters stepped or drifted over the flights.
 
@@ -108,7 +108,7 @@ def predict(
     *others: Model | Addition,
     gp: GaussianProcess | None = None,
     horizons: Sequence[float] = HORIZONS,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> OpenLoop:
     """How far models are off when they predict the motion from the logged commands alone, `horizons` [s] ahead.
 

@@ -1,13 +1,13 @@
 """Public functions that make a model or look at one; the others are in `replay.api`."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.budget import Budget
 from wrenchgap.learn.data.checks import usable_cutoff
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
@@ -69,7 +69,7 @@ def calibrate(
     model: Model | Addition,
     *,
     validate: Flights = (),
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Calibration:
     """A model trimmed on healthy flights: what helps on held-out time is changed, and nothing else.
 

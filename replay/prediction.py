@@ -15,7 +15,7 @@ that the vehicle meets), and the model's values are drawn with their standard de
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import LogError, ModelError, UsageError, so3
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, OpenFlight
@@ -113,7 +114,7 @@ def open_loop(
     most: int = MOST_STARTS,
     drawn: int = DRAWN,
     seed: int = 0,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> OpenLoop:
     """Predict flights that were opened for `model` over `horizons` [s]: without a model, nominal, with effects, others.
 

@@ -22,7 +22,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
@@ -129,7 +129,7 @@ def ready(
     payload: float = 0.0,
     wind: float = 0.0,
     voltage: float | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Readiness:
     """Whether a vehicle keeps its authority and its margins on a flight that it has not flown yet.
 

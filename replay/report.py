@@ -5,7 +5,7 @@
 here; `replay.present.report` writes them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
@@ -34,8 +34,6 @@ from wrenchgap.plant.history import order_of_addition
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 from wrenchgap.replay.prediction import OpenLoop, open_loop_beside
-
-Progress = Callable[[float, str], None]
 
 AT_THE_FLOOR = 1.2
 """Ratio of rms to sensor noise, by axis, below which nothing remains to be learnt."""

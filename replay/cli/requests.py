@@ -24,14 +24,12 @@ from wrenchgap.replay import present
 from wrenchgap.replay.cli import options as o
 
 if TYPE_CHECKING:
+    from wrenchgap.flight.arguments import Progress
     from wrenchgap.learn.data.opening import OpenFlight
     from wrenchgap.learn.data.read_options import ReadOptions
     from wrenchgap.learn.process.gp import GaussianProcess
     from wrenchgap.plant.model import Model
 
-
-Report = Callable[[float, str], None]
-"""Called with the fraction done (0 to 1) and what is being done."""
 
 PATIENCE = 10.0
 """Seconds between lines of progress where standard error is no terminal."""
@@ -62,7 +60,7 @@ def console(least: int = 120, least_prose: int = 60) -> Any:
 
 
 @contextmanager
-def progress(label: str, quiet: bool = False) -> Iterator[Report]:
+def progress(label: str, quiet: bool = False) -> Iterator[Progress]:
     """Progress of long work: a bar on a terminal that goes away, else a line every `PATIENCE` seconds."""
     if quiet:
         yield lambda fraction, words: None
@@ -128,7 +126,7 @@ class Run:
         claim(self._outputs, force=self.force, inputs=read)
 
     @contextmanager
-    def progress(self, label: str, first: str = "reading logs") -> Iterator[Report]:
+    def progress(self, label: str, first: str = "reading logs") -> Iterator[Progress]:
         """Progress on standard error; `first` is what is done first."""
         with progress(label, self.quiet) as report:
             report(0.0, first)

@@ -11,7 +11,6 @@ where the log has no motion, in gaps and at their edges.
 """
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.compensate.run import BLOCK, run
-from wrenchgap.flight.arguments import check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
@@ -41,8 +40,6 @@ from wrenchgap.replay.compensation import source as sources
 from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats, gp_of
 from wrenchgap.replay.compensation.compensators import compensator as made_for
 from wrenchgap.replay.compensation.source import Source, at_stamps, starts
-
-Progress = Callable[[float, str], None]
 
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""

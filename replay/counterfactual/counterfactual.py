@@ -22,6 +22,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.compensate import Combined, Compensator
 from wrenchgap.compensate.lbfgs import NotCompiled
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import check_effects
@@ -38,9 +39,6 @@ from wrenchgap.plant.simulation.simulate import as_flight
 from wrenchgap.plant.simulation.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
 from wrenchgap.plant.stability import Margin, margin_of_model
 from wrenchgap.replay.counterfactual.change import Change
-
-Progress = Callable[[float, str], None]
-"""Called with the fraction done (0 to 1) and what is being done."""
 
 ATTITUDE_GOAL_DEG, POSITION_GOAL_M = 0.5, 0.02
 """Largest error of a null run with which a counterfactual can be believed."""

@@ -6,7 +6,7 @@ Before there is a model a session of the page shows what the logs themselves hol
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from wrenchgap.plant.drafts.sources import Given
 from wrenchgap.plant.reader import text_of
 from wrenchgap.replay.session.log_session import FLOORS, XYZ, LogSession
 from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.viewer.session import Capabilities, MakePanel, Scene, Series, Session, Stretch
+from wrenchgap.viewer.session import Capabilities, MakePanel, Report, Scene, Series, Session, Stretch
 
 NOTHING_YET = "no log yet"
 FILTERED = ("imu", "actuators", "commanded")
@@ -39,7 +39,6 @@ MOST_LOGS = 8
 """On the page: `check` shows them side by side."""
 UNKNOWN = Vehicle("a vehicle without a model", Body(1.0, 0.01 * np.eye(3), np.zeros(3)), None, None, np.zeros(3))
 """What is drawn before there is a model: a ball of 0.3 m with a nose."""
-Report = Callable[[float, str], None]
 
 
 def _folder() -> Path:

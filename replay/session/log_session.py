@@ -7,7 +7,7 @@ it. One class each does the analysis: where the model fails, effects, compensati
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
@@ -39,7 +39,7 @@ from wrenchgap.replay.session.panels.failure import FailurePanel, SessionFailure
 from wrenchgap.replay.session.panels.ready import ReadyPanel
 from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.replay.session.working_model import WorkingModel
-from wrenchgap.viewer.session import Capabilities, MakePanel, PathsAhead, Scene, Series, Stretch
+from wrenchgap.viewer.session import Capabilities, MakePanel, PathsAhead, Report, Scene, Series, Stretch
 
 if TYPE_CHECKING:
     from wrenchgap.replay.session.panels.changed import SessionComparisons
@@ -112,7 +112,7 @@ class LogSession:
         found = self.working.flight(flight).flight
         return channels_of(found.path, found, self._budget)
 
-    def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
+    def report(self, flight: str, progress: Report) -> str:
         """The HTML report: the current model fitted on the flight, tested on all others. Takes minutes.
 
         A GP belongs to the model that it was learnt on, and is left out once that has changed.

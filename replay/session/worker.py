@@ -18,9 +18,9 @@ from wrenchgap.flight.errors import FitError, WrenchgapError
 from wrenchgap.flight.work_files import folder
 from wrenchgap.learn.parallel import DIED, begin, own_files, portable
 from wrenchgap.learn.worker import WorkerDied, Workers, tell
+from wrenchgap.viewer.session import Report
 
 T = TypeVar("T")
-Report = Callable[[float, str], None]
 
 
 def worker_result(work: Callable[[Report], T], report: Report, patience: float = 0.1) -> T:
