@@ -45,12 +45,15 @@ def parse_between(texts: Sequence[str] | None) -> tuple[tuple[float, float], ...
     return tuple(found) or None
 
 
-def parse_seconds(option: str, text: str) -> tuple[float, ...]:
-    """`"0.1,0.5"` as (0.1, 0.5); raises UsageError on anything but numbers."""
+def parse_numbers(option: str, text: str, expected: str, count: int | None = None) -> tuple[float, ...]:
+    """`"0.1,0.5"` as (0.1, 0.5), so many as `count`; raises UsageError on anything but numbers."""
     try:
-        return tuple(float(part) for part in text.split(","))
+        found = tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise usage_error(f"{option} {text}: expected numbers of seconds, e.g. {option} 0.1,0.5,1") from None
+        found = ()
+    if not found or count not in (None, len(found)):
+        raise usage_error(f"{option} {text}: expected {expected}")
+    return found
 
 
 def parse_shifts(texts: Sequence[str] | None) -> dict[str, float]:
@@ -110,17 +113,6 @@ def parse_outputs(text: str) -> tuple[str, ...]:
     if wrong or not names or len(set(names)) < len(names):
         raise usage_error(f"--outputs {text}: expected torque, wrench, or different names out of {', '.join(AXES)}")
     return names
-
-
-def parse_room(text: str | None) -> tuple[float, float, float] | None:
-    """`"4,4,3"` as three lengths [m]; raises UsageError on anything else."""
-    if text is None:
-        return None
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise usage_error(f"--room {text}: expected three lengths in metres, e.g. --room 4,4,3") from None
-    return x, y, z
 
 
 def parse_names(text: str | None) -> tuple[str, ...]:

@@ -135,6 +135,9 @@ def design(
         )
     base = run.model(model)
     limits = usual(base.vehicle)
+    x, y, z = limits.room
+    if room is not None:
+        x, y, z = values.parse_numbers("--room", room, "three lengths in metres, e.g. --room 4,4,3", 3)
     tilt = limits.tilt if max_tilt is None else float(np.radians(max_tilt))
     along = None if also is None else values.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
@@ -142,7 +145,7 @@ def design(
             values.parse_effects(",".join(effects)),
             base,
             run.open(reading.options, logs or [], base)[0],
-            limits=replace(limits, room=values.parse_room(room) or limits.room, tilt=tilt, speed=max_speed),
+            limits=replace(limits, room=(x, y, z), tilt=tilt, speed=max_speed),
             duration=duration,
             also=along,
             unmeasured=reading.options.unmeasured,
@@ -220,7 +223,9 @@ def predict(
     """
     run.claim({"--figure": figure}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
-    asked = {} if horizon is None else {"horizons": values.parse_seconds("--horizon", horizon)}
+    asked = {}
+    if horizon is not None:
+        asked["horizons"] = values.parse_numbers("--horizon", horizon, "numbers of seconds, e.g. --horizon 0.1,0.5,1")
     process = run.gp(gp)
     with run.progress("predicting") as report:
         flights, _ = run.open(reading.options, logs, base)

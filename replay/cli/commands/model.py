@@ -13,7 +13,7 @@ from wrenchgap.plant.targets import TARGETS
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.export import Precision
 from wrenchgap.replay.cli.requests import DetailedRun, Run
-from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, usage_error
+from wrenchgap.replay.cli.values import complete_effects, parse_budget, parse_effects, parse_numbers, usage_error
 
 Target = StrEnum("Target", list(TARGETS))  # type: ignore[misc]  # known when this is imported, not to mypy
 """What `write` writes for."""
@@ -265,10 +265,7 @@ def effectiveness(
     for option, path in (("--figure", figure), ("--csv", csv), ("--json", run.json)):
         if output is not None and path is not None and resolved(output) in resolved(path).parents:
             raise usage_error(f"{option} {path}: is in --output {output}, which is replaced as a whole; choose another")
-    try:
-        angles = np.radians([float(word) for word in tilt.split(",")])
-    except ValueError:
-        raise usage_error(f"--tilt {tilt}: expected degrees, one or several with commas between") from None
+    angles = np.radians(parse_numbers("--tilt", tilt, "degrees, one or several with commas between"))
     read = run.model(model)
     found = wg.effectiveness(read, angles.tolist())
     more: dict[str, Any] = {"left": None, "margins": None, "folder": None if output is None else str(output)}
