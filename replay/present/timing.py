@@ -6,15 +6,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.offsets import Offset, Problem
-from wrenchgap.learn.diagnose.timing import (
-    Drift,
-    FeedbackDominated,
-    FlightTiming,
-    LateResponse,
-    OdometryOffset,
-    TimingWarning,
-    UnevenOffset,
-)
+from wrenchgap.learn.diagnose import timing as diagnosed
+from wrenchgap.learn.diagnose.timing import FlightTiming
 from wrenchgap.replay.present.numbers import by_reason, entries, number
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
@@ -118,30 +111,30 @@ def in_short(flights: Sequence[FlightTiming]) -> list[str]:
     return [f"{said[0]}{f' ({len(said) - 1} more: --details)' if len(said) > 1 else ''}"] if said else []
 
 
-def _warning(warning: TimingWarning) -> str:
+def _warning(warning: diagnosed.TimingWarning) -> str:
     match warning:
-        case OdometryOffset(seconds, error):
+        case diagnosed.OdometryOffset(seconds, error):
             return (
                 f"The odometry {'lags' if seconds > 0 else 'leads'} the IMU by {1e3 * abs(seconds):.1f} ms: effects "
                 f"that are driven by speed or attitude come out up to {100 * error:.0f} % wrong. Read it with "
                 f"--shift odometry={-seconds:.4f}."
             )
-        case UnevenOffset(offsets):
+        case diagnosed.UnevenOffset(offsets):
             listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in offsets)
             return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
-        case Drift(o, one_clock):
+        case diagnosed.Drift(o, one_clock):
             why = "one clock stamps both, so a delay changes: an estimator's, or a link's" if one_clock else TWO_CLOCKS
             return (
                 f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
                 f"{_per_minute(o.drift_std, sign=False)} ms/min: {why}."
             )
-        case LateResponse(responses):
+        case diagnosed.LateResponse(responses):
             listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in responses)
             return (
                 f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or "
                 "the clocks of commands and IMU, and `explain` ranks the first three."
             )
-        case FeedbackDominated(axes):
+        case diagnosed.FeedbackDominated(axes):
             return (
                 f"On {', '.join(axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
                 "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds "
