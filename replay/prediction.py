@@ -13,8 +13,6 @@ put into predictions at other times of these flights (a block bootstrap: its spe
 that the vehicle meets), and the model's values are drawn with their standard deviations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -13,8 +13,6 @@ What the flights could not show is not in the draws: where the trajectory goes b
 are never nearer to one than those of `explain`: no catalogue of effects is complete.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

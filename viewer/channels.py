@@ -1,7 +1,5 @@
 """Any channel of the log as a plot: a tab in which channels are found by name, added and removed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

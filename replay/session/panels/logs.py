@@ -1,7 +1,5 @@
 """Logs: drop them, read what `check` says of them, and make the model that all other tabs need."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from contextlib import suppress
