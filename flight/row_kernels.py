@@ -1,9 +1,4 @@
-"""Passes over the rows of a series, compiled, without an array for each step.
-
-What is asked of hours of log is often one number a column: its largest size, how often it repeats itself. Numpy needs
-an array of the same size for each comparison, and goes down the columns of a matrix in strides
-(tests/flight/test_row_kernels.py compares).
-"""
+"""Passes over the rows of a series; those in which a row depends on the one before, or many are summed, compiled."""
 
 import numpy as np
 from numba import njit
@@ -12,50 +7,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-
 TILE = 1024
 """Numbers that are gone through at a time: they stay in the nearest cache."""
-
-
-@njit(cache=True, nogil=True)
-def largest(values: Array) -> Array:
-    """Largest size in each column (C,) of values (N, C); what is not a number counts as nothing."""
-    found = np.zeros(values.shape[1])
-    for i in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            size = abs(values[i, k])
-            if size > found[k]:
-                found[k] = size
-    return found
-
-
-@njit(cache=True, nogil=True)
-def _lengths(values: Array) -> Array:
-    out = np.empty(values.shape[0])
-    for i in range(values.shape[0]):
-        total = 0.0
-        for k in range(values.shape[1]):
-            total += values[i, k] * values[i, k]
-        out[i] = np.sqrt(total)
-    return out
-
-
-def lengths(values: Array) -> Array:
-    """Euclidean length (N,) of each row of values (N, C)."""
-    return np.asarray(_lengths(np.ascontiguousarray(values, dtype=float)))
-
-
-@njit(cache=True, nogil=True)
-def beyond(values: Array, limit: float) -> bool:
-    """Whether any of the values (N, C) is larger than a limit, or no number."""
-    flat = values.reshape(-1)
-    for start in range(0, len(flat), TILE):
-        tile, wrong = flat[start : start + TILE], 0
-        for i in range(len(tile)):
-            wrong += not abs(tile[i]) <= limit
-        if wrong:
-            return True
-    return False
 
 
 @njit(cache=True, nogil=True)
@@ -72,31 +25,6 @@ def repeats(values: Array) -> Counts:
                     out[1, k] = run[k]
             else:
                 run[k] = 0
-    return out
-
-
-@njit(cache=True, nogil=True)
-def interpolated(time: Array, knots: Array, values: Array) -> Array:
-    """Columns of values (K, C) at increasing `knots` (K,), linear in between, at `time` (N,); held beyond the ends.
-
-    The same bits as numpy.interp of each column. Each place is looked for from the last one on.
-    """
-    out = np.empty((len(time), values.shape[1]))
-    last, j = len(knots) - 1, 0
-    for i in range(len(time)):
-        t = time[i]
-        if j > 0 and t < knots[j]:
-            j = max(np.searchsorted(knots, t, side="right") - 1, 0)
-        while j < last and knots[j + 1] <= t:
-            j += 1
-        for k in range(values.shape[1]):
-            if np.isnan(t):
-                out[i, k] = np.nan
-            elif j == last or t <= knots[j]:
-                out[i, k] = values[j, k]
-            else:
-                slope = (values[j + 1, k] - values[j, k]) / (knots[j + 1] - knots[j])
-                out[i, k] = slope * (t - knots[j]) + values[j, k]
     return out
 
 
@@ -126,17 +54,6 @@ def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
                     slope = (reached[k] + values[j, k] * step - reached[k]) / step
                     at = slope * (t - knots[j]) + reached[k]
                 out[i, k] = at if side == 0 else (at - out[i, k]) / window
-    return out
-
-
-@njit(cache=True, nogil=True)
-def integral(time: Array, values: Array) -> Array:
-    """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
-    out = np.zeros(values.shape)
-    for i in range(1, len(values)):
-        step = time[i] - time[i - 1]
-        for k in range(values.shape[1]):
-            out[i, k] = out[i - 1, k] + 0.5 * (values[i, k] + values[i - 1, k]) * step
     return out
 
 
@@ -172,6 +89,17 @@ def correlated(values: Array, weights: Array) -> Array:
             for i in range(len(tile)):
                 tile[i] += a * f[i]
     return out
+
+
+def lengths(values: Array) -> Array:
+    """Euclidean length (N,) of each row of values (N, C)."""
+    return np.asarray(np.sqrt(sum(column * column for column in values.T)))
+
+
+def integral(time: Array, values: Array) -> Array:
+    """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
+    return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
 
 
 def varying(values: Array) -> NDArray[np.bool_]:

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import row_kernels
 from wrenchgap.flight.flight import Array, Gap
 
 Stamps = NDArray[np.int64]
@@ -156,8 +155,10 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
     """Columns (K, C) at `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
     if not len(knots):
         raise ValueError("nothing to interpolate")
-    whole = (np.ascontiguousarray(item, dtype=float) for item in (time, knots, values))
-    return np.asarray(row_kernels.interpolated(*whole))
+    out = np.empty((len(time), values.shape[1]))
+    for k, column in enumerate(values.T):
+        out[:, k] = np.interp(time, knots, column)
+    return out
 
 
 PIECE = 1 << 17

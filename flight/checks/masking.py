@@ -110,9 +110,10 @@ def spikes(series: Series) -> NDArray[np.bool_]:
         if values is None:
             continue
         beyond = np.zeros(len(values), dtype=bool)
-        for k in np.flatnonzero(row_kernels.largest(values) > limit):
-            size = np.nan_to_num(np.abs(values[:, k]))
-            beyond |= (size > limit) & (size > MASKING.spike * np.percentile(size, 95))
+        for column in values.T:
+            size = np.nan_to_num(np.abs(column))
+            if size.max() > limit:
+                beyond |= (size > limit) & (size > MASKING.spike * np.percentile(size, 95))
         if beyond.any() and beyond.mean() <= MASKING.rare:
             bad |= beyond
     return bad

@@ -133,7 +133,7 @@ def motion_means(flight: Flight) -> MotionMeans | None:
 
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:
     """Means (K, C) of a signal, straight between its samples, over intervals."""
-    integral = row_kernels.integral(series.time, np.ascontiguousarray(values))
+    integral = row_kernels.integral(series.time, values)
     until, since = (interpolated(at, series.time, integral) for at in (stop, start))
     return np.asarray((until - since) / (stop - start)[:, None])
 

@@ -1,4 +1,4 @@
-"""Compiled passes over rows against numpy's and scipy's own functions, and local cubics against a polynomial."""
+"""Passes over rows against closed forms and scipy's own functions, and local cubics against a polynomial."""
 
 from itertools import groupby
 
@@ -36,40 +36,12 @@ def test_integrals_are_the_trapezoid_rules(values):
     np.testing.assert_allclose(row_kernels.integral(time, values), expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("columns", [1, 2, 3, 4, 6])
-def test_lengths_are_numpys_norms(columns):
-    rows = np.random.default_rng(2).normal(size=(2000, 7))[:, :columns]  # not side by side in memory
-    np.testing.assert_array_equal(row_kernels.lengths(rows), np.linalg.norm(rows, axis=1))
-
-
-def test_the_largest_size_of_a_column_is_that_of_its_numbers(values):
-    np.testing.assert_array_equal(row_kernels.largest(values), np.abs(values).max(axis=0))
-    values[17, 1] = -50.0
-    values[7, 0], values[9, 2] = np.nan, -np.inf
-    assert row_kernels.largest(values).tolist() == [np.nanmax(np.abs(values[:, 0])), 50.0, np.inf]
-    assert row_kernels.largest(np.zeros((0, 2))).tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize(("wrong", "found"), [(1.0, False), (1e13, True), (-np.inf, True), (np.nan, True)])
-@pytest.mark.parametrize("row", [0, 4999])
-def test_a_value_beyond_a_limit_is_found_wherever_it_is(values, wrong, found, row):
-    values[row, 1] = wrong
-    assert row_kernels.beyond(values, 1e12) is found
-
-
-def test_interpolation_is_numpys_also_beyond_the_ends_and_where_places_go_back(values):
-    rng = np.random.default_rng(2)
-    knots = np.sort(rng.uniform(0.0, 10.0, len(values)))
-    time = rng.uniform(-1.0, 11.0, 5000)
-    time[:3] = knots[[0, 17, -1]]
-    values[20, 0] = np.nan  # spoils what lies on both sides of it, but not its neighbours
-    for places in (time, np.sort(time), time[:5], np.append(knots[18:23], np.nan)):
-        for count in (1, 2, len(values)):
-            expected = np.stack([np.interp(places, knots[:count], column[:count]) for column in values.T], axis=1)
-            expected[np.isnan(places)] = np.nan
-            np.testing.assert_array_equal(interpolated(places, knots[:count], values[:count]), expected)
+def test_interpolation_holds_the_ends_and_needs_a_knot():
+    knots, values = np.array([0.0, 1.0, 3.0]), np.array([[0.0, 5.0], [2.0, 5.0], [4.0, 5.0]])
+    found = interpolated(np.array([2.0, -1.0, 9.0]), knots, values)
+    np.testing.assert_array_equal(found, [[3.0, 5.0], [0.0, 5.0], [4.0, 5.0]])
     with pytest.raises(ValueError, match="nothing to interpolate"):
-        interpolated(time, knots[:0], values[:0])
+        interpolated(knots, knots[:0], values[:0])
 
 
 def test_columns_that_change_and_columns_without_a_number_are_told_apart():
