@@ -18,13 +18,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask, Stamps
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.stamps import thinned
-
-Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -306,7 +303,7 @@ def _seconds(stamps_ns: Stamps) -> Array:
     return np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
 
 
-def _line(x: Array, y: Array) -> tuple[float, float, NDArray[np.bool_]]:
+def _line(x: Array, y: Array) -> tuple[float, float, Mask]:
     """Slope, intercept and inliers of a robust straight line."""
     inliers = np.ones(len(x), dtype=bool)
     slope, intercept = 1.0, float(np.median(y - x))

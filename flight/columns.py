@@ -6,11 +6,10 @@ The frame of a velocity, rate or acceleration is asked of the pose, whose deriva
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.filters import smooth
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import PART_QUANTITY, Source
 from wrenchgap.flight.row_kernels import empty
@@ -61,9 +60,7 @@ def empty_columns(values: Array, name: str) -> list[int]:
     return [i for half in (range(3), range(3, 6)) if none[list(half)].all() for i in half]
 
 
-def sound_rows(
-    values: Array, absent: Sequence[int], absurd_from: float = 1e12
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def sound_rows(values: Array, absent: Sequence[int], absurd_from: float = 1e12) -> tuple[Mask, Mask]:
     """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers.
 
     No quantity of a flight is as large in SI: a damaged sample.

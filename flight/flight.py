@@ -20,6 +20,10 @@ GRAVITY = 9.80665
 """Standard gravity [m/s^2], the one value that every layer uses; CGPM 1901, by definition."""
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Stamps = NDArray[np.int64]
+"""Times in ns since 1970, or since an autopilot's start."""
 
 SpeedUnit = Literal["rad/s", "normalised", "pwm"]
 """In what rotor commands are: speeds, a share of full throttle, or pulse widths [us]."""

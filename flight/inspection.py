@@ -16,11 +16,11 @@ from wrenchgap.flight.check import Check, accepting
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.clocks import Relation, one_clock, relation, without_jumps
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.flight import Array, Flight, Stamps
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.load import assigned, build
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment
-from wrenchgap.flight.stamps import Stamps, Steps
+from wrenchgap.flight.stamps import Steps
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from wrenchgap._escaping import printable
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.checks import with_checks
-from wrenchgap.flight.clocks import Stamps, Timing, one_clock
+from wrenchgap.flight.clocks import Timing, one_clock
 from wrenchgap.flight.columns import Rows, Slope, best_frame, empty_columns, in_other_axes, slope_of, sound_rows, vector
 from wrenchgap.flight.command_units import option_for, with_units
 from wrenchgap.flight.errors import LogError, UsageError
@@ -28,6 +28,7 @@ from wrenchgap.flight.flight import (
     OdometrySeries,
     ReferenceSeries,
     Series,
+    Stamps,
 )
 from wrenchgap.flight.formats import Log, give_away, read_log
 from wrenchgap.flight.formats.headers import listed

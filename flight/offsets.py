@@ -30,10 +30,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.block_integrals import Complex, integrals
-from wrenchgap.flight.flight import Array, Gap
+from wrenchgap.flight.flight import Array, Gap, Mask
 from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import nominal_period
 
@@ -265,7 +264,7 @@ class Correlated:
         curvatures = (chosen.reshape(count, -1) @ (turn * self.heard).reshape(-1)).real
         return delay, score - curvatures * (delay - before) if delay == delay else score, curvatures
 
-    def parts(self, chosen: Iterable[tuple[str, NDArray[np.bool_]]]) -> tuple[Part, ...]:
+    def parts(self, chosen: Iterable[tuple[str, Mask]]) -> tuple[Part, ...]:
         """The delays of some blocks, axes or frequencies alone, by their names and masks on `u`."""
         out = []
         for name, mask in chosen:

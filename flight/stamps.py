@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array, Gap
-
-Stamps = NDArray[np.int64]
+from wrenchgap.flight.flight import Array, Gap, Indices, Mask, Stamps
 
 MANY = 4096
 """Stamps from which on it is worth looking whether others like them were sorted before."""
@@ -116,7 +113,7 @@ def gaps_of(time: Array) -> tuple[Gap, ...]:
     return Steps(time).gaps
 
 
-def increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
+def increasing(stamps: Stamps) -> tuple[Indices, dict[str, int]]:
     """Indices of the longest strictly increasing choice of stamps, and how many others there are and why.
 
     One wrong stamp in the future costs one sample, not all that follow.
@@ -145,7 +142,7 @@ def increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
     return keep, {"duplicate stamp": duplicates, "stamp not increasing": len(others) - duplicates}
 
 
-def nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
+def nearest(wanted: Stamps, stamps: Stamps) -> Indices:
     """Index of the nearest of `stamps` to each of `wanted`."""
     right = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)
     return right - (wanted - stamps[right - 1] < stamps[right] - wanted)
@@ -181,12 +178,12 @@ def spread(count: int, most: int, run: int) -> list[slice]:
     return [slice(start, start + run) for start in np.linspace(0, count - run, runs).astype(int).tolist()]
 
 
-def thinned(count: int, most: int) -> slice | NDArray[np.intp]:
+def thinned(count: int, most: int) -> slice | Indices:
     """At most `most` of `count` rows, evenly spread."""
     return slice(None) if count <= most else np.linspace(0, count - 1, most).astype(np.intp)
 
 
-def away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:
+def away_from_gaps(time: Array, margin: float = 0.3) -> Mask:
     """Samples at which a smoothed derivative means something."""
     inside = (time > time[0] + margin) & (time < time[-1] - margin)
     for gap in gaps_of(time):

@@ -19,14 +19,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 
-Flags = NDArray[np.bool_]
 TURN = 2.0 * np.pi
 LIMITS = ("rotor_speed", "tilt_rate", "tilt_range", "held")
 
@@ -41,13 +39,13 @@ class Saturation:
     held: int = 0
 
 
-def _columns(arms: Arms, rotors: Rotors) -> tuple[Array, list[tuple[int, NDArray[np.intp]]]]:
+def _columns(arms: Arms, rotors: Rotors) -> tuple[Array, list[tuple[int, Indices]]]:
     """Columns of A (6, K), and for each group of unknowns its arm and rotors.
 
     A tilting arm owns two columns, lateral then vertical, of its summed thrust; a fixed arm one per rotor.
     """
     columns: list[Array] = []
-    groups: list[tuple[int, NDArray[np.intp]]] = []
+    groups: list[tuple[int, Indices]] = []
     lateral = arms.lateral_B
     for i in range(len(arms)):
         members = np.flatnonzero(rotors.arm == i)
@@ -82,7 +80,7 @@ class Allocation:
         return np.asarray(wrench_B @ (self.matrix @ self.inverse).T)
 
     def step(
-        self, wrench_B: Array, before: Array, fresh: Flags | bool = False, dt: float | None = None
+        self, wrench_B: Array, before: Array, fresh: Mask | bool = False, dt: float | None = None
     ) -> tuple[Array, Array, Array]:
         """Commands for one wrench.
 
@@ -129,7 +127,7 @@ class Allocation:
         limited = [np.minimum(np.sum(1.0 * where, keepdims=True), 1.0) for where in (over, slow, beyond, weak)]
         return tilt, speed, np.concatenate(limited)
 
-    def rate_limited(self, tilt: Array, before: Array, fresh: Flags | bool, dt: float | None) -> tuple[Array, Array]:
+    def rate_limited(self, tilt: Array, before: Array, fresh: Mask | bool, dt: float | None) -> tuple[Array, Array]:
         """Angles (T,) of tilting arms, turned and limited in rate (see the module), and where the rate was limited."""
         arms, _ = self.vehicle.geometry()
         least, most = arms.tilt_min[arms.tilts], arms.tilt_max[arms.tilts]

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.state import Commands, Motion, State
@@ -45,7 +44,7 @@ class Demand:
     least: Array
     tilt: Array
     tilt_rate: Array
-    reached: NDArray[np.bool_]
+    reached: Mask
 
 
 def demand(models: Sequence[WrenchModel], state: State, motion: Motion, dt: float, disturbances: Array) -> Demand:

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.plant.state import State
 
 
@@ -119,7 +118,7 @@ def needs_state(model: MismatchModel | Follows) -> bool:
     return bool(getattr(model, "needs_state", False))
 
 
-def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:
+def output_indices(outputs: tuple[str, ...]) -> Indices:
     """Places (L,) of the named components in a wrench; raises ModelError on a name that is none or comes twice."""
     for name in outputs:
         if name not in AXES:

@@ -11,13 +11,12 @@ from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.vehicle import Vehicle
 
-Index = slice | NDArray[np.intp]
+Index = slice | Indices
 Arrays = TypeVar("Arrays")
 """A dataclass of arrays (N, ...) over the same samples; None where unknown."""
 

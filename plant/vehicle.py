@@ -17,11 +17,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import GRAVITY as GRAVITY
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 
 PART = re.compile(r"(arm|rotor)_(\d+)")
 """The name of an arm or a rotor in parameters of effects and in JSON keys, in the order of the model file."""
@@ -62,7 +61,7 @@ class Arms:
     position_B: Array
     axis_B: Array
     normal_B: Array
-    tilts: NDArray[np.bool_]
+    tilts: Mask
     tilt_min: Array
     tilt_max: Array
     tilt_rate_max: Array
@@ -94,7 +93,7 @@ class Rotors:
         Limits of the speed [rad/s].
     """
 
-    arm: NDArray[np.intp]
+    arm: Indices
     offset: Array
     spin: Array
     c_f: Array

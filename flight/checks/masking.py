@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels
 from wrenchgap.flight.check import Check, TimeLeftOut
-from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.flight import Array, Flight, Mask, Series
 from wrenchgap.flight.stamps import gaps_of
 
 LIMITS = {"specific_force_B": 500.0, "omega_B": 100.0, "velocity_E": 300.0, "position_E": 1e5}
@@ -102,7 +101,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
     return flight, tuple(found), tuple(left)
 
 
-def spikes(series: Series) -> NDArray[np.bool_]:
+def spikes(series: Series) -> Mask:
     """Samples (N,) of which a value is beyond what is possible and beyond its channel."""
     bad = np.zeros(len(series.time), dtype=bool)
     for name, limit in LIMITS.items():
@@ -119,7 +118,7 @@ def spikes(series: Series) -> NDArray[np.bool_]:
     return bad
 
 
-def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, split: bool) -> Flight:
+def without(flight: Flight, role: str, bad: Mask, why: str, *, split: bool) -> Flight:
     """The flight without some samples of a role, counted as dropped; with `split` each run of them is a gap.
 
     What is left of a series does not begin or end with a gap.

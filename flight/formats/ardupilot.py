@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.standard_topics import (
     RPM,
     Made,
     Messages,
-    Stamps,
     are_pulses,
     cropped,
     cubic_at,

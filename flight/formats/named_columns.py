@@ -10,16 +10,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
+from wrenchgap.flight.flight import GRAVITY, Array, Mask, SpeedUnit, Stamps
 from wrenchgap.flight.formats import unit_evidence
 from wrenchgap.flight.formats.header_names import BLACKBOX, CRAZYFLIE, UNITS
 from wrenchgap.flight.formats.headers import Meaning, listed, meaning
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
-from wrenchgap.flight.formats.standard_topics import Stamps, StandardTopic, taken
+from wrenchgap.flight.formats.standard_topics import StandardTopic, taken
 from wrenchgap.flight.formats.table import Columns, Table
 
 
@@ -89,7 +88,7 @@ class _Known:
     usual: dict[str, str] = field(default_factory=dict)
     unknown: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    beyond: NDArray[np.bool_] = field(init=False)
+    beyond: Mask = field(init=False)
     """Rows (N,) that cannot be: kept without a number, so that readers count them."""
 
     def __post_init__(self) -> None:

@@ -12,18 +12,16 @@ import re
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask, Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.px4_allocation import motor_commands_of_setpoints
 from wrenchgap.flight.formats.standard_topics import (
     RPM,
     Made,
     Messages,
-    Stamps,
     are_pulses,
     clocked,
     cropped,
@@ -301,7 +299,7 @@ def sampled(table: Table, oldest: int = 1_000_000_000) -> Stamps:
     return np.where((sample > 0) & (np.abs(stamps - sample) < oldest), sample, stamps)
 
 
-def true(table: Table, *names: str) -> NDArray[np.bool_]:
+def true(table: Table, *names: str) -> Mask:
     """Where (N,) none of the flags that the messages have is down."""
     found = [table.columns[name].astype(float).reshape(len(table), -1) for name in names if name in table.columns]
     return np.asarray((np.hstack(found) > 0).all(axis=1)) if found else np.ones(len(table), dtype=bool)

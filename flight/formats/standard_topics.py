@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import Array, SpeedUnit
+from wrenchgap.flight.flight import Array, Mask, SpeedUnit, Stamps
 from wrenchgap.flight.formats.table import Columns, Table
 
-Stamps = NDArray[np.int64]
 RPM = 2.0 * np.pi / 60.0
 """One turn a minute [rad/s]."""
 
@@ -73,7 +72,7 @@ def _integral(asked: Array, time: Array, values: Array) -> Array:
     return np.asarray(whole[left] + into * (values[left] + 0.5 * slope * into))
 
 
-def outside(asked: Array, time: Array, gap: float = 4.0) -> NDArray[np.bool_]:
+def outside(asked: Array, time: Array, gap: float = 4.0) -> Mask:
     """Where `asked` lies beyond the ends of `time`, or inside a gap of it.
 
     A gap is longer than `gap` usual periods, more than for a series of its own: autopilots thin topics unevenly.
@@ -109,7 +108,7 @@ def cubic_at(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Arr
     return out
 
 
-def are_pulses(values: NDArray[Any], lowest: float = 700.0, highest: float = 2300.0) -> NDArray[np.bool_]:
+def are_pulses(values: NDArray[Any], lowest: float = 700.0, highest: float = 2300.0) -> Mask:
     """Which numbers are pulse widths [us] of a motor that is armed or not."""
     return np.asarray((values >= lowest) & (values <= highest))
 

@@ -8,11 +8,9 @@ is decided here.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit
-from wrenchgap.flight.formats.standard_topics import Stamps
+from wrenchgap.flight.flight import GRAVITY, Array, Mask, SpeedUnit, Stamps
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def blackbox_outputs(motor: Array) -> tuple[Array, SpeedUnit] | None:
     return (shares, "normalised") if used.max() <= 2047.0 else None
 
 
-def rows_beyond(values: Array, largest: float) -> NDArray[np.bool_]:
+def rows_beyond(values: Array, largest: float) -> Mask:
     """Rows (N,) of values (N, K) of which one is negative or larger than can be."""
     with np.errstate(invalid="ignore"):
         return np.asarray(((values > largest) | (values < 0.0)).any(axis=1))

@@ -33,15 +33,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import length, weighted
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ class Binned:
 
     low: Array
     high: Array
-    samples: NDArray[np.intp]
+    samples: Indices
     time_share: Array
     mean: Array
     rms: Array
@@ -264,7 +261,7 @@ class _Test:
             out[rows] = np.concatenate([pieces[i] for i in rng.permutation(len(pieces))])
         return out
 
-    def run(self, count: int, rng: np.random.Generator) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def run(self, count: int, rng: np.random.Generator) -> tuple[Array, Array, Mask]:
         """Shares beyond chance (Q, 8), corrected p (Q,), and whether each axis is beyond chance (Q, 6)."""
         chance = np.stack([self.ratios(self.order(rng)) for _ in range(count)])
         observed, centre = self.ratios(), chance.mean(axis=0)
@@ -292,7 +289,7 @@ class Grid:
     y_label: str
     x_edges: Array
     y_edges: Array
-    samples: NDArray[np.intp]
+    samples: Indices
     force: Array
     torque: Array
     mean: Array
@@ -336,7 +333,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known:
     )
 
 
-def _sides(quantity: Quantity, inside: NDArray[np.bool_], sectors: int = 8, cells: int = 6) -> tuple[Indices, Array]:
+def _sides(quantity: Quantity, inside: Mask, sectors: int = 8, cells: int = 6) -> tuple[Indices, Array]:
     """Bins of equal width along one side of the map: `cells`, of an angle `sectors`, the first about +-180 deg."""
     values = np.where(inside, quantity.values, 0.0)
     if quantity.circular:

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.formats import ardupilot_rate_loop, px4_rate_loop
 from wrenchgap.flight.formats.rate_loop import LoggedLoop, RateLoop
 from wrenchgap.learn.data.measurement import commands_of, low_pass
@@ -44,7 +43,7 @@ def flown_by_controller(model: Model, flights: Sequence[OpenFlight]) -> bool:
     return True
 
 
-def _alike(asked: Array, own: Array, least: float = 0.9) -> NDArray[np.bool_]:
+def _alike(asked: Array, own: Array, least: float = 0.9) -> Mask:
     """In which columns what was asked for (N, C) goes with a law's own (N, C), their means aside: `least` of the
     correlation, and of the slope to either side; a gain that is off by more than a tenth is another.
     """  # noqa: D205
@@ -63,7 +62,7 @@ class Autopilot:
 
     name: str
     gains: RateLoop
-    axes: NDArray[np.bool_]
+    axes: Mask
     acceleration: Array
     reaction: Array
 

@@ -35,10 +35,9 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
@@ -160,7 +159,7 @@ class _Sums:
     def __sub__(self, other: _Sums) -> _Sums:
         return _Sums(*(a - b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
-    def of(self, columns: NDArray[np.intp]) -> _Sums:
+    def of(self, columns: Indices) -> _Sums:
         gram = self.gram[np.ix_(columns, columns)]
         return _Sums(self.count, self.features[columns], self.outputs, gram, self.cross[columns], self.square)
 
@@ -190,7 +189,7 @@ class _Search:
         self.progress = progress
         self.done = 0
 
-    def _sums(self, rows: NDArray[np.bool_]) -> _Sums:
+    def _sums(self, rows: Mask) -> _Sums:
         phi, r = self.phi[rows], self.residual[rows]
         return _Sums(float(len(r)), phi.sum(axis=0), r.sum(axis=0), phi.T @ phi, phi.T @ r, np.sum(r**2, axis=0))
 

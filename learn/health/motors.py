@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Level
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.health.phases import AIRBORNE, LEVEL, FlightPhases
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
 
@@ -158,7 +157,7 @@ def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
     return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw, thrusts.curve)
 
 
-def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> NDArray[np.bool_]:
+def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> Mask:
     """Which rotors (R, R) are coaxial and commanded alike, by thrusts (N, R) over their mean; each is with itself."""
     same = np.eye(len(rotors), dtype=bool)
     places = _places(rotors)
@@ -170,7 +169,7 @@ def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> NDArray[np.bool_]:
 
 
 def _shape(
-    rotors: tuple[RotorPlace, ...], deviation: Array, alike: NDArray[np.bool_]
+    rotors: tuple[RotorPlace, ...], deviation: Array, alike: Mask
 ) -> tuple[Shape, tuple[float, float] | None, float | None]:
     """What deviations (R,) balance, where the thrust is centred, and the excess by turning direction.
 

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import GRAVITY, Array, Flight, Samples, WrenchSeries, WrenchUnit
+from wrenchgap.flight.flight import GRAVITY, Array, Flight, Mask, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.measurement import low_pass
@@ -86,7 +85,7 @@ class FlightPhases:
         """Time [s] in the phases of these names."""
         return float(sum(p.stop - p.start for p in self.phases if p.name in names))
 
-    def within(self, time: Array, *names: str) -> NDArray[np.bool_]:
+    def within(self, time: Array, *names: str) -> Mask:
         """Which of the times (N,) [s] lie in phases of these names."""
         inside = np.zeros(len(time), dtype=bool)
         for phase in self.phases:

@@ -7,11 +7,10 @@ a command as the autopilot takes it, f u^2 + (1 - f) u, or the square of a speed
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.errors import LogError, ModelError
-from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
+from wrenchgap.flight.flight import ActuatorSeries, Array, Flight, Mask
 from wrenchgap.flight.formats.standard_topics import are_pulses
 from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.drafts import ardupilot, px4
@@ -43,7 +42,7 @@ class Thrusts:
     time: Array
     share: Array
     rotors: tuple[RotorPlace, ...]
-    limits: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    limits: tuple[Mask, Mask] | None = None
     curve: float | None = None
 
 
@@ -97,7 +96,7 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
     return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits, factor)
 
 
-def _at_ends(u: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _at_ends(u: Array) -> tuple[Mask, Mask]:
     """Where commands from 0 to 1 are at the smallest, and at the largest: of the motors, whatever the battery gives."""
     return u <= ENDS.margin, u >= 1.0 - ENDS.margin
 

@@ -12,19 +12,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks, welch
 
 from wrenchgap.flight.check import Level
-from wrenchgap.flight.flight import Array, Flight, ImuSeries
+from wrenchgap.flight.flight import Array, Flight, ImuSeries, Indices, Mask
 from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases.phase import runs
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, doubtful
 
 RPM_TOPICS = ("/px4/esc_measured", "/ardupilot/esc_measured")
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ def vibration_of(flight: Flight, recorded: Recorded, phases: FlightPhases, names
     return Vibration(source, levels, limits, _clipped(recorded, phases), rate, rms, peaks, speeds, density)
 
 
-def _air(phases: FlightPhases, time: Array, *names: str) -> NDArray[np.bool_]:
+def _air(phases: FlightPhases, time: Array, *names: str) -> Mask:
     """Which times (N,) [s] lie in these phases, by default in the air; all where no phase is known."""
     known = phases.lack in (None, NoPhases.POWER)
     return phases.within(time, *(names or AIRBORNE)) if known else np.ones(len(time), dtype=bool)

@@ -17,10 +17,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -123,7 +122,7 @@ def absorbed(
 class _Guard:
     """Changes (K, L) on the axes that the GP knows, compared block by block."""
 
-    def __init__(self, data: Dataset, correction: Array, rows: NDArray[np.intp]) -> None:
+    def __init__(self, data: Dataset, correction: Array, rows: Indices) -> None:
         self.rows = rows
         self.weights = data.weights[rows]
         self.correction = correction

@@ -11,9 +11,8 @@ than the earlier ones did among themselves shows nothing. Source: a random effec
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.dataset import Dataset, length_scale
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
@@ -36,7 +35,7 @@ class Trim:
     `scale` (A,) are their standard deviations, `limit` (A,) what they stay below.
     """
 
-    axes: NDArray[np.intp]
+    axes: Indices
     unit: Array
     scale: Array
     limit: Array
@@ -139,7 +138,7 @@ def _means(data: Dataset, left: Array) -> tuple[Array, Array]:
     return np.array(means), np.mean(variances, axis=0)
 
 
-def _mean(block: NDArray[np.intp], left: Array) -> tuple[Array, Array]:
+def _mean(block: Indices, left: Array) -> tuple[Array, Array]:
     """Mean (6,) over the blocks of one flight and its variance (6,)."""
     blocks = np.array([left[block == b].mean(axis=0) for b in np.unique(block)])
     return blocks.mean(axis=0), blocks.var(axis=0) / max(len(blocks) - 1, 1)

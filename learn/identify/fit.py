@@ -32,10 +32,9 @@ Biometrika 1986.
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.flight.memory import on_disk
 from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
@@ -135,7 +134,7 @@ def held_out(
     folds: int = 4,
     *,
     exact: bool = True,
-    groups: NDArray[np.intp] | None = None,
+    groups: Indices | None = None,
     small: float = 0.3,
 ) -> Array:
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.

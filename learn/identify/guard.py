@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.observer import choose, longest_lag
@@ -199,7 +198,7 @@ def unshown(
     cancelled: float = 0.1,
     above_noise: float = 3.0,
     share: float = 0.2,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Which components (L,) of the command the flight does not show the effect of.
 
     In slow flight the measured torque is near zero whatever is commanded, since the command is there to cancel the

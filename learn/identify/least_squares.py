@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of
@@ -212,7 +211,7 @@ class Problem:
                 return point, derivative, count
         return point, derivative, iterations
 
-    def blind(self, derivative: Array, rounding: float = 1e-9) -> NDArray[np.bool_]:
+    def blind(self, derivative: Array, rounding: float = 1e-9) -> Mask:
         """Unknowns that change nothing where they are: by a typical size less than `rounding`, a share of the largest
         wrench.
         """  # noqa: D205

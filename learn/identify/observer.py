@@ -35,10 +35,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import filtered
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.learn.identify.samples import LAG, Stretch, held_out, lagged, stretches
@@ -115,7 +114,7 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
     return Choice(best, loop.lag, sensitivity_peak(loop, best), share)
 
 
-def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
+def longest_lag(parts: Sequence[Stretch], looks: Mask, outputs: Indices) -> float:
     """The longest lag [s] that held-out time does not rule out on every one of `outputs` (places in a wrench).
 
     Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in

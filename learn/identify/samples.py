@@ -23,9 +23,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import Record
@@ -67,7 +66,7 @@ def lagged(signal: Array, tau: float | Array, dt: float) -> Array:
     return np.hstack(found)
 
 
-def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
+def lags(stretches: Sequence[Stretch], looks: Mask) -> Array:
     """Time constants (6,) [s] of the lag that held-out time supports; `looks` (6,) are the usable command components.
 
     Zero on outputs that were not measured.
@@ -89,7 +88,7 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
     return found
 
 
-def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
+def shared_lag(stretches: Sequence[Stretch], looks: Mask, outputs: Indices) -> float:
     """The one time constant [s] that held-out time supports on `outputs` (places in a wrench), all weighing the same.
 
     Without a test of significance: a process that is blind to all outputs has no slope with which a wrong lag could
@@ -103,7 +102,7 @@ def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: 
     return LAG.taus[best] if 1.0 - float(np.sqrt(relative[best])) > LAG.least_gain else 0.0
 
 
-def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
+def held_out(stretches: Sequence[Stretch], looks: Mask, tau: float) -> Array:
     """Errors (K, 6) of a quadratic in the lagged command, each sample predicted from the other folds."""
     command = np.concatenate([lagged(s.commanded, tau, s.dt) for s in stretches])[:, looks]
     residual = np.concatenate([s.measured - lagged(s.expected, tau, s.dt) for s in stretches])

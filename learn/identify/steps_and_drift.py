@@ -29,12 +29,11 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, stdtr, stdtrit
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -214,9 +213,7 @@ def _segmentations(
     return out
 
 
-def _step(
-    values: Array, first: NDArray[np.intp], second: NDArray[np.intp], scatter: float, free: int, looks: int
-) -> Step:
+def _step(values: Array, first: Indices, second: Indices, scatter: float, free: int, looks: int) -> Step:
     """The step between two segments, given by the indices of their flights."""
     low, high = float(values[first].mean()), float(values[second].mean())
     error = scatter * float(np.sqrt(1.0 / len(first) + 1.0 / len(second)))

@@ -3,10 +3,9 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import Contrast, contrast, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
@@ -88,7 +87,7 @@ class Stepwise:
                 self.single.add(name)
         return max(found)[1] if found else None
 
-    def _axes(self, name: str) -> NDArray[np.bool_]:
+    def _axes(self, name: str) -> Mask:
         """On which an effect is judged (6,)."""
         return self.following if of_actuators(name) else self.data.measured_axes
 

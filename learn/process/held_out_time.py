@@ -34,12 +34,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 Predict = Callable[[Mask, Indices], tuple[Array, ...]]
 """(which samples may be used (M,), indices of those asked for (K,)) -> what is said of them, (K, L) each."""
 
@@ -126,7 +123,7 @@ class HeldOut:
     actual: Array
     predicted: Array
     std: Array
-    block: NDArray[np.intp]
+    block: Indices
 
 
 @dataclass(frozen=True)
@@ -170,7 +167,7 @@ def _left(held: HeldOut, gain: Array) -> tuple[Array, Array]:
     return left, _spread(after - left * before) / total
 
 
-def _sums(block: NDArray[np.intp], values: Array) -> Array:
+def _sums(block: Indices, values: Array) -> Array:
     """Sums (B, L) of values (K, L) over blocks."""
     return np.stack([np.bincount(block, weights=column) for column in values.T], axis=1)
 

@@ -23,9 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Array
-
-Indices = NDArray[np.intp]
+from wrenchgap.flight.flight import Array, Indices
 
 Method = Literal["fasterpam", "pyclustering"]
 Scale = Literal["standardised", "raw"]

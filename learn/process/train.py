@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.parallel import few_threads
 from wrenchgap.learn.process import likelihood
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, MeanKind, Provenance
-from wrenchgap.learn.process.held_out_time import CALIBRATION, HeldOut, Mask, left_out, sigma_scale
-from wrenchgap.learn.process.subsample import Indices, Kernel, subsample, thin
+from wrenchgap.learn.process.held_out_time import CALIBRATION, HeldOut, left_out, sigma_scale
+from wrenchgap.learn.process.subsample import Kernel, subsample, thin
 from wrenchgap.learn.process.subsample import posterior as sparse_posterior
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 

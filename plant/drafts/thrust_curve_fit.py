@@ -14,9 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.flight import Array, Flight, Mask
 from wrenchgap.plant.drafts.draft import Draft, Sourced
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -129,7 +128,7 @@ def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array,
     return lift[flying], specific[flying], voltage[flying]
 
 
-def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _off_the_ground(flown: Flight, at: Array, spinning: Mask) -> Mask:
     """Where (N,) the vehicle is above its height with rotors at rest; if they never rest, whether it moved."""
     if flown.odometry is None:
         return np.ones(len(at), dtype=bool)
@@ -148,7 +147,7 @@ def _averaged(time: Array, values: Array) -> Array:
 def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
     """The curve's factor and its standard deviation; None where the flight does not show it."""
 
-    def share(rows: NDArray[np.bool_]) -> float:
+    def share(rows: Mask) -> float:
         line, square = np.linalg.lstsq(lift[rows], carried[rows], rcond=None)[0]
         return float(square / (line + square)) if line + square > 0.0 else float("nan")
 
@@ -163,7 +162,7 @@ def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
 def _exponent(charge: Array, thrust: Array, where: str) -> Sourced:
     """The power k with which `thrust` (M,) goes with `charge` (M,), V / V_0: 2, or what the flight shows."""
 
-    def slope(rows: NDArray[np.bool_]) -> float:
+    def slope(rows: Mask) -> float:
         return float(np.polyfit(np.log(charge[rows]), np.log(thrust[rows]), 1)[0])
 
     found, std = _jackknifed(slope, len(charge))
@@ -173,7 +172,7 @@ def _exponent(charge: Array, thrust: Array, where: str) -> Sourced:
     return Sourced(2.0, "speed in proportion to the voltage at a given command, as usual", assumed=True)
 
 
-def _jackknifed(estimate: Callable[[NDArray[np.bool_]], float], count: int) -> tuple[float, float]:
+def _jackknifed(estimate: Callable[[Mask], float], count: int) -> tuple[float, float]:
     """An estimate from `count` rows, and its standard deviation by the jackknife over blocks of them."""
     block = np.arange(count) * LIMITS.blocks // count
     without = [estimate(block != k) for k in range(LIMITS.blocks)]

@@ -22,10 +22,9 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.rigid_body import NUMBERS, RigidBody, pack, unpack
 from wrenchgap.plant.simulation.loop import Loop, Signals, Stage
 from wrenchgap.plant.state import Commands, State
@@ -273,7 +272,7 @@ def loss_of_control(
     return kind, np.where(kind < 2.0, np.nan, np.where(kind < 3.0, far, angle))
 
 
-def loss_of_control_stage(reference: Reference, clock: Clock, forgiven: NDArray[np.bool_] | None = None) -> Stage:
+def loss_of_control_stage(reference: Reference, clock: Clock, forgiven: Mask | None = None) -> Stage:
     """The stage that ends the flight where control is lost against a reference (K).
 
     In the periods of `forgiven` (K,) control is lost only where the state is not finite.
