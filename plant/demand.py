@@ -19,7 +19,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import pushes_along_z_only
-from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
@@ -67,7 +67,7 @@ def _demand(
     dt: float,
     disturbances: Array,
 ) -> Demand:
-    vehicle = models[0].vehicle
+    vehicle, count = models[0].vehicle, len(state.time)
     arms, rotors = vehicle.geometry()
     along_z, weight = pushes_along_z_only(vehicle), vehicle.body.mass * GRAVITY
     lever = float(np.median(np.linalg.norm(arms.position_B, axis=1)))
@@ -76,7 +76,7 @@ def _demand(
     asked = needed
     for _ in range(ROUNDS):
         commands, _ = allocation.allocate(asked.reshape(-1, 6))
-        split = [_rows(commands, k, len(state.time)) for k in range(len(models))]
+        split = [commands.take(slice(k, k + count)) for k in range(0, len(models) * count, count)]
         pairs = list(zip(models, split, strict=True))
         made = np.array([m.rotors(c, state, None)[1] for m, c in pairs])
         rest = needed - (np.array([m.wrench(c, state) for m, c in pairs]) - made)
@@ -88,7 +88,7 @@ def _demand(
         asked = asked + missing
     assert commands.rotor_speed is not None
     assert commands.tilt is not None
-    shape = (len(models), len(state.time), -1)
+    shape = (len(models), count, -1)
     tilt, thrust = commands.tilt.reshape(shape), (commands.rotor_speed / rotors.speed_max).reshape(shape) ** 2
     range_, rate = np.maximum(arms.tilt_max, -arms.tilt_min), np.abs(np.diff(tilt, axis=1, prepend=tilt[:, :1])) / dt
     return Demand(
@@ -98,10 +98,6 @@ def _demand(
         np.where(arms.tilts, rate.max(axis=1) / arms.tilt_rate_max, 0.0),
         np.all(np.abs(missing) < least, axis=(1, 2)),
     )
-
-
-def _rows(commands: Commands, number: int, count: int) -> Commands:
-    return commands.take(slice(number * count, (number + 1) * count))
 
 
 def _unlimited(vehicle: Vehicle) -> Vehicle:

@@ -17,7 +17,6 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import ardupilot, px4
-from wrenchgap.flight.formats.blackbox import BlackboxReader
 from wrenchgap.flight.formats.crazyflie_usd import CrazyflieUsdReader
 from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
@@ -31,7 +30,7 @@ from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.table import Selection as Selection
 from wrenchgap.flight.formats.table import Table as Table
 from wrenchgap.flight.formats.table import give_away as give_away
-from wrenchgap.flight.formats.tabular import CsvReader, ParquetReader
+from wrenchgap.flight.formats.tabular import BlackboxReader, CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
 from wrenchgap.flight.memory import give_back
 

@@ -27,6 +27,7 @@ from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
 from wrenchgap.flight.formats.rate_loop import FLYING, LoggedLoop, Pair, RateLoop, messages_of
 from wrenchgap.flight.formats.standard_topics import Messages
+from wrenchgap.flight.stamps import interpolated
 
 AXES = ("RLL", "PIT", "YAW")
 NOTCHES = {
@@ -144,5 +145,5 @@ def _rates(said: Messages, gains: RateLoop) -> tuple[Pair, float] | None:
     error = so3.multiply(so3.conjugate(quat), wanted)
     law = gains.angle * 2.0 * np.sign(error[:, :1]) * error[:, 1:]
     law = law + so3.rotate(error, angular_velocity(time[within], wanted))
-    asked = np.stack([np.interp(time[within], flown[0], column) for column in flown[1].T], axis=1)
+    asked = interpolated(time[within], flown[0], flown[1])
     return (asked, law), float(np.median(np.diff(time[within])))

@@ -171,7 +171,7 @@ class _Known:
             self.notes.append("motor.m: no value exceeds 1: read as shares of full throttle, not as PWM of 0 to 65535.")
             return
         values = np.stack([parts[i] for i in sorted(parts)], axis=1)
-        self.beyond = beyond = unit_evidence.rows_beyond(values, largest)
+        self.beyond = beyond = np.any((values > largest) | (values < 0.0), axis=1)
         sent = int(np.isfinite(values).any(axis=1).sum())
         for i, column in zip(sorted(parts), values.T, strict=True):
             wrong, running = (column > largest) | (column < 0.0), (column != 0.0) & ~np.isnan(column)

@@ -36,7 +36,7 @@ def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -
     finite = np.isfinite(setpoint).all(axis=1)
     command = np.nan_to_num(setpoint) @ allocation
     lowest = _lowest(control)
-    last = np.clip(np.searchsorted(_sent(motors), _sent(messages), side="right") - 1, 0, None)
+    last = np.clip(np.searchsorted(sent(motors), sent(messages), side="right") - 1, 0, None)
     held = np.nan_to_num(control)[last]
     within = finite & np.all((command >= lowest) & (command <= 1.0), axis=1)
     said.notes.append(
@@ -85,5 +85,6 @@ def _allocation(setpoint: Array, control: Array) -> Array | None:
     return allocation if np.abs(setpoint @ allocation - control).max() < EXACT else None
 
 
-def _sent(table: Table) -> Array:
+def sent(table: Table) -> Array:
+    """When each message was sent [us]."""
     return np.asarray(table.columns["timestamp"], dtype=float)

@@ -14,7 +14,6 @@ parameter reference and "Controller Diagrams" (docs.px4.io); checked on logs of 
 from collections.abc import Mapping
 from enum import IntFlag
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,10 +22,11 @@ from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.ned_frd import flu
 from wrenchgap.flight.formats.px4 import motor_speeds
-from wrenchgap.flight.formats.px4_allocation import allocation_of
+from wrenchgap.flight.formats.px4_allocation import allocation_of, sent
 from wrenchgap.flight.formats.rate_loop import FLYING, LoggedLoop, Pair, RateLoop, messages_of
 from wrenchgap.flight.formats.standard_topics import Messages, numbers
 from wrenchgap.flight.formats.ulog import UlogReader
+from wrenchgap.flight.stamps import interpolated
 
 AXES = ("ROLL", "PITCH", "YAW")
 USUAL = {"IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 30.0, "IMU_GYRO_RATEMAX": 400.0, "MC_YAW_TQ_CUTOFF": 0.0}
@@ -109,12 +109,12 @@ def _torques(said: Messages, gains: RateLoop | None) -> Pair | None:
         return None
     of_torque, of_motion = (np.asarray(x.columns["timestamp_sample"]) for x in (torque[0], motion[0]))
     _, k, row = np.intersect1d(of_torque, of_motion, return_indices=True)
-    sent = _sent(torque)[k]
-    last = np.searchsorted(_sent(asked), sent, side="right") - 1
-    integral = np.stack([np.interp(sent, _sent(sums), column) for column in sums[1].T], axis=1)
+    at = sent(torque[0])[k]
+    last = np.searchsorted(sent(asked[0]), at, side="right") - 1
+    integral = interpolated(at, sent(sums[0]), sums[1])
     law = gains.rate * (asked[1][last] - motion[1][row]) + integral - gains.derivative * turning[row]
     law += gains.forward * asked[1][last]
-    dt = 1e-6 * float(np.median(np.diff(sent)))
+    dt = 1e-6 * float(np.median(np.diff(at)))
     yaw = np.exp(-2.0 * np.pi * gains.output[2] * dt)
     law[:, 2:] = filtered(np.array([1.0 - yaw]), np.array([1.0, -yaw]), law[:, 2:], yaw * law[:1, 2:])
     counts = (last >= 0) & (-asked[2][last, 2] > FLYING) & np.isfinite(law).all(axis=1)
@@ -127,7 +127,7 @@ def _rates(said: Messages, gains: RateLoop | None) -> tuple[Pair, float] | None:
     asked = said.read("vehicle_rates_setpoint", ("roll", "pitch", "yaw"), "thrust_body")
     if not (gains and attitude and wanted and asked) or len(wanted[0]) < 2:
         return None
-    time, at = _sent(attitude), _sent(wanted)
+    time, at = sent(attitude[0]), sent(wanted[0])
     time, quat = time[(time >= at[0]) & (time <= at[-1])], attitude[1][(time >= at[0]) & (time <= at[-1])]
     error = so3.multiply(so3.conjugate(quat), so3.interpolate(time, at, wanted[1]))
     law = gains.angle * 2.0 * np.sign(error[:, :1]) * error[:, 1:]
@@ -136,7 +136,7 @@ def _rates(said: Messages, gains: RateLoop | None) -> tuple[Pair, float] | None:
         down_B = so3.rotate_inverse(quat, np.array([0.0, 0.0, 1.0]))
         law = law + down_B * np.nan_to_num(np.interp(time, at, turn[:, 0]))[:, None]
     both = np.hstack((asked[1], asked[2][:, 2:]))
-    rates = np.stack([np.interp(time, _sent(asked), column) for column in both.T], axis=1)
+    rates = interpolated(time, sent(asked[0]), both)
     counts = (-rates[:, 3] > FLYING) & np.isfinite(law).all(axis=1) & np.isfinite(rates).all(axis=1)
     return ((rates[counts, :3], law[counts]), 1e-6 * float(np.median(np.diff(time)))) if counts.sum() > 1 else None
 
@@ -150,7 +150,3 @@ def _motors(said: Messages) -> tuple[Array, Array] | None:
     flying = control[np.all(control > FLYING, axis=1)]
     allocation = allocation_of(said, found[0], control) if len(flying) else None
     return None if allocation is None else (flu(allocation[3:].T), np.asarray(flying.mean(axis=0)))
-
-
-def _sent(found: tuple[Any, ...]) -> Array:
-    return np.asarray(found[0].columns["timestamp"], dtype=float)

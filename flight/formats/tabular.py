@@ -9,10 +9,11 @@ The whole table is one topic, `/table`: its columns under their names, series of
 from __future__ import annotations
 
 import re
+import shlex
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -116,6 +117,20 @@ class ParquetReader(TableReader):
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
         return tables_of(frame.rename(columns={"__index_level_0__": "index"}), self)
+
+
+class BlackboxReader(TableReader):
+    """A log of Betaflight or INAV (`.bbl`, `.bfl`), by its first line: says how to convert it to a table."""
+
+    name: ClassVar[str] = "blackbox log"
+    magic: ClassVar[bytes] = b"H Product:Blackbox"
+
+    def tables(self, selection: Selection) -> NoReturn:
+        """None: raises LogError."""
+        raise LogError(
+            f"{self.path}: a blackbox log of Betaflight or INAV; convert it with `blackbox_decode "
+            f"{shlex.quote(self.path.name)}` and give the .csv that it writes"
+        )
 
 
 def _leaves(metadata: Any) -> list[Any]:

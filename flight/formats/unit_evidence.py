@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import GRAVITY, Array, Mask, SpeedUnit, Stamps
+from wrenchgap.flight.flight import GRAVITY, Array, SpeedUnit, Stamps
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,3 @@ def blackbox_outputs(motor: Array) -> tuple[Array, SpeedUnit] | None:
         return motor, "pwm"
     shares = np.clip((motor - 48.0) / (2047.0 - 48.0), 0.0, 1.0)
     return (shares, "normalised") if used.max() <= 2047.0 else None
-
-
-def rows_beyond(values: Array, largest: float) -> Mask:
-    """Rows (N,) of values (N, K) of which one is negative or larger than can be."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(((values > largest) | (values < 0.0)).any(axis=1))

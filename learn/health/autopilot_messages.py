@@ -14,6 +14,7 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.check import Level
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.formats import Table
+from wrenchgap.flight.formats.standard_topics import numbers
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases
 
 
@@ -27,20 +28,14 @@ class Recorded:
     def columns(self, topic: str, *names: str) -> tuple[Array, Array] | None:
         """Times (N,) [s] and fields (N, K) of a topic; None where it lacks one or has no message."""
         table = self.tables.get(topic)
-        if table is None or not len(table) or any(_number(table, name) is None for name in names):
+        values = None if table is None or not len(table) else numbers(table, *names)
+        if table is None or values is None:
             return None
-        time = np.asarray((table.log_time_ns - self.start_ns) * 1e-9, dtype=float)
-        parts = [np.asarray(_number(table, name), dtype=float).reshape(len(table), -1) for name in names]
-        return time, np.hstack(parts)
+        return np.asarray((table.log_time_ns - self.start_ns) * 1e-9, dtype=float), values
 
     def instances(self, topic: str) -> list[str]:
         """All instances of a topic that are logged: `imu`, `imu/0`, `imu/1`, ..."""
         return [name for name in (topic, *(f"{topic}/{k}" for k in range(10))) if name in self.tables]
-
-
-def _number(table: Table, name: str) -> Array | None:
-    values = table.columns.get(name)
-    return values if values is not None and values.dtype.kind in "fiub" else None
 
 
 @dataclass(frozen=True)

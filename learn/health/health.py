@@ -22,8 +22,7 @@ from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.diagnose.timing import answering_axes, following_axes, timing_of
 from wrenchgap.learn.health.answers import Answer, Setting, answers_of, settings_of
 from wrenchgap.learn.health.autopilot_messages import Battery, Estimator, Recorded, battery_of, estimator_of
-from wrenchgap.learn.health.flight_modes import FlightMode, modes_of
-from wrenchgap.learn.health.logged_messages import LoggedMessage, messages_of
+from wrenchgap.learn.health.logged_messages import FlightMode, LoggedMessage, messages_of, modes_of
 from wrenchgap.learn.health.motors import Motors, motors_of
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, phases_of
 from wrenchgap.learn.health.rotors import thrusts_of

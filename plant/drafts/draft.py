@@ -6,6 +6,7 @@ source states; every estimate is marked as assumed. In the text (`text_of`) ever
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.writing import toml_value
 from wrenchgap.plant.reader import BOUNDS
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -260,15 +262,7 @@ def _text(value: str) -> str:
     return str(tomlkit.string(printable(value)[: BOUNDS.name]).as_string())
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_value(v)}' for key, v in value.items())} }}"
-    if np.ndim(value):
-        return f"[{', '.join(_value(v) for v in value)}]"
-    text = f"{float(value):.6g}"
-    return text if any(c in text for c in ".en") else f"{text}.0"
+_value = partial(toml_value, digits=6)
 
 
 def _line(key: str, sourced: Sourced) -> str:

@@ -47,26 +47,26 @@ def _without_effects(text: str) -> str:
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
-def _value(value: Any) -> str:
-    """A value as TOML: floats with nine digits, lists and tables in one line."""
+def toml_value(value: Any, digits: int = 9) -> str:
+    """A value as TOML: numbers as floats with so many digits, lists and tables in one line."""
     if isinstance(value, str):
         return str(tomlkit.string(value).as_string())
     if isinstance(value, dict):
-        return f"{{ {', '.join(_entries(value))} }}"
+        return f"{{ {', '.join(_entries(value, digits))} }}"
     if np.ndim(value):
-        return f"[{', '.join(map(_value, value))}]"
-    text = f"{float(value):.9g}"
+        return f"[{', '.join(toml_value(v, digits) for v in value)}]"
+    text = f"{float(value):.{digits}g}"
     return text if any(c in text for c in ".e") or text in ("inf", "-inf", "nan") else text + ".0"
 
 
-def _entries(table: Mapping[str, Any]) -> list[str]:
+def _entries(table: Mapping[str, Any], digits: int = 9) -> list[str]:
     """Keys with their values; those of None are left out."""
-    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None]
+    return [f"{key} = {toml_value(value, digits)}" for key, value in table.items() if value is not None]
 
 
 def _rows(key: str, tables: Iterable[Mapping[str, Any]]) -> list[str]:
     """A list of tables, one a line."""
-    return [f"{key} = [", *(f"  {_value(dict(table))}," for table in tables), "]"]
+    return [f"{key} = [", *(f"  {toml_value(dict(table))}," for table in tables), "]"]
 
 
 def _files(files: Iterable[tuple[str, str]]) -> list[dict[str, str]]:

@@ -8,8 +8,8 @@ import numpy as np
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
 from wrenchgap.learn.health.autopilot_messages import BATTERY, ESTIMATOR, Estimator
-from wrenchgap.learn.health.flight_modes import changed_before
 from wrenchgap.learn.health.health import LogHealth
+from wrenchgap.learn.health.logged_messages import changed_before
 from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace

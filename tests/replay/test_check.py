@@ -28,7 +28,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
 from wrenchgap.learn.diagnose.model_checks import inspect
 from wrenchgap.learn.health.answers import Lack, Question
-from wrenchgap.learn.health.flight_modes import changed_before
+from wrenchgap.learn.health.logged_messages import changed_before
 from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
