@@ -7,21 +7,11 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate
-from wrenchgap.replay.present import addition, fitted_effects
+from wrenchgap.replay.present import addition, fitted_effects, numbers
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights, sentences
-from wrenchgap.replay.present.numbers import (
-    UNIT_HEADS,
-    entries,
-    label,
-    number,
-    row,
-    size_in_words,
-    unit,
-    unmeasured,
-    user_name,
-)
+from wrenchgap.replay.present.numbers import entries, label, number, row, unit
 from wrenchgap.replay.present.tables import Line, Part, before_after, first_only, note_lines, table
 
 FATES = {
@@ -72,9 +62,8 @@ def summary(found: Calibration) -> list[str]:
     count = f"{len(found.names)} flight{'s' if len(found.names) > 1 else ''}"
     same = f"{found.given.name} stays as it is, and what is written is a copy"
     if (hidden := found.hidden) is not None:
-        lost = (
-            f"{user_name(hidden.parameter, found.given.vehicle)} with {size_in_words(-hidden.change, '1')} less thrust"
-        )
+        rotor = numbers.user_name(hidden.parameter, found.given.vehicle)
+        lost = f"{rotor} with {numbers.size_in_words(-hidden.change, '1')} less thrust"
         return [
             f"Not calibrated: put into these flights, {lost} is found with {found.given.name}, and not with what helps "
             f"on held-out time; {same}.",
@@ -114,7 +103,7 @@ def by_flight(title: str, names: Any, before: Array, after: Array) -> Part:
     """Two rows for each flight."""
     pairs = zip(names, before, after, strict=True)
     rows = [r for name, old, new in pairs for r in ((name, "before", *row(old)), ("", "after", *row(new)))]
-    return table(title, ("flight", "rms", *UNIT_HEADS), rows, left=2)
+    return table(title, ("flight", "rms", *numbers.UNIT_HEADS), rows, left=2)
 
 
 def notes(found: Calibration) -> list[str]:
@@ -145,7 +134,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "summary": summary(found),
         "flights": list(found.names),
         "axes": list(AXES),
-        "unmeasured": unmeasured(np.sum([r.noise for f in found.flights for r in f.records], axis=0)),
+        "unmeasured": numbers.unmeasured(np.sum([r.noise for f in found.flights for r in f.records], axis=0)),
         "cutoff_hz": found.flights[0].records[0].cutoff_hz,
         "effects": effects_json(found.model.snapshot),
         "tried": [

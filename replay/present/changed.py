@@ -14,22 +14,11 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
-from wrenchgap.replay.present import detection, parameters, posterior, timing, what_to_inspect
+from wrenchgap.replay.present import detection, numbers, parameters, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
-from wrenchgap.replay.present.numbers import (
-    UNIT_HEADS,
-    by_reason,
-    entries,
-    number,
-    quantity,
-    row,
-    share,
-    size_in_words,
-    unit,
-    unmeasured,
-)
+from wrenchgap.replay.present.numbers import entries, number, quantity, row, share, size_in_words, unit
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, table
 
 MOST_PLACES = 3
@@ -79,7 +68,9 @@ def baseline(found: Changed) -> str:
             "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust), as one constant wrench; of "
             "excited flights, changes of these sizes may be named that are usual. Give more healthy flights."
         )
-    known = [f"{head.split()[0]} {number(s, 2)}" for head, s in zip(UNIT_HEADS, found.scatter, strict=True) if s == s]
+    known = [
+        f"{head.split()[0]} {number(s, 2)}" for head, s in zip(numbers.UNIT_HEADS, found.scatter, strict=True) if s == s
+    ]
     return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
 
 
@@ -120,7 +111,7 @@ def feedback(found: Changed) -> list[str]:
 
 def notes(found: Changed) -> list[str]:
     """Those of the flights, alike ones once."""
-    by_text = by_reason(
+    by_text = numbers.by_reason(
         (text.removeprefix(f"{one.flight.name}: "), one.flight.name)
         for one in found.flights
         for text in sentences(one.notes)
@@ -223,7 +214,7 @@ def alone(found: Changed, most: int = 8) -> Table:
 
 def flights(found: Changed) -> Table:
     """Signed means of the residual by flight, and what healthy flights differ by."""
-    out = table("mean residual of the given model by flight, signed", ("flight", "", *UNIT_HEADS), left=2)
+    out = table("mean residual of the given model by flight, signed", ("flight", "", *numbers.UNIT_HEADS), left=2)
     for k, r in enumerate(found.rows):
         last = k == len(found.rows) - 1 or found.rows[k + 1].role != r.role
         out.add_row(r.flight, r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last)
@@ -283,7 +274,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         **entries(found, "by_means", "louder"),
         "not_tried": not_tried_json(found.untried),
         "sensitivity": detection.to_json(found),
-        "unmeasured": unmeasured(found.scatter),
+        "unmeasured": numbers.unmeasured(found.scatter),
         "timing": [timing.to_json(one) for one in found.timing],
         "autopilot_parameters": parameters.to_json(parameters.of_flights(found.flights)),
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,

@@ -9,7 +9,7 @@ from wrenchgap.learn import Explanation, Verdict
 from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
-from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, timing, what_to_inspect
+from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -23,19 +23,7 @@ from wrenchgap.replay.present.numbers import (
     share,
     unmeasured,
 )
-from wrenchgap.replay.present.tables import (
-    ANSWER_LINES,
-    INTERVAL_LEGEND,
-    Line,
-    Part,
-    Table,
-    before_after,
-    note_lines,
-    parameters,
-    reductions,
-    styled,
-    table,
-)
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, styled, table
 
 
 def parts(found: Explanation) -> list[Part]:
@@ -50,14 +38,14 @@ def parts(found: Explanation) -> list[Part]:
     out += [*map(Line, open_in_words(found)), Line(), *detection.lines(found), Line()]
     out += [ranking(found), Line(RANKING_LEGEND, "dim"), Line()]
     if found.fit.snapshot:
-        fitted = parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
-        out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
+        fitted = tables.parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
+        out += [fitted, Line(tables.INTERVAL_LEGEND, "dim"), Line()]
     title = "held-out time of the given logs"
     title += "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
-    out.append(before_after(title, found.rms_before, found.rms_after, found.reduction, found.noise))
+    out.append(tables.before_after(title, found.rms_before, found.rms_after, found.reduction, found.noise))
     if tested := found.validation:
         title = f"unseen: {', '.join(tested.comparison.flights)}"
-        out.append(before_after(title, tested.before, tested.after, tested.reduction))
+        out.append(tables.before_after(title, tested.before, tested.after, tested.reduction))
         out += note_lines(validation_warnings(tested)[1:], "warning")
     return [*out, *not_tried_lines(found.untried), *note_lines(of_flights(found.flights))]
 
@@ -180,9 +168,9 @@ def ranking(found: Explanation, most: int = 10) -> Table:
         if k >= most and not mark:
             continue
         limit = styled(" (implausible: at its limit)" if candidate.implausible else "", "red")
-        numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
+        sizes = (f"{candidate.score:.3f}", *tables.reductions(candidate.reduction), f"{candidate.significance:.1f}")
         words = styled(parameters_in_words(candidate.values, found.model.vehicle)) + limit
-        out.add_row(mark, " + ".join(candidate.names), *numbers, words, style="bold" if mark == "*" else "")
+        out.add_row(mark, " + ".join(candidate.names), *sizes, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -256,7 +244,7 @@ def brief(found: Explanation) -> list[Part]:
         said.append(Line(f"On flights it never saw ({', '.join(tested.comparison.flights)}): {', '.join(sizes)} rms."))
         said += note_lines(validation_warnings(tested)[:1], "warning")
     said += note_lines([*short(found), *timing.in_short(found.timing)][:1], "warning")
-    said += map(Line, detection.in_short(found)[: ANSWER_LINES - len(said)])
+    said += map(Line, detection.in_short(found)[: tables.ANSWER_LINES - len(said)])
     return [*said, Line(), *([members(found)] if found.members else [])]
 
 

@@ -9,18 +9,9 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
-from wrenchgap.replay.present import parameters, season
+from wrenchgap.replay.present import numbers, parameters, season
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import (
-    by_reason,
-    entries,
-    label,
-    number,
-    size_in_words,
-    unit,
-    unmeasured,
-    user_name,
-)
+from wrenchgap.replay.present.numbers import entries, label, number, size_in_words, unit, user_name
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, first_only, note_lines, table
 
 WORDS = {
@@ -144,12 +135,12 @@ def overview(found: Trend) -> Table:
     heads = ("effect", "parameter", "over the flights", "mean", "scatter", "error", "unit")
     out = table(f"{len(found.flights)} flights, each fitted by itself", heads, left=3, texts=(-1,))
     for first, p in zip(first_only(p.effect for p in found.parameters), found.parameters, strict=True):
-        numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
+        sizes = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
         name = label(p.name, found.model.vehicle)
         style = (
             "bold" if p in found.changed or p in found.scattered else "dim" if p.course.verdict is Verdict.OPEN else ""
         )
-        out.add_row(first, name, WORDS[p.course.verdict], *numbers, unit(p.unit), style=style)
+        out.add_row(first, name, WORDS[p.course.verdict], *sizes, unit(p.unit), style=style)
     return out
 
 
@@ -198,7 +189,7 @@ def notes(found: Trend) -> list[str]:
 def _of_flights(found: Trend) -> list[str]:
     """Notes of the flights; one that all of them have is said once."""
     named = zip(found.names, found.flights, strict=True)
-    said = by_reason((text.removeprefix(f"{n}: "), text) for n, one in named for text in sentences(one.notes))
+    said = numbers.by_reason((text.removeprefix(f"{n}: "), text) for n, one in named for text in sentences(one.notes))
     every = len(found.flights)
     return [
         note for rest, texts in said.items() for note in ([f"all flights: {rest}"] if len(texts) == every else texts)
@@ -221,7 +212,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "significant": COURSE.significant,
         "axes": list(AXES),
         "rms": found.left,
-        "unmeasured": unmeasured(noise),
+        "unmeasured": numbers.unmeasured(noise),
         "effects_left_out": [
             entries(one, "effect=reason.effect", "flight", "reason=reason.reason") for one in found.left_out
         ],

@@ -10,21 +10,12 @@ from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import Relevance
 from wrenchgap.learn.diagnose.where import PARTS, Budget, Source, Where
 from wrenchgap.learn.diagnose.whiteness import WHITENESS, Autocorrelation, CrossCorrelation, Whiteness
+from wrenchgap.replay.present import numbers
 from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as panels
 from wrenchgap.replay.present.notes import sentences, too_short
-from wrenchgap.replay.present.numbers import (
-    AXIS_HEADS,
-    UNIT_HEADS,
-    by_axis,
-    direction,
-    entries,
-    reasons_json,
-    row,
-    share,
-    unmeasured,
-)
+from wrenchgap.replay.present.numbers import by_axis, entries, row, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 
@@ -121,7 +112,7 @@ def span(name: str, low: float, high: float) -> str:
     if not np.isfinite(low):
         return "level" if name == "direction" else "elsewhere"
     if name == "direction":
-        return direction(0.5 * (low + high))
+        return numbers.direction(0.5 * (low + high))
     digits = 3
     while digits < 6 and abs(high - low) < 0.02 * max(abs(low), abs(high)) * 10.0 ** (3 - digits):
         digits += 1
@@ -130,7 +121,7 @@ def span(name: str, low: float, high: float) -> str:
 
 def budget_table(budget: Budget) -> Table:
     """Root mean square of the nominal error, and its parts in per cent."""
-    out = table("error budget: parts of the nominal model's mean square error", ("", *UNIT_HEADS, "whole"))
+    out = table("error budget: parts of the nominal model's mean square error", ("", *numbers.UNIT_HEADS, "whole"))
     out.add_row("nominal rms", *row(np.sqrt(budget.nominal)), "", end_section=True)
     names = {"physics": "effects", "process": f"Gaussian process ({budget.source})", "noise": "sensor noise"}
     shares, whole = budget.shares(), budget.whole()
@@ -163,7 +154,7 @@ def quantities(result: Where) -> Table:
         )
         for d in result.failure_map.dependences
     ]
-    heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
+    heads = ("quantity", "of mean", "of size", "p", "significant", *numbers.AXIS_HEADS)
     return table("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
@@ -183,7 +174,7 @@ def relevance(result: Where) -> Table:
         (g.step or "", g.label, share(g.alone), share(g.lost), f"{g.significance:.1f}", *map(share, g.alone_axes))
         for g in relevant.groups
     ]
-    heads = ("step", "inputs", "alone", "lost without", "t", *AXIS_HEADS)
+    heads = ("step", "inputs", "alone", "lost without", "t", *numbers.AXIS_HEADS)
     title = f"inputs that predict the residual on held-out time (chosen: {share(relevant.explained)} of it)"
     return table(title, heads, rows, left=2)
 
@@ -194,7 +185,7 @@ def to_json(where: Where) -> dict[str, Any]:
     return {
         "axes": list(AXES),
         **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
-        "unmeasured": unmeasured(where.noise),
+        "unmeasured": numbers.unmeasured(where.noise),
         "budget": {
             "mean_square": entries(where.budget, "nominal", *PARTS),
             "whole_shares": where.budget.whole(),
@@ -203,7 +194,7 @@ def to_json(where: Where) -> dict[str, Any]:
         "failure_map": {
             "quantities": [entries(d, *of_quantity, "bins=binned") for d in where.failure_map.dependences],
             "grid": where.failure_map.grid,
-            "lacking": reasons_json("quantity", where.failure_map.lacking),
+            "lacking": numbers.reasons_json("quantity", where.failure_map.lacking),
         },
         "whiteness": _whiteness_json(where.whiteness),
         "relevance": relevance_json(where.relevance),
@@ -228,7 +219,7 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
     return {
         "groups": [{**vars(g), "chosen": g.chosen} for g in relevant.groups],
         **entries(relevant, "explained", "explained_axes"),
-        "lacking": reasons_json("input", relevant.lacking),
+        "lacking": numbers.reasons_json("input", relevant.lacking),
     }
 
 
