@@ -20,31 +20,14 @@ from pathlib import Path
 from typing import Any
 
 MODULES = {
-    "Addition": "addition",
     "AllocationExport": "allocation",
-    "Calibration": "calibration",
-    "Changed": "changed",
-    "Comparison": "comparison",
-    "Counterfactual": "counterfactual",
-    "Design": "design",
-    "Discovery": "discovery",
-    "Effectiveness": "effectiveness",
-    "Explanation": "explanation",
-    "Export": "export",
     "FlownExport": "flown",
-    "Health": "health",
     "Learnt": "learning",
     "LogReport": "inspection",
     "OpenLoop": "prediction",
-    "Readiness": "readiness",
-    "Replay": "replay",
-    "Report": "report",
     "Sheet": "model",
-    "Trend": "trend",
-    "Where": "where",
-    "Written": "written",
 }
-"""Which module presents which result, by the name of its class: imported when one is printed, not before."""
+"""Which module presents a result whose class has another name than it; the others have the names of their classes."""
 
 
 def text(result: Any) -> str:
@@ -170,4 +153,6 @@ def save_page(result: Any, path: Path, *, force: bool) -> None:
 
 
 def _module(result: Any) -> Any:
-    return import_module(f"{__name__}.{MODULES[type(result).__name__]}")
+    """What presents a result: imported when one is printed, not before."""
+    name = type(result).__name__
+    return import_module(f"{__name__}.{MODULES.get(name, name.lower())}")
