@@ -38,17 +38,11 @@ Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}
 EVALUATIONS = 12
 """Default of the evaluations in one search on the vehicle; four are usual."""
-FILES = {
-    "wrenchgap_compensator.h": "compensator.h.jinja",
-    "wrenchgap_compensator.c": "compensator.c.jinja",
-    "wrenchgap_tables.h": "tables.h.jinja",
-    "wrenchgap_record.h": "record.h.jinja",
-    "wrenchgap_record.c": "record.c.jinja",
-    "selftest.c": "selftest.c.jinja",
-    "Makefile": "Makefile.jinja",
-    "CMakeLists.txt": "CMakeLists.txt.jinja",
-    "README.md": "README.md.jinja",
-}
+FILES = (
+    *("wrenchgap_compensator.h", "wrenchgap_compensator.c", "wrenchgap_tables.h"),
+    *("wrenchgap_record.h", "wrenchgap_record.c", "selftest.c", "Makefile", "CMakeLists.txt", "README.md"),
+)
+"""Each has a template, which is called as it without the `wrenchgap_`."""
 ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown, ".py": comment}
 """What makes a name harmless in a file, by its ending; `build_text` in all others."""
 
@@ -186,7 +180,7 @@ def _files(said: dict[str, Any]) -> dict[str, str]:
     """The text of every file by its name, with the id of all that are hashed."""
 
     def text(name: str, export: str) -> str:
-        return environment(name).get_template(FILES[name]).render(**said, export=export)
+        return environment(name).get_template(f"{name.removeprefix('wrenchgap_')}.jinja").render(**said, export=export)
 
     found = export_id({name: text(name, "").encode() for name in HASHED})
     return {name: text(name, found) for name in FILES}

@@ -12,6 +12,7 @@ from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.numbers import quantity, share, size_in_words
@@ -39,7 +40,6 @@ ACTIONS = {
     "imu_misalignment": "look at the IMU's mounting: has it turned?",
     "imu_lever_arm": "look at the IMU's mounting: has it moved?",
     "motor_lag": "look at motors, bearings and speed controllers: rotors follow their commands differently",
-    "asymmetric_motor_lag": "look at motors, bearings and speed controllers: rotors follow their commands differently",
     "servo_lag": "look at the tilt servos, their supply voltage and their load",
     "backlash": "hold the hull and rock every arm by hand: gears and horns of the tilt servos have play",
     "arm_twist": "twist every arm by hand: one or several have become softer",
@@ -53,11 +53,9 @@ ACTIONS = {
     "tether": "look for cables and ropes that pull",
     "wind": "compare the wind on the days of the flights",
     "body_drag": "look at covers and payload that catch the air",
-    "body_drag_areas": "look at covers and payload that catch the air",
     "drag_torque": "check that all propellers are of one type, and mounted the right way round",
-    "drag_torque_of_speed": "check that all propellers are of one type, and mounted the right way round",
 }
-"""What to do, where an effect is of no single rotor or arm."""
+"""What to do, by family, where an effect is of no single rotor or arm."""
 YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
 """What to look for where the motors of one turning direction work harder."""
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment")
@@ -177,5 +175,5 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
         side = towards(vehicle, by.get("x", 0.0), by.get("y", 0.0))
         mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
         return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards the {side}"
-    words = ACTIONS.get(name, "")
+    words = ACTIONS.get(family(name), "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""
