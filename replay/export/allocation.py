@@ -31,7 +31,7 @@ from wrenchgap.plant.effectiveness import Effectiveness, effectiveness
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.targets.quantities import acting_effects
-from wrenchgap.replay.export.c_lines import Own, literal
+from wrenchgap.replay.export.c_lines import Own, literal, rows_text
 from wrenchgap.replay.export.context import Table, numbers_text
 from wrenchgap.replay.export.export import Precision, environment
 from wrenchgap.replay.export.folder import checked, write_folder
@@ -183,8 +183,8 @@ def _context(model: Model, allocator: Allocator, precision: Precision, command: 
         "python_table": Own(_python_table(table)),
         "python_functions": Own("\n\n\n".join(_python_functions())),
         "python_constants": Own(_python_constants()),
-        "given": Own(_rows(given)),
-        "wanted": Own(_rows(wanted)),
+        "given": rows_text(given),
+        "wanted": rows_text(wanted),
         "steps": len(given),
         "columns": wanted.shape[1],
         "tolerance_float": f"{1e-3 * float(np.max(table.most)):.2g}",
@@ -212,13 +212,9 @@ def _python_table(table: AllocationTable) -> str:
     """The constants as keyword arguments, one a line."""
     rows = []
     for field, value in table._asdict().items():
-        text = repr(value) if isinstance(value, int | float) else f"np.array({_nested(np.asarray(value))})"
-        rows.append(f"    {field}={text},  # {NOTES[field]}")
+        text = repr(np.asarray(value).tolist()).replace("inf", "np.inf")
+        rows.append(f"    {field}={text if np.isscalar(value) else f'np.array({text})'},  # {NOTES[field]}")
     return "\n".join(rows)
-
-
-def _nested(values: Array) -> str:
-    return repr(values.tolist()).replace("inf", "np.inf")
 
 
 def _python_functions() -> Iterator[str]:
@@ -250,8 +246,3 @@ def _recorded(allocator: Allocator) -> tuple[Array, Array]:
         out = allocator.step(row)
         wanted.append(np.concatenate((out.thrust, out.tilt, out.made, [out.status])))
     return given, np.array(wanted)
-
-
-def _rows(values: Array) -> str:
-    texts = (", ".join("NAN" if np.isnan(v) else repr(float(v)) for v in row) for row in values)
-    return ",\n".join(f"    {{{text}}}" for text in texts)

@@ -14,6 +14,7 @@ from wrenchgap.compensate.c_expressions import PRODUCT, Expressions
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.kernels import PULLS, ROUNDS
 from wrenchgap.compensate.tables import Room, layout
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trace.operations import ARITY, CHOOSING, FLAT, Op, chosen_of, expressions, slopes_of, value_of
 from wrenchgap.plant.trace.tape import Program
 
@@ -52,6 +53,12 @@ def literal(value: float) -> str:
     if math.isnan(value):
         return "WG_NAN"
     return f"WG({value!r})"
+
+
+def rows_text(values: Array) -> Own:
+    """Rows of an array (K, C) as initialisers in C, in double precision."""
+    texts = (", ".join("NAN" if math.isnan(v) else repr(v) for v in row) for row in values.astype(float).tolist())
+    return Own(",\n".join(f"    {{{text}}}" for text in texts))
 
 
 class Printer:

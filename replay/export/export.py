@@ -17,7 +17,7 @@ from wrenchgap.compensate.physics import untraceable
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, Learnt
 from wrenchgap.learn.identify.add import Addition, model_of
@@ -28,7 +28,7 @@ from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.compensation import compensators
 from wrenchgap.replay.compensation.compensators import TORQUE, Judged, ProcessCaveat
-from wrenchgap.replay.export.c_lines import Cost, Own, Pieces, Printer, cost
+from wrenchgap.replay.export.c_lines import Cost, Own, Pieces, Printer, cost, rows_text
 from wrenchgap.replay.export.context import Table, Vectors, context, correction_max, numbers_of, recorded, words_of
 from wrenchgap.replay.export.folder import checked, write_folder
 from wrenchgap.replay.export.observer import Asked, observed, with_observer
@@ -207,8 +207,8 @@ def _recorded(
     given, wanted = vectors.given, vectors.wanted
     single = of_wrench * np.abs(wanted[:, :6]).max() + of_correction * np.abs(wanted[:, :6] - given[:, :6]).max()
     return {
-        "given": _rows(given),
-        "wanted": _rows(wanted),
+        "given": rows_text(given),
+        "wanted": rows_text(wanted),
         "steps": len(given),
         "columns": given.shape[1],
         "tolerance_double": double,
@@ -288,10 +288,6 @@ def _names(process: GaussianProcess | None, model: Model, names: tuple[str, str]
         "model_hash": content_hash(model),
         "gp_hash": gp_hash,
     }
-
-
-def _rows(values: Array) -> Own:
-    return Own(",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values))
 
 
 def environment(name: str) -> Environment:
