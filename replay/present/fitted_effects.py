@@ -82,7 +82,7 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
     size, where = size_in_words(abs(first.value), first.unit), user_name(first.name, vehicle)
     match name:
         case "com_offset" if x or y:
-            return "the centre of mass", f"{size_in_words(float(np.hypot(x, y)), 'm')} {_side(vehicle, x, y)}"
+            return "the centre of mass", f"{size_in_words(np.hypot(x, y), 'm')} towards the {towards(vehicle, x, y)}"
         case "com_offset":
             return "the centre of mass", f"{size} {'higher' if more else 'lower'}"
         case "rotor_thrust":
@@ -104,7 +104,3 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
         case "command_delay":
             return "what is commanded", f"{size} late"
     return name.replace("_", " "), "different from the model file's"
-
-
-def _side(vehicle: Vehicle, x: float, y: float) -> str:
-    return f"towards the {towards(vehicle, x, y)}"
