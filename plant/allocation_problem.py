@@ -13,8 +13,6 @@ nominal allocation for forces and torques of chance, and as much again that nomi
 of the rotors' speeds, in thrusts of the nominal rotor, c_f Omega^2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -19,8 +19,6 @@ act later and are not in it. Sources: Johansen and Fossen, "Control allocation -
 al., "The Voliro omniorientational hexacopter", RAM 2018.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ of a bias along the vertical: near hover these are the same. Its standard deviat
 of the positions at their ends counts as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

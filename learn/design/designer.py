@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
@@ -36,7 +37,6 @@ from wrenchgap.learn.design.separability import (
     sized,
     thorough,
 )
-from wrenchgap.learn.process.train import Progress
 from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.simulation.simulate import physics_rate, simulate

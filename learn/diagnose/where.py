@@ -22,6 +22,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t
@@ -170,7 +171,7 @@ def examine(
     flights: Sequence[OpenFlight],
     model: Model,
     gp: GaussianProcess | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Where:
     """Where `model` (and `gp` on top of it) fails on flights that were opened for it; deterministic."""
     report = progress or (lambda fraction, words: None)

@@ -3,13 +3,14 @@
 A log is read once; its flight with its checks is that of `flight.inspect`, the autopilot's own messages come besides.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.autopilot import Autopilot, ParameterDifferences, parameter_differences
 from wrenchgap.flight.check import Check, accepted_names
 from wrenchgap.flight.errors import UsageError
@@ -101,7 +102,7 @@ def check(
     logs: Sequence[str | Path],
     model: Model | None = None,
     options: ReadOptions | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Health:
     """Look at logs without a model, or with the rotors and topics of one.
 

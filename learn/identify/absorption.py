@@ -13,11 +13,12 @@ least half of it and takes error off the measurement beyond chance: a paired t o
 (docs/decisions/0006-blocks.md), a smaller one where half of the error goes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t, significant
@@ -30,8 +31,6 @@ from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Effects put into a model, fitted to flights, and what that did on time that was not fitted."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
@@ -78,7 +79,7 @@ def add(
     flights: Sequence[OpenFlight],
     *,
     fitted: Fit | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Addition:
     """Fit the named effects together with those that the model has. Raises FitError where the logs cannot say.
 

@@ -18,12 +18,13 @@ Standard deviations are those of the fit (`learn.identify.fit`), the scatter of 
 errors, and of the thrust the tolerance of the mass: a later flight may differ as much as these did among themselves.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
@@ -133,7 +134,7 @@ def calibrate(
     model: Model,
     *,
     unseen: Sequence[OpenFlight] = (),
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Calibration:
     """Trim a model on healthy flights; `unseen` are tested on and never fitted.
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigh
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
@@ -21,7 +22,7 @@ from wrenchgap.learn.identify.observer import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, lags, samples, shared_lag, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.held_out_time import SUPPORT, Decision, HeldOut, Reason, Support, Verdict, support
-from wrenchgap.learn.process.train import Progress, believed, fit_held_out
+from wrenchgap.learn.process.train import believed, fit_held_out
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices

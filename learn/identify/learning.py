@@ -4,13 +4,14 @@ Inputs are the filtered commanded wrenches, outputs what the model leaves of the
 (`learn.identify.samples`). How much of it is believed is decided in `learn.identify.guard`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.repeats import refuse_seen
@@ -42,8 +43,6 @@ from wrenchgap.plant.mismatch import conditioning, output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.stability import Margin
-
-Progress = Callable[[float, str], None]
 
 TORQUE = AXES[3:]
 CONSTANT, LINEAR = "constant offset", "linear in the command"

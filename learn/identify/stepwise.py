@@ -1,9 +1,10 @@
 """Stepwise choice of effects by what they do on held-out time: the search of `learn.identify.calibrate`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import Contrast, contrast, significant
@@ -23,9 +24,7 @@ class Stepwise:
     flights only), `stuck` (end at a limit) and `unsure` (may be nothing) say why others were not.
     """  # noqa: D205
 
-    def __init__(
-        self, data: Dataset, model: Model, report: Callable[[float, str], None], following: Sequence[int]
-    ) -> None:
+    def __init__(self, data: Dataset, model: Model, report: Progress, following: Sequence[int]) -> None:
         self.data, self.model, self.report = data, model, report
         self.following = data.measured_axes & np.isin(np.arange(6), following)
         self.fit = fit(data, model, ())

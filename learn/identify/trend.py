@@ -5,13 +5,14 @@ differs is looked for. On axes where the commands of any flight answer the motio
 left out of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.steps_and_drift`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise, product
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
@@ -147,7 +148,7 @@ def trend(
     names: Sequence[str] = (),
     *,
     parts: bool = False,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Trend:
     """Fit `names` (else the effects of the model, `ROTORS` or `TRIMS`) to each flight and follow every parameter.
 

@@ -15,13 +15,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.held_out_time import CALIBRATION
-from wrenchgap.learn.process.train import Found, Progress, left_out_errors
+from wrenchgap.learn.process.train import Found, left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
 Inputs = Callable[[tuple[str, ...]], Array]

@@ -7,7 +7,7 @@ enough that the GP notices when it leaves its data, and a noise that keeps the k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.parallel import few_threads
@@ -24,9 +25,6 @@ from wrenchgap.learn.process.held_out_time import CALIBRATION, HeldOut, left_out
 from wrenchgap.learn.process.subsample import Kernel, subsample, thin
 from wrenchgap.learn.process.subsample import posterior as sparse_posterior
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
-
-Progress = Callable[[float, str], None]
-"""Called with the fraction done (0 to 1) and what is being done."""
 
 Found = dict[FitSettings, tuple[Indices, list[Kernel]]]
 """By the settings of an exact process: points, and the kernels of outputs so far. Sparse inference begins there."""

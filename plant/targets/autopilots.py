@@ -18,8 +18,6 @@ Sources: parameter references of PX4 and ArduPilot; PX4 "Control Allocation"; AP
 PX4 `GetSensorLevelAdjustment`; crazyflie-firmware, power_distribution_quadrotor.c, controller_lee.c.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

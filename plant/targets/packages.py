@@ -8,8 +8,6 @@ of the torques, drag_matrix v is the force, speeds approach their commands at ra
 Sources: rotorpy 3.0 (vehicles/multirotor.py), drone-models 0.1 (first_principles/model.py).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import tomlkit
 

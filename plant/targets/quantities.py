@@ -9,8 +9,6 @@ Standard deviations are those of the effects' values, to first order and without
 sqrt(sum_i (dq/dtheta_i sigma_i)^2). A quantity without one was not identified: it is as the model file has it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

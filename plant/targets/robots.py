@@ -11,8 +11,6 @@ a torque, and -|Omega| rotorDragCoefficient v across it; the speed follows with 
 Sources: MuJoCo XML reference; sdformat.org; gz-sim, MulticopterMotorModel.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A model written in the terms of another program, and what of it those terms cannot say."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
