@@ -29,19 +29,6 @@ from wrenchgap.flight.unmeasured import unmeasured_axes
 
 
 @dataclass(frozen=True)
-class GravityThresholds:
-    """How the size of the specific force is estimated; when it is wrong stands in `SCALE`, with the gyroscope's."""
-
-    half: float = 1.0
-    """Half-width of a hat [s]: a position that is off by 1 cm makes 0.25 % of g, and 8 s of flight are enough."""
-    least: float = 0.5
-    """Expected specific force over g below which a hat is not used: in free fall there is nothing to scale."""
-
-
-HATS = GravityThresholds()
-
-
-@dataclass(frozen=True)
 class GravityRatio:
     """Size of the mean specific force over what it should be; its standard deviation, and what it should be."""
 
@@ -74,8 +61,14 @@ BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odo
 """Checks that leave no ratio to speak of where they are bad."""
 
 
-def gravity_ratio(flight: Flight, seen: MotionMeans | None) -> GravityRatio | None:
-    """The ratio; None without odometry or accelerometer, or where too little gravity is in the specific force."""
+def gravity_ratio(
+    flight: Flight, seen: MotionMeans | None, half: float = 1.0, least: float = 0.5
+) -> GravityRatio | None:
+    """The ratio; None without odometry or accelerometer, or where too little gravity is in the specific force.
+
+    `half` [s] is the half-width of a hat: a position that is off by 1 cm makes 0.25 % of g, and 8 s of flight are
+    enough. A hat whose expected specific force is below `least` of g is not used: in free fall nothing is to scale.
+    """
     odometry, imu, absent = flight.odometry, flight.imu, unmeasured_axes(flight)
     if seen is None or odometry is None or imu is None or imu.period > SCALE.slowest_imu or "force_z" in absent:
         return None
@@ -86,13 +79,13 @@ def gravity_ratio(flight: Flight, seen: MotionMeans | None) -> GravityRatio | No
         rows = slice(*np.searchsorted(imu.time, (start, stop)))
         time = imu.time[rows]
         axes_E = so3.matrix(so3.interpolate(time, odometry.time, odometry.quat_EB))[:, :, measured]
-        for middle in np.arange(start + HATS.half, stop - HATS.half, HATS.half):
-            weight = np.maximum(0.0, 1.0 - np.abs(time - middle) / HATS.half) * np.gradient(time)
-            before, at, after = interpolated(middle + HATS.half * np.array([-1.0, 0.0, 1.0]), odometry.time, place)
-            expected_E = (after - 2.0 * at + before) / HATS.half**2 + np.array([0.0, 0.0, GRAVITY])
+        for middle in np.arange(start + half, stop - half, half):
+            weight = np.maximum(0.0, 1.0 - np.abs(time - middle) / half) * np.gradient(time)
+            before, at, after = interpolated(middle + half * np.array([-1.0, 0.0, 1.0]), odometry.time, place)
+            expected_E = (after - 2.0 * at + before) / half**2 + np.array([0.0, 0.0, GRAVITY])
             forces = imu.specific_force_B[rows][:, measured], expected_E @ axes_E  # read, and what there was to read
             hats.append([np.linalg.norm(np.einsum("k,kea,ka", weight, axes_E, f)) / np.sum(weight) for f in forces])
-    hats = [hat for hat in hats if hat[1] > HATS.least * GRAVITY]
+    hats = [hat for hat in hats if hat[1] > least * GRAVITY]
     if len(hats) < SCALE.fewest_parts:
         return None
     read, expected = np.transpose(hats)

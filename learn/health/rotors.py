@@ -50,17 +50,6 @@ USUAL_PULSES = (1000.0, 2000.0)
 """Pulse widths [us] of no and of full throttle where no parameter tells them: those of all radio-control servos."""
 
 
-@dataclass(frozen=True)
-class CommandEnds:
-    """From when on a command is at an end of its range."""
-
-    margin: float = 0.01
-    """Share of the range: autopilots log single precision and whole microseconds, 0.001 of it at best."""
-
-
-ENDS = CommandEnds()
-
-
 def is_multirotor(autopilot: Autopilot | None) -> bool:
     """Whether rotors alone carry the vehicle, as far as its autopilot says; wings make lift that no command shows."""
     if autopilot is None:
@@ -96,9 +85,12 @@ def thrusts_of(flight: Flight, model: Model | None = None) -> Thrusts | None:
     return Thrusts(sent.time, factor * u**2 + (1.0 - factor) * u, rotors, limits, factor)
 
 
-def _at_ends(u: Array) -> tuple[Mask, Mask]:
-    """Where commands from 0 to 1 are at the smallest, and at the largest: of the motors, whatever the battery gives."""
-    return u <= ENDS.margin, u >= 1.0 - ENDS.margin
+def _at_ends(u: Array, margin: float = 0.01) -> tuple[Mask, Mask]:
+    """Where commands from 0 to 1 are at the smallest, and at the largest: of the motors, whatever the battery gives.
+
+    Within a `margin`: autopilots log single precision and whole microseconds, 0.001 of the range at best.
+    """
+    return u <= margin, u >= 1.0 - margin
 
 
 def _curve(flight: Flight, sent: ActuatorSeries) -> tuple[tuple[float, float], float, bool]:

@@ -34,21 +34,6 @@ from wrenchgap.plant.model import Model
 
 
 @dataclass(frozen=True)
-class AbsorptionThresholds:
-    """When a correction is that of an effect."""
-
-    clear: float = 0.5
-    """Least share of the correction that an effect must reproduce to be named."""
-    as_good: float = 0.1
-    """How much less another may reproduce and still count as equal, if the blocks do not tell the two apart."""
-    seconds: float = 60.0
-    """Most flight time that effects are fitted on [s], in pieces spread over all of it."""
-
-
-ABSORPTION = AbsorptionThresholds()
-
-
-@dataclass(frozen=True)
 class Absorbed:
     """One effect against the GP: cosine and share of the two changes.
 
@@ -86,10 +71,19 @@ class Absorption:
 
 
 def absorbed(
-    data: Dataset, model: Model, gp: Process, *, names: Sequence[str] | None = None, progress: Progress | None = None
+    data: Dataset,
+    model: Model,
+    gp: Process,
+    *,
+    names: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    seconds: float = 60.0,
 ) -> Absorption:
-    """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have."""
-    some = spread_out(data.records, ABSORPTION.seconds)
+    """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have.
+
+    Effects are fitted on at most so many `seconds` of flight, in pieces spread over all of it.
+    """
+    some = spread_out(data.records, seconds)
     data = data if some is data.records else dataset(some, model)
     every = output_indices(gp.outputs)
     correction = gp.mean(pooled_inputs(gp.input_groups, data.records))
@@ -132,8 +126,11 @@ class _Guard:
         """Paired t over blocks for `worse` (K, L) being larger than `better`."""
         return float(paired_t(by_block(self.block, ((worse**2 - better**2) * self.weights**2).sum(axis=1))))
 
-    def compare(self, name: str, fitted: Fit, given: Array, left: Array) -> tuple[Absorbed, Array]:
-        """One effect, and what of the correction it does not reproduce (K, L)."""
+    def compare(self, name: str, fitted: Fit, given: Array, left: Array, clear: float = 0.5) -> tuple[Absorbed, Array]:
+        """One effect, and what of the correction it does not reproduce (K, L).
+
+        It is named from a share of `clear` of the correction on that it reproduces.
+        """
         before, after = given[:, self.rows], left[:, self.rows]
         change = before - after
         rest = self.correction - change
@@ -143,11 +140,14 @@ class _Guard:
         t = self.t_value(before, after)
         large = any(abs(v) >= MATERIAL * p.scale for (_, p), v in zip(fitted.parameters, fitted.theta, strict=True))
         halved = energy(after, self.weights) < 0.5 * energy(before, self.weights)
-        named = share >= ABSORPTION.clear and significant(t, large=halved) and large and not fitted.at_bound
+        named = share >= clear and significant(t, large=halved) and large and not fitted.at_bound
         return Absorbed(name, fitted, product / max(float(lengths), 1e-30), share, t, named), rest
 
-    def choose(self, found: Sequence[tuple[Absorbed, Array]]) -> tuple[str, ...]:
-        """The best of those that are clear, and others that the blocks do not tell from it; fewest parameters first."""
+    def choose(self, found: Sequence[tuple[Absorbed, Array]], as_good: float = 0.1) -> tuple[str, ...]:
+        """The best of those that are clear, and others that the blocks do not tell from it; fewest parameters first.
+
+        These reproduce a share that is smaller by less than `as_good`.
+        """
         clear = [pair for pair in found if pair[0].named]
         if not clear:
             return ()
@@ -155,8 +155,7 @@ class _Guard:
         equal = [
             one
             for one, other in clear
-            if one is best
-            or (one.share > best.share - ABSORPTION.as_good and self.t_value(other, rest) < SIGNIFICANCE.indistinct)
+            if one is best or (one.share > best.share - as_good and self.t_value(other, rest) < SIGNIFICANCE.indistinct)
         ]
         order = sorted(equal, key=lambda a: (len(a.fit.theta), -a.share))
         first = {family(one.name): one.name for one in reversed(order)}  # one form of each effect

@@ -141,24 +141,15 @@ def fast_rates(record: Record) -> Array:
 
 def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: float = 0.0) -> Array:
     """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3), told the lag `told` [s]."""
+    from scipy.signal import bilinear  # here: others need not wait for it
+
     squares, count, k = np.zeros(3), 0, 2.0 * np.pi * hz
     top = np.array([k * told, k])
     bottom = np.polyadd(
         np.polymul([1.0, k], np.polymul([tau, 1.0], [told, 1.0])), k * np.polysub([told, 1.0], [tau, 1.0])
     )
     for d, dt in parts:
-        b, a = _sampled(np.trim_zeros(top, "f"), np.trim_zeros(bottom, "f"), dt)
+        b, a = bilinear(np.trim_zeros(top, "f"), np.trim_zeros(bottom, "f"), 1.0 / dt)
         squares += np.sum((d - filtered(b, a, d)) ** 2, axis=0)
         count += len(d)
     return np.asarray(np.sqrt(squares / max(count, 1)))
-
-
-def _sampled(top: Array, bottom: Array, dt: float) -> tuple[Array, Array]:
-    """Coefficients b, a of a transfer function in s with a longer `bottom`, at s = 2 / dt (z - 1) / (z + 1) (Tustin).
-
-    As scipy.signal.bilinear, which builds polynomials of a class of its own and takes ten times as long.
-    """
-    n = len(bottom) - 1
-    powers = [np.poly([1.0] * k + [-1.0] * (n - k)) * (2.0 / dt) ** k for k in range(n, -1, -1)]
-    b, a = (np.asarray(part) @ powers[n + 1 - len(part) :] for part in (top, bottom))
-    return np.asarray(b / a[0]), np.asarray(a / a[0])

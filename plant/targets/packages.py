@@ -12,12 +12,10 @@ import numpy as np
 import tomlkit
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.formats.standard_topics import RPM
 from wrenchgap.plant.targets.quantities import Values
 from wrenchgap.plant.targets.robots import INSTANT
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-
-PER_RPM = 2.0 * np.pi / 60.0
-"""[rad/s] of one revolution a minute."""
 
 
 def rotorpy(vehicle: Vehicle, values: Values) -> str:
@@ -54,7 +52,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
     _check_upward(vehicle, values, "drone-models")
     arms = values["hub"] - values["com"]
     length = float(np.linalg.norm(arms[:, :2], axis=1).mean())
-    thrust = float(values["level"]) * values["curve"] * (PER_RPM / values["hover"].mean()) ** np.arange(3)
+    thrust = float(values["level"]) * values["curve"] * (RPM / values["hover"].mean()) ** np.arange(3)
     up, down = (1.0 / (float(x) or INSTANT) for x in values["lag"])
     document = tomlkit.document()
     quad = {

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import bilinear
 
 from wrenchgap import flight
 from wrenchgap.learn.data.measurement import prepare
@@ -39,14 +38,6 @@ def test_what_is_left_of_a_sinusoid_is_that_of_the_closed_form(hz, tau, told):
     left = abs(1.0 - H * Q / (1.0 + Q * (H - H_o))) / np.sqrt(2.0)
     assert told or left == pytest.approx(abs(1.0 - k / (tau * s**2 + s + k)) / np.sqrt(2.0))
     assert missed([(d, DT)], hz, tau, told) == pytest.approx([left, 2.0 * left, 0.0], rel=0.02)
-
-
-@pytest.mark.parametrize("bottom", [[1.0, 12.0], [0.06, 1.0, 12.0], [2e-3, 0.1, 1.0, 12.0]])
-def test_sampled_transfer_function_is_that_of_scipy(bottom):
-    top = np.array([0.5, 12.0])[-len(bottom) + 1 :]
-    found, expected = observer._sampled(top, np.array(bottom), DT), bilinear(top, bottom, fs=1.0 / DT)
-    for ours, theirs in zip(found, expected, strict=True):
-        assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-15)
 
 
 def records(noise=1.0, disturbance=0.2):
