@@ -13,10 +13,9 @@ the faster one, and an estimator that corrects what it integrates of this very g
 bands differ, there is no such number and nothing is said.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -162,7 +161,7 @@ class _Block:
     summed: Array
 
     @classmethod
-    def of(cls, flight: Flight, span: Span) -> _Block | None:
+    def of(cls, flight: Flight, span: Span) -> Self | None:
         odometry, imu = flight.odometry, flight.imu
         assert odometry is not None
         assert imu is not None

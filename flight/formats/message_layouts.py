@@ -5,14 +5,12 @@ same text, has its numbers in the same places, so they are copied from the bytes
 asked of every message; those that differ get a layout of their own, and what is left is walked through as before.
 """
 
-from __future__ import annotations
-
 import mmap
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +43,7 @@ class Template:
     @classmethod
     def of(
         cls, payload: bytes, kind: str, encoding: str, definitions: Definitions, account: Account | None = None
-    ) -> Template | None:
+    ) -> Self | None:
         """The layout of a message; None where it does not fit its definition."""
         if len(payload) > LIMITS.layout_bytes:
             return None

@@ -12,11 +12,10 @@ At each step all effects up to there are fitted together. "In all" is sqrt(sum_l
 `learn.data.dataset.Dataset`, newtons and newton metres on one scale.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.comparison import Comparison, compare
@@ -68,7 +67,7 @@ class Stair:
     @classmethod
     def of(
         cls, kind: Kind, name: str, size: Array, weights: Array, beside: bool = False, learnt_here: bool = False
-    ) -> Stair:
+    ) -> Self:
         """The stair of an rms (6,)."""
         return cls(kind, name, size, whole(size, weights), beside, learnt_here)
 

@@ -27,11 +27,10 @@ Where less than `SUPPORT.least_share` of the residual's energy is explained the 
 not worth a risk.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 
@@ -96,7 +95,7 @@ class Coverage:
     within_3_sigma: Array
 
     @classmethod
-    def of(cls, error: Array, std: Array) -> Coverage:
+    def of(cls, error: Array, std: Array) -> Self:
         """From errors and standard deviations (K, L)."""
         size = np.abs(error) / std
         shares = (np.where(np.isnan(size), np.nan, size < limit).mean(axis=0) for limit in (CALIBRATION.quantile, 3.0))

@@ -1,8 +1,7 @@
 """Errors of a flight against its reference, and its deviation from a recorded flight."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class Tracking:
     duration: float
 
     @classmethod
-    def of(cls, errors: TrackingErrors) -> Tracking:
+    def of(cls, errors: TrackingErrors) -> Self:
         """Averages over all samples."""
         e, distance = np.abs(errors.attitude), errors.position
         return cls(
