@@ -272,12 +272,13 @@ class Explanation(Result):
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """For each member that has one: its name, and what these logs cannot tell from it."""
-        return tuple((m.name, *(r.name for r in m.alike)) for m in self.members if m.alike)
+        """For each member, or several that go together: its name, and what these logs cannot tell from it."""
+        alike = dict.fromkeys((r.place, r.name) for m in self.members for r in m.alike)
+        return tuple((own, *(r for o, r in alike if o == own)) for own in dict.fromkeys(o for o, _ in alike))
 
     @property
     def separable(self) -> tuple[tuple[str, ...], ...]:
         """Groups of single effects, for which a flight can be designed."""
         known = catalogue()
-        singles = [(m.name, *(r.name for r in m.alike if len(r.names) == 1 and r.name in known)) for m in self.members]
+        singles = [tuple(n for n in group if n in known) for group in self.groups if group[0] in known]
         return tuple(names for names in singles if len(names) > 1)

@@ -26,11 +26,13 @@ MOST_RIVALS = 6
 class Rival:
     """What stands in a member's place in another set: one effect, or several together.
 
+    It stands in the place of `members`: of the member, or of it and others that go with it.
     `separation` is by how many standard errors that set fits worse, the square root of twice the log of the odds;
     `weight` its share of all; `cosine` that of the changes that the two make to the prediction.
     """
 
     names: tuple[str, ...]
+    members: tuple[str, ...]
     separation: float
     weight: float
     cosine: float
@@ -39,6 +41,11 @@ class Rival:
     def name(self) -> str:
         """All of them."""
         return " + ".join(self.names)
+
+    @property
+    def place(self) -> str:
+        """In whose place they stand."""
+        return " + ".join(self.members)
 
     @property
     def alike(self) -> bool:
@@ -72,8 +79,9 @@ class Member:
     @property
     def alike(self) -> tuple[Rival, ...]:
         """The rest of its group; another form of the same effect is the same name, and no news."""
-        own = family(self.name)
-        return tuple(r for r in self.rivals if r.alike and {family(n) for n in r.names} != {own})
+        return tuple(
+            r for r in self.rivals if r.alike and {family(n) for n in r.names} != {family(n) for n in r.members}
+        )
 
 
 @dataclass(frozen=True)
@@ -146,27 +154,31 @@ def members(on: ModelResidual, names: Sequence[str], best: Fitted, jobs: int = 1
 
 
 def with_rivals(listed: Sequence[Member], found: WeighedSets, settings: SearchSettings) -> tuple[Member, ...]:
-    """Members with what other sets have in the place of each, all else being named alike, the nearest first; and with
-    the probability that the effect or one of its group is there.
+    """Members with what other sets have in the place of each, the nearest first; and with the probability that the
+    effect or one of its group is there. All else is named alike in those sets, or they are of the likeliest class.
     """  # noqa: D205
-    best = found.best
+    best, mates = found.best, found.classes[0].sets
+    least = settings.otherwise * sum(s.weight for s in mates)
+    likely = [set(s.names) for s in mates if s.weight >= least]
     out = []
     for member in listed:
-        rest = set(best.names) - {member.name}
         rivals: dict[tuple[str, ...], Rival] = {}
         for other in found.sets:
             instead = tuple(n for n in other.names if n not in best.names)
-            if member.name not in other.names and instead and rest <= set(other.names) and instead not in rivals:
-                rivals[instead] = _rival(best, other, instead)
+            gone = tuple(n for n in best.names if n not in other.names)
+            if member.name not in gone or not instead or instead in rivals:
+                continue
+            if len(gone) == 1 or set(other.names) in likely:
+                rivals[instead] = _rival(best, other, instead, gone)
         nearest = tuple(sorted(rivals.values(), key=lambda r: r.separation))[:MOST_RIVALS]
-        alike = {n for r in nearest if r.alike for n in r.names}
-        probability = min(settings.certain, trusted_weight(found.sets, {member.name} | alike))
+        alike = [r.names for r in nearest if r.alike]
+        probability = min(settings.certain, trusted_weight(found.sets, [(member.name,), *alike]))
         out.append(replace(member, probability=probability, rivals=nearest))
     return tuple(out)
 
 
-def _rival(best: NamedSet, other: NamedSet, instead: tuple[str, ...]) -> Rival:
+def _rival(best: NamedSet, other: NamedSet, instead: tuple[str, ...], gone: tuple[str, ...]) -> Rival:
     odds = np.log(max(best.weight, 1e-300) / max(other.weight, 1e-300))
     a, b = best.scored_set.predicted.ravel(), other.scored_set.predicted.ravel()
     alike = float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))
-    return Rival(instead, float(np.sign(odds) * np.sqrt(2.0 * abs(odds))), other.weight, alike)
+    return Rival(instead, gone, float(np.sign(odds) * np.sqrt(2.0 * abs(odds))), other.weight, alike)

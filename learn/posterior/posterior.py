@@ -99,7 +99,7 @@ class Posterior:
 
     def probability(self, names: Iterable[str]) -> float:
         """That one of these effects, in any form, is there."""
-        return min(self.settings.certain, trusted_weight(self.sets, names))
+        return min(self.settings.certain, trusted_weight(self.sets, ((n,) for n in names)))
 
     @property
     def firm(self) -> tuple[str, ...]:
@@ -113,11 +113,17 @@ class Posterior:
         return tuple(f for f in named if self.probability([f]) >= self.settings.firm and all(f in s for s in likely))
 
 
-def trusted_weight(sets: Sequence[NamedSet], names: Iterable[str]) -> float:
-    """Weight of the sets that name one of these effects, in any form, as far as each is trusted."""
-    shared = {family(n) for n in names}
-    trusted = (max((s.trust[n] for n in s.names if family(n) in shared), default=0.0) for s in sets)
-    return sum(s.weight * trust for s, trust in zip(sets, trusted, strict=True))
+def trusted_weight(sets: Sequence[NamedSet], groups: Iterable[Sequence[str]]) -> float:
+    """Weight of the sets that name all effects of one of these groups, in any form, as far as each is trusted."""
+    wanted = [{family(n) for n in group} for group in groups]
+
+    def trusted(one: NamedSet) -> float:
+        trust: dict[str, float] = {}
+        for name, value in one.trust.items():
+            trust[family(name)] = max(value, trust.get(family(name), 0.0))
+        return max((min(trust[f] for f in group) for group in wanted if group <= trust.keys()), default=0.0)
+
+    return sum(s.weight * trusted(s) for s in sets)
 
 
 def posterior(

@@ -150,7 +150,8 @@ def members(found: Explanation) -> Table:
     """The effects that were named: confidence, size, and what comes nearest in their place."""
     rows = []
     for m in found.members:
-        group = ", ".join(f"{r.name} ({share(r.weight)})" for r in m.alike)
+        places = ["" if len(r.members) == 1 else f", for {r.place}" for r in m.alike]
+        group = ", ".join(f"{r.name} ({share(r.weight)}{p})" for r, p in zip(m.alike, places, strict=True))
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
         sure = f"{100 * found.confidence(m):.0f} %"
@@ -190,7 +191,9 @@ def to_json(found: Explanation) -> dict[str, Any]:
                 "probability": found.confidence(m),
                 **entries(m, "share", "significance", "evidence"),
                 "group": [m.name, *(r.name for r in m.alike)],
-                "rivals": [entries(r, "effect=name", "separation", "cosine", "alike", "weight") for r in m.rivals],
+                "rivals": [
+                    entries(r, "effect=name", "members", "separation", "cosine", "alike", "weight") for r in m.rivals
+                ],
             }
             for m in found.members
         ],

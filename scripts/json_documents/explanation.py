@@ -39,6 +39,8 @@ class Class(TypedDict):
 
 class Rival(TypedDict):
     effect: str
+    members: list[str]
+    """In whose place: the member's, or that of several that go together."""
     separation: Number
     """Standard errors by which the set with this effect fits worse."""
     cosine: Number

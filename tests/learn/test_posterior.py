@@ -21,8 +21,8 @@ from wrenchgap.learn.posterior.columns import column as linearised_column
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.joint_search import equivalents_without_idle, exchanges, substitutes, with_compounds
 from wrenchgap.learn.posterior.kernels import bounded, occam
-from wrenchgap.learn.posterior.members import Member, Rival, fitted
-from wrenchgap.learn.posterior.posterior import NamedSet, Posterior, merged_by_names
+from wrenchgap.learn.posterior.members import Member, Rival, fitted, with_rivals
+from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet, Posterior, WeighedSets, merged_by_names
 from wrenchgap.learn.posterior.relinearisation import column_beside, columns_hold
 from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.scored_sets import at_limit, scored_set, weights
@@ -396,12 +396,49 @@ def test_of_two_effects_that_do_the_same_a_set_with_both_speaks_for_one_or_the_o
 
 def test_forms_that_do_equally_well_are_no_group():
     """One name, whatever the form; another effect that does as well is a group."""
-    rival = Rival(("motor_lag",), 0.1, 0.4, 0.99)
+    rival = Rival(("motor_lag",), ("asymmetric_motor_lag",), 0.1, 0.4, 0.99)
     member = Member("asymmetric_motor_lag", 0.5, 12.0, 3.0, 0.98, (rival,))
     assert rival.alike
     assert member.alike == ()
-    assert replace(member, name="servo_lag").alike == (rival,)
+    other = replace(rival, members=("servo_lag",))
+    assert replace(member, name="servo_lag", rivals=(other,)).alike == (other,)
     assert not replace(rival, separation=2.6).alike
+
+
+def weighed(*sets):
+    """Named sets with what they predict, all of one class."""
+    for k, s in enumerate(sets):
+        s.scored_set.predicted = np.array([1.0, 0.01 * k])
+    return WeighedSets(sets, (EquivalenceClass(sum(s.weight for s in sets), sets),), (), None)
+
+
+def listed(*names):
+    return [Member(n, 0.5, 12.0, 3.0, np.nan, ()) for n in names]
+
+
+def test_of_several_that_stand_in_a_place_together_one_alone_is_no_evidence_for_it():
+    """A set with the tether alone does not say that drag, or rotor drag with a tether, is there."""
+    drag, wind = part("body_drag"), part("wind")
+    found = weighed(
+        named_set(0.6, drag, wind),
+        named_set(0.3, part("rotor_drag"), part("tether"), wind),
+        named_set(0.1, part("tether"), part("mass"), part("com_offset"), part("inertia")),
+    )
+    classes = (EquivalenceClass(0.9, found.sets[:2]), EquivalenceClass(0.1, found.sets[2:]))
+    member, _ = with_rivals(listed("body_drag", "wind"), replace(found, classes=classes), DEFAULT)
+    assert [(r.names, r.members) for r in member.alike] == [(("rotor_drag", "tether"), ("body_drag",))]
+    assert member.probability == pytest.approx(0.9)
+
+
+def test_one_effect_that_does_as_well_as_two_stands_in_the_place_of_both():
+    found = weighed(named_set(0.8, part("body_drag"), part("wind")), named_set(0.2, part("tether")))
+    members = with_rivals(listed("body_drag", "wind"), found, DEFAULT)
+    assert [m.alike[0].names for m in members] == [("tether",), ("tether",)]
+    assert [m.alike[0].members for m in members] == [("body_drag", "wind")] * 2
+    elsewhere = (EquivalenceClass(0.8, found.sets[:1]), EquivalenceClass(0.2, found.sets[1:]))
+    told_apart = with_rivals(listed("body_drag", "wind"), replace(found, classes=elsewhere), DEFAULT)
+    assert [m.alike for m in told_apart] == [(), ()]
+    assert told_apart[0].probability == pytest.approx(0.8)
 
 
 # ------------------------------------------------------------ flights
