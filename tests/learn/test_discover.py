@@ -5,6 +5,7 @@ Nothing here is flown by the code that is tested: the quadrotor of `tests/indepe
 
 import shlex
 from dataclasses import replace
+from html import unescape
 from types import SimpleNamespace
 
 import jsonschema
@@ -28,6 +29,7 @@ from wrenchgap.plant.effects.effect import Context
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.replay.present.discovery import to_json, what_next
 from wrenchgap.replay.present.documents import document
+from wrenchgap.replay.session.panels.effects import LawControls
 
 TILTING = model_file.load("tilt_hexarotor").vehicle
 QUADROTOR = engine.MODEL.vehicle
@@ -286,6 +288,17 @@ def test_the_next_command_adds_what_was_named_with_the_law_and_quotes_what_users
     assert "a; b.mcap" in words
     assert "imu=0.02" in words  # else it would fit other numbers
     assert [words[k + 1] for k, word in enumerate(words) if word == "--effects"] == ["own.py", "law.py"]
+
+
+def test_the_page_shows_the_law_and_what_it_leaves(found):
+    controls = SimpleNamespace(answer=SimpleNamespace(content=""), save=SimpleNamespace(visible=False), source="")
+    LawControls._found(controls, found)
+    assert found.laws[0].formula in unescape(controls.answer.content)
+    assert controls.answer.content.count('<img src="data:image/svg+xml') == 1
+    assert controls.save.visible
+    LawControls._found(controls, replace(found, laws=(), source=""))
+    assert "<img" not in controls.answer.content
+    assert not controls.save.visible
 
 
 def test_every_coefficient_has_the_unit_that_makes_newtons():

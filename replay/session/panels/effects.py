@@ -260,8 +260,10 @@ class LawControls:
 
     def _found(self, found: Discovery) -> None:
         from wrenchgap.replay.present import discovery  # here: the page stands before it is there
+        from wrenchgap.replay.present.report.sections import Image
 
-        self.answer.content = html.render("law", sentences=discovery.summary(found), found=found)
+        drawn = Image.of(discovery.picture(found), "", "", form="svg").src if found.laws else ""
+        self.answer.content = html.render("law", sentences=discovery.summary(found), found=found, drawn=drawn)
         self.source, self.save.visible = found.source, bool(found.source)
 
     def _saved(self, event: Any) -> None:
