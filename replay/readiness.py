@@ -3,7 +3,8 @@
 From the model with its fitted effects, the standard deviations of their values, and the flights at hand:
 
 draws       values of the effects, drawn within their standard deviations; wind from a direction of chance
-disturbance what the model leaves of the wrench of these flights, of another time in each draw
+disturbance what the model leaves of the wrench of these flights, as a process drawn anew each time: one flight shows
+            a slow gust once (`learn.diagnose.disturbance_process`)
 demand      commands that make the trajectory's motion against it (`plant.demand`)
 authority   in which share of the draws a rotor, or an arm, never needs more than `ROOM` of what it has
 margins     of the attitude loops with the gains of the model file or the autopilot's parameters, where these flew:
@@ -28,6 +29,7 @@ from wrenchgap.learn.data.comparison import Range
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.prediction import predict
+from wrenchgap.learn.diagnose.disturbance_process import Left, disturbance_process
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant import Model, Vehicle, make_effect
@@ -93,7 +95,9 @@ class Readiness(Result):
     which most depends first. A model that does not feel wind (`feels_wind`) has no drag, one that does not feel the
     voltage (`feels_voltage`) the same thrust at any. `known` says whether any value has a standard deviation: else
     nothing says how wrong the model may be. In a share `below` of the draws a rotor would have to push less than it
-    can: there no part has its authority. `designed_for` is the vehicle of a file of `design`.
+    can: there no part has its authority. `designed_for` is the vehicle of a file of `design`. `analysed` [s] of flight
+    were at hand; with what so much does not show of a constant disturbance goes the share `unseen` of the scatter of
+    what the weakest part needs.
     """
 
     decision: Decision
@@ -113,6 +117,8 @@ class Readiness(Result):
     first: tuple[Uncertain, ...]
     known: bool
     below: float
+    analysed: float
+    unseen: float
     designed_for: str = ""
     notes: tuple[object, ...] = ()
 
@@ -158,9 +164,7 @@ def ready(
     """
     # Long because a `Readiness` has as many fields, one a line.
     flights, model = listed(flights, "ready"), model_of(model)
-    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
-        if value is not None and not 0.0 <= value <= most:
-            raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
+    _check_conditions(payload, wind, voltage)
     plan = Plan(model, trajectory, duration)
     _, _, path = prepare(plan, max_duration=LONGEST)
     reference = (Flat(path) if pushes_along_z_only(model.vehicle) else path).at(np.arange(0.0, path.duration, PERIOD))
@@ -170,19 +174,21 @@ def ready(
     loaded, rng = _loaded(model, payload), np.random.default_rng(0)
     report = progress or (lambda fraction, words: None)
     report(0.1, "what these flights leave")
-    left = [(r, _left(r, model)) for f in flights for r in f.records]
+    records = [r for f in flights for r in f.records]
+    process = disturbance_process([_left(r, model) for r in records])
     models = [_in_wind(drawn(loaded, rng), wind, rng) for _ in range(DRAWS)]
-    disturbances = np.array([_elsewhere(left, len(state.time), rng) for _ in models])
+    disturbances, constants = process.draws(DRAWS, len(state.time), PERIOD, rng)
     report(0.3, "flying it")
     needed = demand(models, state, motion, PERIOD, disturbances)
     plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, 0.0 * disturbances[:1])
     authority, worst = _authorities(model, needed, plain, volts)
     margins = loops, gains = flown_loops(model, models, flights, volts)
     force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
-    beyond = _beyond([r for f in flights for r in f.records], reference, wind, force)
+    beyond = _beyond(records, reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
+    plain_go = not beyond and known and not gains.upper_bounds
     return Readiness(
-        _decision(authority, loops, plain_go=not beyond and known and not gains.upper_bounds),
+        _decision(authority, loops, plain_go=plain_go),
         model.vehicle,
         trajectory,
         float(path.duration),
@@ -198,9 +204,17 @@ def ready(
         _first(models, worst),
         known,
         1.0 - float(np.mean(_pushes(model, needed))),
+        float(sum(len(r) * r.dt_kept for r in records)),
+        _explained(worst, constants),
         designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
+
+
+def _check_conditions(payload: float, wind: float, voltage: float | None) -> None:
+    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
+        if value is not None and not 0.0 <= value <= most:
+            raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
 
 
 def _voltage(flights: Sequence[OpenFlight], model: Model, given: float | None) -> tuple[float | None, bool]:
@@ -238,23 +252,10 @@ def _in_wind(model: WrenchModel, speed: float, rng: np.random.Generator) -> Wren
     return WrenchModel(model.vehicle, (*(e for e in model.effects if e.name != "wind"), air))
 
 
-def _left(record: Record, model: Model) -> Array:
-    """What a model leaves (K, 6) of the measured wrench, about O, without the share of its scatter that is noise of the
-    sensors: that pushes nothing.
-    """  # noqa: D205
-    left = np.nan_to_num(record.measured - predict(record, model.wrench_model))
-    mean, size = left.mean(axis=0), left.var(axis=0)
-    pushed = np.sqrt(np.maximum(1.0 - np.nan_to_num(record.noise) ** 2 / np.maximum(size, 1e-30), 0.0))
-    return about_origin(model.vehicle.body, mean + pushed * (left - mean))
-
-
-def _elsewhere(left: Sequence[tuple[Record, Array]], count: int, rng: np.random.Generator) -> Array:
-    """What was left (N, 6) from some instant of some stretch on, `PERIOD` apart; it goes back from its end, and on."""
-    lengths = np.array([len(values) for _, values in left], dtype=float)
-    record, values = left[rng.choice(len(left), p=lengths / lengths.sum())]
-    place = rng.uniform(0.0, len(values)) + np.arange(count) * PERIOD / record.dt_kept
-    turned = np.abs((place + len(values) - 1) % max(2 * len(values) - 2, 1) - len(values) + 1)
-    return np.asarray(values[np.minimum(turned.astype(int), len(values) - 1)])
+def _left(record: Record, model: Model) -> Left:
+    """What a model leaves of the measured wrench."""
+    left = about_origin(model.vehicle.body, np.nan_to_num(record.measured - predict(record, model.wrench_model)))
+    return Left(left, record.dt_kept, record.noise)
 
 
 def _authorities(
@@ -315,6 +316,15 @@ def _decision(authority: Sequence[Authority], loops: Sequence[LoopMargins], *, p
     if least < NO_GO:
         return Decision.NO_GO
     return Decision.GO if least >= GO and plain_go else Decision.CARE
+
+
+def _explained(worst: Array, drawn_with: Array) -> float:
+    """Share of the scatter of what each draw needs (D,) that goes linearly with what was drawn (D, P)."""
+    needs, off = worst - worst.mean(), drawn_with - drawn_with.mean(axis=0)
+    if not needs.any():
+        return 0.0
+    rest = needs - off @ np.linalg.lstsq(off, needs, rcond=1e-9)[0]
+    return float(1.0 - (rest @ rest) / (needs @ needs))
 
 
 def _first(models: Sequence[WrenchModel], worst: Array, least: float = 0.1) -> tuple[Uncertain, ...]:

@@ -15,7 +15,7 @@ BEGINS = {Decision.GO: "Go", Decision.CARE: "Go with care", Decision.NO_GO: "No 
 LEGEND = (
     "needs: the most that the flight takes, as a share of what the part has; enough: it leaves a tenth to the "
     "controller; 5 to 95 %: by the standard deviations of the model's values, and by what the model left on these "
-    "flights at other times"
+    "flights, as another flight may have it"
 )
 NOT_SAID = (
     "Margins of the attitude loops are not said: these flights do not show that the gains of the model file, or of the "
@@ -72,6 +72,11 @@ def summary(found: Readiness) -> list[str]:
         out.append(f"It goes beyond these flights: {words}. What acts there only is not in these numbers.")
     if found.designed_for and found.designed_for != found.vehicle.name:
         out.append(f"It was designed for {found.designed_for}, and {found.vehicle.name} flies it here.")
+    if found.unseen > 0.5 and found.decision is not Decision.GO:
+        out.append(
+            f"Of the scatter {share(found.unseen)} is a constant disturbance that {found.analysed:.0f} s of flight do "
+            "not tell from slow gusts: more flight narrows it."
+        )
     if not found.known:
         out.append(
             "No value of the model has a standard deviation: how wrong it may be is not known. Fit it first (wrenchgap "

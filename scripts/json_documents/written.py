@@ -157,6 +157,11 @@ class Ready(Document):
     """Whether any value of the model has a standard deviation."""
     below: float
     """Share of the draws in which a rotor would have to push less than it can: no part has authority there."""
+    analysed: float
+    """Of flight [s]."""
+    unseen: float
+    """Share of the scatter of the weakest part that goes with a constant disturbance, which so much flight does not
+    tell from slow gusts."""
     designed_for: str
     """The vehicle that a file of `design` names; empty for the name of a trajectory."""
     notes: list[str]
