@@ -30,6 +30,7 @@ class Why(StrEnum):
     DECLARED = "declared"
     NAN = "not a number throughout"
     COVARIANCE = "covariance -1 in the log"
+    ZERO = "zero throughout"
 
 
 COVARIANCES = {
@@ -68,6 +69,14 @@ def unmeasured_axes(flight: Flight) -> dict[str, Why]:
         absent = *empty(flight.imu.specific_force_B), *empty(flight.imu.omega_B)
         found = {axis: Why.NAN for axis, none in zip(AXES, absent, strict=True) if none} | found
     return {axis: found[axis] for axis in AXES if axis in found}
+
+
+def zero_axes(flight: Flight) -> dict[str, Why]:
+    """The axes that read exactly zero throughout, which no sensor in flight does."""
+    if flight.imu is None:
+        return {}
+    readings = zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
+    return {axis: Why.ZERO for axis, values in readings if not values.any()}
 
 
 def without_axes(flight: Flight, axes: Mapping[str, Why]) -> Flight:

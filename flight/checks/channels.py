@@ -19,7 +19,7 @@ from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.mapping_units import topic_of
 from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import Steps, thinned
-from wrenchgap.flight.unmeasured import sentence, unmeasured_axes
+from wrenchgap.flight.unmeasured import sentence, unmeasured_axes, zero_axes
 
 
 def roles(flight: Flight) -> Iterator[Check]:
@@ -68,14 +68,10 @@ def unmeasured(flight: Flight) -> Iterator[Check]:
     absent = unmeasured_axes(flight)
     if absent:
         yield Check("not-measured", "warn", sentence(flight.name, absent))
-    if flight.imu is None:
-        return
-    readings = zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
-    zero = [axis for axis, values in readings if not values.any()]
-    if zero:
+    if zero := zero_axes(flight):
         mend = f"--unmeasured {','.join(zero)}"
         words = f"The IMU reads exactly zero throughout on {', '.join(zero)} (force: accelerometer, torque: gyroscope)"
-        words += f": not measured? Say so with {mend}."
+        words += f": not measured? Left out of every analysis, as with {mend}."
         yield Check("not-measured", "warn", words, mend if len(zero) < len(AXES) else "--topic imu=none")
 
 

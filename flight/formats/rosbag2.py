@@ -4,7 +4,6 @@
 and files that were compressed by `ros2 bag record --compression-mode` are read as well.
 """
 
-import shlex
 import sqlite3
 import tempfile
 from array import array
@@ -17,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import zstandard
 
+from wrenchgap._escaping import file_word
 from wrenchgap.flight import work_files
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
@@ -81,7 +81,7 @@ class Rosbag2SqliteReader(Reader):
         if recent.is_file() and recent.stat().st_size:
             self.notes.append(
                 f"{recent.name} holds rows that the recorder, which still writes or was killed, had not moved to "
-                f"{self.path.name}: they are missing here; `sqlite3 {shlex.quote(self.path.name)} "
+                f"{self.path.name}: they are missing here; `sqlite3 {file_word(self.path)} "
                 "'PRAGMA wal_checkpoint'` moves them."
             )
         if self._broken:

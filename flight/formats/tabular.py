@@ -9,7 +9,6 @@ The whole table is one topic, `/table`: its columns under their names, series of
 from __future__ import annotations
 
 import re
-import shlex
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import numpy as np
 
+from wrenchgap._escaping import file_word
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
@@ -129,7 +129,7 @@ class BlackboxReader(TableReader):
         """None: raises LogError."""
         raise LogError(
             f"{self.path}: a blackbox log of Betaflight or INAV; convert it with `blackbox_decode "
-            f"{shlex.quote(self.path.name)}` and give the .csv that it writes"
+            f"{file_word(self.path)}` and give the .csv that it writes"
         )
 
 

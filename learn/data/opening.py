@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
-from wrenchgap.flight.unmeasured import Why, sentence
+from wrenchgap.flight.unmeasured import Why, sentence, zero_axes
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
@@ -322,7 +322,8 @@ def open_flights(
         raw = log if isinstance(log, Flight) else load(log, options.topics, preferred=model.topics, **declared)
         if len(logs) > 1:
             repeats.refuse(raw, "" if isinstance(log, Flight) else str(log))
-        raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
+        zero = zero_axes(raw)  # of an IMU that reads nothing else the checks say more
+        raw = flight.without_axes(raw, (zero if len(zero) < 6 else {}) | dict.fromkeys(absent, Why.DECLARED))
         found.append(
             opened(options.shifted(raw, model), model, options, rate_hz=rate_hz, incomplete=incomplete, gate=gate)
         )

@@ -1,6 +1,5 @@
 """From a log, parameters, a robot description or answers of the user to a draft of a model."""
 
-import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap._escaping import file_word
 from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
@@ -77,9 +77,7 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
         case suffix if suffix in DESCRIPTIONS:
             return _over(_described(source), user)
         case ".xacro":
-            raise UsageError(
-                f"--from {source}: a macro; expand it first, `xacro {shlex.quote(source.name)} > FILE.urdf`"
-            )
+            raise UsageError(f"--from {source}: a macro; expand it first, `xacro {file_word(source)} > FILE.urdf`")
     raise UsageError(
         f"--from {source}: is of a kind that says nothing of its vehicle; expected {KINDS}. Without --from, --mass, "
         "--frame and --arm describe it, or --interactive asks"

@@ -1,7 +1,6 @@
 """The keys of a model file and the model that they describe. docs/model-file.md explains them."""
 
 import re
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from wrenchgap._escaping import file_word
 from wrenchgap.flight.compared_signals import SHIFTABLE
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant import reader
@@ -167,8 +167,9 @@ class EffectTable(Table):
         if not file:
             return None
         if name not in catalogue():
-            words = f"pass that file with --effects {shlex.quote(file)}"
-            raise ModelError(f"effect {name!r} is a user's own, from {file}; {words}")
+            own = Path(Path(file).name)  # of the user's folder: where a file of code lies is nothing for a model to say
+            words = f"a program, which runs: if you trust it, pass that file with --effects {file_word(own)}"
+            raise ModelError(f"effect {name!r} is a user's own, from {own}; {words}")
         return Source(file, self.source.sha256)
 
 

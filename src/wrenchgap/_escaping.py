@@ -14,6 +14,7 @@ need not think of it:
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.draft
     XML, Python        `comment`        plant.targets.written, replay.export
+    shell              `file_word`      flight.formats, plant.drafts: a file of another program's command
     shell completion   `completable`    replay.cli.values
 """
 
@@ -21,10 +22,13 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from typing import TYPE_CHECKING, Any
 from unicodedata import category
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from jinja2 import BaseLoader, Environment
 
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
@@ -48,6 +52,11 @@ _SEVERAL_LINES = _Printable({ord("\n"): "\n", ord("\t"): "\t"})
 def printable(text: object, *, lines: bool = False) -> str:
     """Text without control characters, marks of direction and lone surrogates; line breaks stay where `lines`."""
     return str(text).translate(_SEVERAL_LINES if lines else _PRINTABLE)
+
+
+def file_word(path: Path) -> str:
+    """A file in a command that is proposed: one word of a shell, where the file is, and no option."""
+    return shlex.quote(f"./{path}" if str(path).startswith("-") else str(path))
 
 
 def completable(text: str) -> bool:

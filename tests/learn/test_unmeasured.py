@@ -84,6 +84,16 @@ def test_the_record_is_not_a_number_there(opened):
     assert np.isnan(record.noise).tolist() == (~MEASURED).tolist()
 
 
+def test_zeros_throughout_are_no_reading(opened, flown, model):
+    """Nor an exact one, whose weight is infinite: the fit is that of a log that says that it has no such axes."""
+    zeros = open_flights(filled(flown, 0.0), model)
+    assert "left out everywhere: force_x, force_y (zero throughout)" in zeros[0].notes[0]
+    first, second = (add(model, ["mass", "com_offset"], flights).fit for flights in (zeros, opened))
+    np.testing.assert_array_equal(first.theta, second.theta)
+    assert zeros[0].records[0].measured_axes.tolist() == MEASURED.tolist()
+    assert learnable_outputs(zeros, ("force_x", "torque_y")) == ("torque_y",)
+
+
 def test_one_line_says_which_and_why(opened, flown, model):
     lines = [note for note in opened[0].notes if isinstance(note, str) and "not measured" in note]
     assert lines == ["simulation: not measured, and left out everywhere: force_x, force_y (declared)."]

@@ -50,9 +50,24 @@ def test_model_file_says_what_to_pass(written, tmp_path):
     own_effects.use([written(EXAMPLE + "\n# changed\n")])
     assert "not as it was" in model_file.load(saved).notes[0]
     effects.forget()
-    with pytest.raises(ModelError, match=r"pass that file with --effects mine\.py") as caught:
+    with pytest.raises(ModelError, match=r"a program, .* pass that file with --effects mine\.py") as caught:
         model_file.load(saved)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "proposed"),
+    [("/tmp/a.py", "a.py"), ("../a.py", "a.py"), ("--force", "./--force"), ("http://x/y z.py", "'y z.py'")],
+)
+def test_a_model_file_leads_to_no_program_elsewhere(written, tmp_path, file, proposed):
+    own_effects.use([written(EXAMPLE)])
+    model, saved = model_file.load("tilt_hexarotor"), tmp_path / "m.toml"
+    model_file.save(model.with_effects([make_effect(model.vehicle, "field_torque", {"x": 0.1, "y": 0, "z": 0})]), saved)
+    saved.write_text(saved.read_text().replace('"mine.py"', f'"{file}"'))
+    effects.forget()
+    with pytest.raises(ModelError) as caught:
+        model_file.load(saved)
+    assert str(caught.value).endswith(f"if you trust it, pass that file with --effects {proposed}")
 
 
 @pytest.mark.parametrize("name", sorted(effects.catalogue()))

@@ -234,6 +234,13 @@ def test_other_files_are_refused_with_the_remedy(tmp_path, name, message):
         draft_of_source(tmp_path / name, Given())
 
 
+def test_a_proposed_command_takes_no_file_for_an_option(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("-oquad.xacro").write_text("")
+    with pytest.raises(UsageError, match=r"`xacro \./-oquad\.xacro > FILE\.urdf`"):
+        draft_of_source(Path("-oquad.xacro"), Given())
+
+
 @pytest.mark.parametrize("name", ["quad.urdf", "quad.sdf"])
 @pytest.mark.parametrize("number", ["nan", "inf", "1e308"])
 def test_a_number_that_is_none_is_refused_by_name(name, number, tmp_path, monkeypatch):

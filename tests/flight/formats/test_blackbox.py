@@ -1,5 +1,7 @@
 """Tables as `blackbox_decode` writes them, and the logs that it reads."""
 
+import shlex
+
 import numpy as np
 import pytest
 
@@ -76,10 +78,12 @@ def test_outputs_that_are_neither_are_not_used(tmp_path):
     assert any("not used" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("name", ["LOG00001.BFL", "my log.bbl"])
+@pytest.mark.parametrize("name", ["LOG00001.BFL", "my log.bbl", "--prefix=a.bbl"])
 def test_a_blackbox_log_names_its_converter(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nI\x00\x01")
     with pytest.raises(LogError, match=r"blackbox_decode .*\.csv") as error:
         flight.load(path)
+    command = shlex.split(str(error.value).split("`")[1])
+    assert command == ["blackbox_decode", str(path)], "the file where it is, and no option"
     assert "\n" not in str(error.value)
