@@ -18,6 +18,8 @@ from wrenchgap.flight.check import Check, TimeLeftOut
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2], the one value that every layer uses; CGPM 1901, by definition."""
+DEGREE, RPM = np.pi / 180.0, 2.0 * np.pi / 60.0
+"""A degree [rad]; a turn a minute [rad/s]."""
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -32,7 +32,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array, SpeedUnit
+from wrenchgap.flight.flight import DEGREE, GRAVITY, RPM, Array, SpeedUnit
 
 VECTORS_OF: dict[str, dict[str, slice]] = {
     "wrench": {"force": slice(0, 3), "torque": slice(3, 6)},
@@ -49,16 +49,16 @@ VECTORS_OF: dict[str, dict[str, slice]] = {
 """The vectors of a quantity, and their columns."""
 
 UNITS: dict[str, tuple[float, tuple[str, ...]]] = {
-    "g": (9.80665, ("accel",)),
-    "mg": (9.80665e-3, ("accel",)),
-    "deg": (np.pi / 180.0, ("gyro", "rate", "tilt")),
-    "rpm": (np.pi / 30.0, ("speed",)),
+    "g": (GRAVITY, ("accel",)),
+    "mg": (1e-3 * GRAVITY, ("accel",)),
+    "deg": (DEGREE, ("gyro", "rate", "tilt")),
+    "rpm": (RPM, ("speed",)),
     "mm": (1e-3, ("position", "velocity", "acceleration")),
     "cm": (1e-2, ("position", "velocity", "acceleration")),
     "Nmm": (1e-3, ("torque",)),
     "mNm": (1e-3, ("torque",)),
     "mN": (1e-3, ("force",)),
-    "kgf": (9.80665, ("force",)),
+    "kgf": (GRAVITY, ("force",)),
     "mV": (1e-3, ("voltage",)),
 }
 """Factor to SI, and the vectors that come in this unit."""

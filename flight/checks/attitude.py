@@ -10,13 +10,11 @@ from wrenchgap.flight.check import Check, Level
 from wrenchgap.flight.checks.motion import MotionMeans, best_axes, cosine, rms, without_mean
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.filters import smooth
-from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight
+from wrenchgap.flight.flight import AXES, DEGREE, GRAVITY, Array, Flight
 from wrenchgap.flight.mapping_units import FRD, NED
 from wrenchgap.flight.row_kernels import empty, lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
-
-DEGREES = 180.0 / np.pi
 
 
 @dataclass(frozen=True)
@@ -248,7 +246,7 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
     alike, ratio = cosine(truth, reading), rms(reading) / rms(truth)
     slope = float(np.sum(truth * reading) / np.sum(truth**2))
     said = f"It is {slope:.3g} times the attitude's rate (cosine {alike:.2f})"
-    if 0.7 * DEGREES < ratio < 1.4 * DEGREES and abs(alike) > 0.5:
+    if 0.7 < ratio * DEGREE < 1.4 and abs(alike) > 0.5:
         return Check(name, "bad", f"{said}: deg/s", option(flight, "deg", *parts))
     if alike < -0.5:
         return Check(name, "bad", f"{said}: its sign is opposite", option(flight, f"{vector}*-1", *parts))

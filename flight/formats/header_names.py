@@ -7,11 +7,7 @@ coordinate system, where pitch is inverted"; `motor.m1` "[0 - UINT16_MAX]"); bet
 
 import numpy as np
 
-from wrenchgap.flight.flight import GRAVITY
-from wrenchgap.flight.formats.standard_topics import RPM
-
-DEGREE = np.pi / 180.0
-
+from wrenchgap.flight.flight import DEGREE, GRAVITY, RPM
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},

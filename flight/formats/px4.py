@@ -15,11 +15,10 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
-from wrenchgap.flight.flight import Array, Mask, Stamps
+from wrenchgap.flight.flight import RPM, Array, Mask, Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.px4_allocation import motor_commands_of_setpoints
 from wrenchgap.flight.formats.standard_topics import (
-    RPM,
     Made,
     Messages,
     are_pulses,

@@ -18,9 +18,6 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array, Mask, SpeedUnit, Stamps
 from wrenchgap.flight.formats.table import Columns, Table
 
-RPM = 2.0 * np.pi / 60.0
-"""One turn a minute [rad/s]."""
-
 
 def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
     """The rows that are finite and later than all before."""

@@ -29,7 +29,7 @@ from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.candidates import check_effects
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor, process_inputs
-from wrenchgap.learn.process.held_out_time import CALIBRATION
+from wrenchgap.learn.process.held_out_time import CALIBRATION, left_out
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.model import Model
 
@@ -110,13 +110,13 @@ def held_out(stretches: Sequence[Stretch], looks: Mask, tau: float) -> Array:
     x = (command - command.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
     pairs = np.triu_indices(x.shape[1])
     features = np.column_stack([np.ones(len(x)), x, x[:, pairs[0]] * x[:, pairs[1]]])
-    fold = CALIBRATION.block(len(x)) % CALIBRATION.folds
-    error = np.empty_like(residual)
-    for k in range(CALIBRATION.folds):
-        a, z = features[fold != k], np.nan_to_num(residual[fold != k])
+
+    def predict(given: Mask, asked: Indices) -> tuple[Array]:
+        a, z = features[given], np.nan_to_num(residual[given])
         normal = a.T @ a + LAG.ridge * len(a) * np.eye(a.shape[1])
-        error[fold == k] = residual[fold == k] - features[fold == k] @ np.linalg.solve(normal, a.T @ z)
-    return error
+        return (features[asked] @ np.linalg.solve(normal, a.T @ z),)
+
+    return residual - left_out(len(x), np.arange(len(x)), predict)[0]
 
 
 @dataclass(frozen=True)

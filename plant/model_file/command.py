@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 from pydantic import BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import GRAVITY
+from wrenchgap.flight.flight import GRAVITY, RPM
 from wrenchgap.plant import reader
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Gives, Polynomial
 from wrenchgap.plant.reader import Number, Positive, Table, Text, expected, rule_error
@@ -21,7 +21,7 @@ COLUMNS: dict[str, tuple[Gives, float]] = {
     "thrust": ("thrust", 1.0),
     "thrust_g": ("thrust", GRAVITY / 1000.0),
     "speed": ("speed", 1.0),
-    "rpm": ("speed", np.pi / 30.0),
+    "rpm": ("speed", RPM),
 }
 """Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
 LAWS = ("thrust_max", "thrust", "speed", "table")

@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.formats.standard_topics import RPM
+from wrenchgap.flight.flight import RPM
 from wrenchgap.plant.targets.quantities import Values
 from wrenchgap.plant.targets.robots import INSTANT
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
