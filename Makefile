@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 # One worker of pytest more than there are cores, four at most: tests of the page wait for the browser most of the time.
 WORKERS := $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2); echo $$((n < 4 ? n + 1 : 4)))
 
-.PHONY: help setup demo test readme slow check format bench generated golden fuzz faults paper docs site lock wheel screenshots clean
+.PHONY: help setup simulators demo test readme slow check format bench generated golden fuzz faults paper docs site lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -85,9 +85,14 @@ site: setup ## the documentation as site/index.html, which opens from a folder; 
 screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium)
 	$(VENV) scripts/screenshots.py
 
+simulators: setup ## RotorPy and drone-models, which tests of `write` and benchmarks fly; CI has them where its index does
+	$(VENV) -m pip install --quiet --require-hashes --no-deps -r scripts/simulators.lock
+
 lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
 	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev --generate-hashes \
 	  --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --no-deps --generate-hashes \
+	  --custom-compile-command "make lock" --output-file scripts/simulators.lock scripts/simulators.in
 
 wheel: setup ## build the wheel and try it in a new environment outside the repository
 	$(VENV) scripts/try_wheel.py
