@@ -25,7 +25,7 @@ from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.posterior import explain as searching
-from wrenchgap.learn.posterior.late_clock import late_clock
+from wrenchgap.learn.posterior.late_clock import other_clock
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import family
@@ -57,7 +57,7 @@ def answers(case: cases.Case) -> Callable[[SearchSettings], dict[str, Any]]:
     opened = open_flights(recorded, model)
     timing = tuple(timing_of(f, model) for f in opened)
     data = dataset([r for f in opened for r in f.records], model, answering_axes(timing))
-    chosen, clock = candidates(data.records, model), late_clock(timing)
+    chosen, clock = candidates(data.records, model), other_clock(timing)
     expected = {family(a) for given in truth.answers for a in given} | {family(a) for a in truth.always}
 
     def answer(settings: SearchSettings) -> dict[str, Any]:

@@ -28,11 +28,11 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 
 BLOCK = 0.25
-"""Over which means are taken [s]: faster than gusts that a vehicle's controller has to answer, slower than the filter."""
+"""Over which means are taken [s]: faster than gusts that a controller has to answer, slower than the filter."""
 SEGMENT = 60.0
 """Longest stretch that is looked at as one [s]; work goes with its cube."""
 TIMES = np.geomspace(BLOCK, 30.0, 12)
-"""Correlation times [s]: from one block to that of turbulence of 150 m in a wind of 5 m/s. What is slower is constant."""
+"""Correlation times [s]: from one block to that of turbulence of 150 m in 5 m/s of wind. What is slower is constant."""
 WHITE = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.99])
 """Shares r of the variance that change from block to block."""
 
@@ -141,7 +141,9 @@ def _sums(y: Array, bases: Sequence[tuple[Array, Array]]) -> Array:
     return out
 
 
-def _smoothed(y: Array, bases: Sequence[tuple[Array, Array]], constant: Array, best: Sequence[tuple[Any, ...]]) -> Array:
+def _smoothed(
+    y: Array, bases: Sequence[tuple[Array, Array]], constant: Array, best: Sequence[tuple[Any, ...]]
+) -> Array:
     """The expected c + s (M, 6) at the most probable time and share of each axis."""
     out = np.empty(y.shape)
     for axis, (t, r) in enumerate(best):

@@ -37,6 +37,8 @@ class TimingThresholds:
     """Rate [rad/s], likewise."""
     unlike: float = 2e-3
     """Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
+    certain: float = 3.0
+    """Standard errors by which one sensor is later than the other beyond chance."""
 
 
 TIMING = TimingThresholds()
@@ -62,6 +64,14 @@ class UnevenOffset:
 
 
 @dataclass(frozen=True)
+class LateGyroscope:
+    """The gyroscope is `seconds` +- `std` later than the accelerometer of its IMU: a low-pass or a clock of its own."""
+
+    seconds: float
+    std: float
+
+
+@dataclass(frozen=True)
 class Drift:
     """An offset changes over the flight: two clocks, or, where one clock stamps both, a delay that changes."""
 
@@ -83,7 +93,7 @@ class FeedbackDominated:
     axes: tuple[str, ...]
 
 
-TimingWarning = OdometryOffset | UnevenOffset | Drift | LateResponse | FeedbackDominated
+TimingWarning = OdometryOffset | UnevenOffset | LateGyroscope | Drift | LateResponse | FeedbackDominated
 
 
 @dataclass(frozen=True)
@@ -115,6 +125,7 @@ class FlightTiming:
     def warnings(self) -> tuple[TimingWarning, ...]:
         """What a user should act on."""
         found: list[TimingWarning] = [*self._odometry()]
+        found += [] if self.late_gyroscope is None else [self.late_gyroscope]
         for o in (*self.sensors, *(r.offset for r in self.responses)):
             if o.drifts and abs(o.drift or 0.0) * self.duration > TIMING.drifts:
                 both = o.first, o.second
@@ -136,6 +147,21 @@ class FlightTiming:
         weight = np.array([1.0 / max(o.std or 0.0, 1e-6) ** 2 for o, _ in rows])
         seconds = np.array([o.seconds for o, _ in rows], dtype=float)
         return float(weight @ seconds / weight.sum()), float(weight.sum() ** -0.5), float(np.ptp(seconds))
+
+    @property
+    def late_gyroscope(self) -> LateGyroscope | None:
+        """Where the attitude leads the gyroscope, and the velocity does not lead the accelerometer by as much.
+
+        Estimators are late, so that an attitude that leads says something of the gyroscope.
+        """
+        known = {
+            o.first: (o.seconds, o.std) for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None
+        }
+        (turn, turn_std), (push, push_std) = (known.get(s, (None, None)) for s in ("gyroscope", "accelerometer"))
+        if turn is None or push is None:
+            return None
+        late, std = min(-turn, push - turn), float(np.hypot(turn_std or 0.0, push_std or 0.0))
+        return LateGyroscope(late, std) if late > max(TIMING.unlike, TIMING.certain * std) else None
 
     def _certain(self) -> list[tuple[Offset, float]]:
         return [(o, e) for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and o.certain]

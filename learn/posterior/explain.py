@@ -49,7 +49,7 @@ from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.joint_search import joint_search
-from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
+from wrenchgap.learn.posterior.late_clock import LateClock, SlowGyroscope, other_clock, with_clock
 from wrenchgap.learn.posterior.members import Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, Posterior, WeighedSets, posterior
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
@@ -99,7 +99,7 @@ def explain(
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
     chosen = candidates(data.records, model, names)
     jobs = cores() if jobs is None else jobs
-    clock, part, done = late_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
+    clock, part, done = other_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
 
     def search(data: Dataset, limits_of: Sequence[str] | None = None) -> Explanation:
         first = part * next(done)
@@ -123,7 +123,7 @@ def search_dataset(
     model: Model,
     chosen: Candidates,
     *,
-    clock: LateClock | None = None,
+    clock: LateClock | SlowGyroscope | None = None,
     settings: SearchSettings = DEFAULT,
     jobs: int = 1,
     progress: Progress | None = None,

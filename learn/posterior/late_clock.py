@@ -1,24 +1,29 @@
-"""The other reading of a delay: the clock of the IMU.
+"""The other reading of a delay: the clock of the IMU, or a gyroscope that is late by itself.
 
 Measured wrenches come from the IMU. Stamps of it that are late by d make every command look late by d, which is what
 `command_delay` predicts; but the odometry then leads the IMU by d, too, and that is seen without any physics
 (`learn.diagnose.timing`). Where both are there and agree, sets with the delay are split into two of one class, half
 each: what is logged has no preference between a late clock, and late commands beside an early odometry.
+
+A gyroscope behind a low-pass of its own makes torques late and forces not. One delay, or one lag of the motors, for
+both is a compromise between the two: whatever is no longer than the gyroscope is late, the gyroscope may have made.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from wrenchgap.learn.diagnose.timing import UNLIKE, FlightTiming
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import Vehicle
 
-DELAY = "command_delay"
-LATE_CLOCK = "late_clock"
-"""Name, in sets and of its check, of what is no effect."""
+DELAY, LAG = "command_delay", "motor_lag"
+LATE_CLOCK, LATE_GYROSCOPE = "late_clock", "late_gyroscope"
+"""Names, in sets and of their checks, of what is no effect."""
 CERTAIN = 3.0
 """Standard errors within which clock and delay agree."""
 EXACT, LEAST = 0.1, 1e-3
@@ -31,6 +36,7 @@ class LateClock:
 
     seconds: float
     std: float
+    name: ClassVar[str] = LATE_CLOCK
 
     @property
     def shift(self) -> str:
@@ -52,6 +58,43 @@ class LateClock:
         """Whether a fitted delay [s] is what this clock makes."""
         return abs(delay - self.seconds) < CERTAIN * self.std + EXACT * abs(delay) + LEAST
 
+    def made(self, name: str, values: Mapping[str, float]) -> bool:
+        """Whether this clock may have made an effect with these values."""
+        return name == DELAY and self.explains(values["delay"])
+
+
+@dataclass(frozen=True)
+class SlowGyroscope:
+    """The gyroscope is later than the accelerometer by `seconds` +- `std` (`learn.diagnose.timing.LateGyroscope`)."""
+
+    seconds: float
+    std: float
+    name: ClassVar[str] = LATE_GYROSCOPE
+
+    @property
+    def check(self) -> Check:
+        """What settles whether it is late."""
+        late = f"{1e3 * self.seconds:.1f} ms"
+        what = (
+            f"Look up the low-pass of the gyroscope (PX4 IMU_GYRO_CUTOFF, ArduPilot INS_GYRO_FILTER, its own): "
+            f"one that is {late} later than the accelerometer's makes the lag, no missing effect; log both alike."
+        )
+        return Check("bench", what, (((DELAY,), (LAG,)), ((LATE_GYROSCOPE,),)), LATE_GYROSCOPE)
+
+    def made(self, name: str, values: Mapping[str, float]) -> bool:
+        """Whether this gyroscope may have made an effect with these values."""
+        longest = max(values.values(), default=0.0)
+        return family(name) in (DELAY, LAG) and longest < self.seconds + CERTAIN * self.std + LEAST
+
+
+def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:
+    """What is late in the IMU, where it is on every flight."""
+    late = [one.late_gyroscope for one in timing]
+    if late and all(late):
+        seconds, std = np.array([(g.seconds, g.std) for g in late if g is not None]).T
+        return SlowGyroscope(float(seconds.max()), float(std.max()))
+    return late_clock(timing)
+
 
 def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:
     """The clock of the IMU, where the odometry of every flight leads it by the same, beyond chance."""
@@ -64,16 +107,18 @@ def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:
     return clock if clock.seconds > CERTAIN * clock.std else None
 
 
-def with_clock(found: WeighedSets, clock: LateClock | None, vehicle: Vehicle) -> WeighedSets:
-    """The same with a late clock beside every delay that it explains, half the weight each."""
+def with_clock(found: WeighedSets, clock: LateClock | SlowGyroscope | None, vehicle: Vehicle) -> WeighedSets:
+    """The same with a late clock beside every delay that it may have made, half the weight each."""
     if clock is None:
         return found
 
     def halves(one: NamedSet) -> tuple[NamedSet, ...]:
-        if DELAY not in one.names or not clock.explains(one.values(vehicle)[DELAY]["delay"]):
+        values = one.values(vehicle)
+        made = [n for n in one.names if n in values and clock.made(n, values[n])]
+        if not made:
             return (one,)
         half = replace(one, weight=0.5 * one.weight)
-        names = tuple(LATE_CLOCK if n == DELAY else n for n in one.names)
-        return half, replace(half, names=names, stands_for=((LATE_CLOCK, DELAY),))
+        names = dict.fromkeys(clock.name if n in made else n for n in one.names)
+        return half, replace(half, names=tuple(names), stands_for=((clock.name, made[0]),))
 
     return found.each(lambda sets: tuple(half for s in sets for half in halves(s)))

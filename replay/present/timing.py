@@ -122,6 +122,12 @@ def _warning(warning: diagnosed.TimingWarning) -> str:
         case diagnosed.UnevenOffset(offsets):
             listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in offsets)
             return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
+        case diagnosed.LateGyroscope(seconds, std):
+            return (
+                f"The gyroscope is {1e3 * seconds:.1f} +- {1e3 * std:.1f} ms later than the accelerometer, by "
+                "the odometry: a low-pass or a clock of its own. Torques come late, and part of every lag and delay "
+                "that is fitted is the gyroscope's: log both sensors with one filter."
+            )
         case diagnosed.Drift(o, one_clock):
             why = "one clock stamps both, so a delay changes: an estimator's, or a link's" if one_clock else TWO_CLOCKS
             return (

@@ -30,7 +30,8 @@ class Established(TypedDict):
 class Class(TypedDict):
     weight: float
     sets: list[WeightedSet]
-    """Most probable first; without effects: nothing is missing; `late_clock`: late stamps of the IMU."""
+    """Most probable first; without effects: nothing is missing; `late_clock`: late stamps of the IMU, `late_gyroscope`:
+    of a gyroscope with a low-pass of its own."""
     established: list[Established]
     """Effects in all of its sets."""
     settle: list[Settle]

@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from benchmarks.hidden_effects import engine
 from wrenchgap import explain, open_flights
 from wrenchgap.learn.diagnose.timing import FlightTiming
-from wrenchgap.learn.posterior.late_clock import LateClock, late_clock
+from wrenchgap.learn.posterior.late_clock import LateClock, SlowGyroscope, late_clock
+from wrenchgap.replay.present.timing import warnings
 
 TRIED = ["command_delay", "servo_lag", "motor_lag", "com_offset", "mass"]
 LATE = 0.02  # s
@@ -67,3 +70,38 @@ def test_a_delay_of_another_length_is_no_clock():
 def test_flights_without_offsets_have_no_late_clock():
     assert late_clock([]) is None
     assert late_clock([FlightTiming("a", 10.0, (), ())]) is None
+
+
+@pytest.fixture(scope="module")
+def filtered(once, hexarotor):
+    """Explanation of a flight with nothing hidden whose gyroscope, accelerometer or both have a low-pass of 8 Hz."""
+
+    def made(*sensors):
+        flight = once("late_clock none", lambda: engine.fly("none", None, "train", seed=23, seconds=25))[0]
+        step = np.median(np.diff(flight.imu.time))
+        numerator, denominator = butter(1, 8.0, fs=1.0 / step)
+        slow = {s: lfilter(numerator, denominator, getattr(flight.imu, s), axis=0) for s in sensors}
+        return explain(open_flights([replace(flight, imu=replace(flight.imu, **slow))], hexarotor), hexarotor, jobs=1)
+
+    return made
+
+
+def test_a_gyroscope_with_a_low_pass_of_its_own_is_no_firm_lag(filtered):
+    """A first-order low-pass is late by one over its cut-off, 1 / (2 pi 8 Hz) = 20 ms, at frequencies well below it."""
+    found = filtered("omega_B")
+    late = found.timing[0].late_gyroscope
+    assert late.seconds == pytest.approx(0.0199, abs=2e-3)
+    assert any("The gyroscope is" in said for said in warnings(found.timing[0]))
+    assert not {"command_delay", "motor_lag"} & set(found.firm)
+
+
+def test_an_imu_whose_sensors_have_one_low_pass_has_no_late_gyroscope(filtered):
+    assert filtered("omega_B", "specific_force_B").timing[0].late_gyroscope is None
+
+
+def test_what_is_longer_than_the_gyroscope_is_late_it_has_not_made():
+    late = SlowGyroscope(0.018, 0.0002)
+    assert late.made("command_delay", {"delay": 0.008})  # between forces, which are not late, and torques
+    assert late.made("asymmetric_motor_lag", {"tau_up": 0.015, "tau_down": 0.01})
+    assert not late.made("motor_lag", {"tau": 0.04})
+    assert not late.made("mass", {"mass": 0.001})
