@@ -106,9 +106,10 @@ def parts(result: Any, *, details: bool = True, **how: Any) -> Any:
     from wrenchgap.replay.present.tables import Line
 
     module = _module(result)
-    some = module.parts(result, **how) if details or not hasattr(module, "brief") else module.brief(result)
+    whole = details or not hasattr(module, "brief")
+    some = module.parts(result, **how) if whole else module.brief(result)
     answer = list(takewhile(lambda part: isinstance(part, Line) and part.text, some))
-    return [*answer, *banner(result), *some[len(answer) :]]
+    return [*answer, *banner(result, details=whole), *some[len(answer) :]]
 
 
 def to_json(result: Any) -> dict[str, Any]:

@@ -22,42 +22,49 @@ def sentences(
 
     The lines name so many effects at most of each; report and JSON have all.
     """
+    shown, hidden, alike, more = _said(found, most_shown, most_hidden, most_flown)
+    said = [shown, " ".join(filter(None, (hidden, alike))), more]
+    return [*filter(None, said), *_checked(found.recoveries, found.model.vehicle)]
+
+
+def in_short(found: Explanation | Changed) -> list[str]:
+    """What could not have been shown, and what would show more, with fewer effects; where nothing was found first what
+    would have been shown.
+    """  # noqa: D205
+    shown, hidden, _, more = _said(found, 4, 3, 2)
+    return [text for text in (shown if found.verdict == "nothing" else "", hidden, more) if text]
+
+
+def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_flown: int) -> tuple[str, ...]:
+    """What would have been shown, could not have been shown, or told apart, and what would show more; each a sentence
+    with so many effects at most, or empty.
+    """  # noqa: D205
     if not found.limits:
-        return []
+        return ("",) * 4
     missed = {(one.effect, one.parameter): one for one in found.recoveries if one.share >= 1.0 and not one.firm}
     by_effect = _by_effect([one for one in found.limits if (one.effect, one.parameter) not in missed])
     vehicle = found.model.vehicle
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}
-    said = []
-    if shown:
-        words = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
-        unchecked = "" if found.recoveries else ", by the geometry and not checked by injection"
-        said.append(f"Would have been shown{unchecked}: {_listed(words, most_shown)}.")
+    would = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
+    unchecked = "" if found.recoveries else ", by the geometry and not checked by injection"
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
-    if missed or hidden or lacking:
-        words = [f"{_injected(one, vehicle)} (injected as a test, and missed)" for one in missed.values()]
-        alike = {
-            name: " or ".join(dict.fromkeys(n for one in own for n in one.instead)) for name, own in hidden.items()
-        }
-        words += [f"{name} (too weak here)" for name, instead in alike.items() if not instead]
-        words += [f"{name} (not excited)" for name in lacking]
-        unlike = [f"{name} from {instead}" for name, instead in alike.items() if instead]
-        halves = [f"Could not have been shown: {_listed(words, most_hidden)}."] if words else []
-        halves += [f"Could not have been told apart: {_listed(unlike, most_hidden)}."] if unlike else []
-        said.append(" ".join(halves))
+    could_not = [f"{_injected(one, vehicle)} (injected as a test, and missed)" for one in missed.values()]
+    alike = {name: " or ".join(dict.fromkeys(n for one in own for n in one.instead)) for name, own in hidden.items()}
+    could_not += [f"{name} (too weak here)" for name, instead in alike.items() if not instead]
+    could_not += [f"{name} (not excited)" for name in lacking]
+    unlike = [f"{name} from {instead}" for name, instead in alike.items() if instead]
     more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
     advice = [f"fly with {'; with '.join(more)}"] if more else []
     if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
         advice.insert(0, "log the commands at the rate of the loop")
-    said += [f"To show more: {'; '.join(advice)}."] if advice else []
-    return [*said, *_checked(found.recoveries, vehicle)]
-
-
-def in_short(found: Explanation | Changed) -> list[str]:
-    """The first three of `sentences`, each with fewer effects."""
-    return sentences(found, 4, 3, 2)[:3]
+    return (
+        f"Would have been shown{unchecked}: {_listed(would, most_shown)}." if would else "",
+        f"Could not have been shown: {_listed(could_not, most_hidden)}." if could_not else "",
+        f"Could not have been told apart: {_listed(unlike, most_hidden)}." if unlike else "",
+        f"To show more: {'; '.join(advice)}." if advice else "",
+    )
 
 
 def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimit]]:

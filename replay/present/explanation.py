@@ -31,7 +31,7 @@ def parts(found: Explanation) -> list[Part]:
     out = brief(found)
     if found.members:
         out += [Line(MEMBERS_LEGEND, "dim"), Line()]
-    out += [Line(text) for text in what_to_inspect.of_explanation(found)[MOST_PLACES:]]
+    out += [Line(text) for text in (*evidence(found), *what_to_inspect.of_explanation(found)[MOST_PLACES:])]
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
         out += note_lines(timing.warnings(one), "warning")
@@ -72,28 +72,42 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 
 def summary(found: Explanation) -> str:
-    """The verdict in plain words."""
+    """The verdict in plain words, and what speaks for it and against it."""
+    return " ".join([*answer(found), *evidence(found)])
+
+
+def answer(found: Explanation) -> list[str]:
+    """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
     names, by = posterior.members_in_words(found)
-    turbulence, unproven = posterior.turbulence(found), posterior.unproven(found)
-    residual = posterior.largest_residual(found)
     groups = "; ".join(map(in_words, found.groups))
     alike = f"Indistinguishable on these logs: {groups}." if groups else ""
-    if found.verdict is Verdict.NOTHING:
-        none = posterior.nothing_missing(found)
-        return _joined(none, posterior.nearest(found), turbulence, unproven, residual)
+    match found.verdict:
+        case Verdict.NOTHING:
+            said = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
+        case Verdict.UNKNOWN if names:
+            partly = f"{by('Partly explained')} {names}; more is missing than the catalogue can explain."
+            said = [partly, alike, posterior.residual_causes(found)]
+        case Verdict.UNKNOWN if short(found):
+            said = ["Too short to tell what is missing.", posterior.nearest(found, at_all=True)]
+        case Verdict.UNKNOWN:
+            none = "Something is missing, but no effect of the catalogue explains it."
+            said = [none, alike, posterior.residual_causes(found)]
+        case Verdict.GROUP:
+            first = f"{by('Explained')} {names}."
+            said = [alike, f"As one of them: {first[0].lower()}{first[1:]}"]
+        case _:
+            said = [f"{by('Explained')} {names}.", alike]
+    return [text for text in (*said, posterior.large_residual(found), posterior.largest_residual(found)) if text]
+
+
+def evidence(found: Explanation) -> list[str]:
+    """What the answer leaves to the details: what depends on what, what stays open, and what may have made it."""
     if found.verdict is Verdict.UNKNOWN:
-        partly = f"{by('Partly explained')} {names}; more is missing than the catalogue can explain." if names else ""
-        if short(found) and not names:
-            return _joined("Too short to tell what is missing.", posterior.nearest(found, at_all=True), residual)
-        none = "Something is missing, but no effect of the catalogue explains it."
-        return _joined(partly or none, alike, posterior.residual_in_words(found), unproven, residual)
-    said = f"{by('Explained')} {names}."
-    first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
-    return _joined(*first, turbulence, unproven, residual)
-
-
-def _joined(*sentences: str) -> str:
-    return " ".join(filter(None, sentences))
+        short_one = short(found) and not found.members
+        said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
+    else:
+        said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
+    return [text for text in (*said, posterior.answered(found)) if text]
 
 
 def in_words(group: Sequence[str], most: int = 3) -> str:
@@ -121,6 +135,8 @@ def what_next(
         out += [f"the named effects can be added all the same: {add}"] if found.effects else []
     elif found.effects:
         out.append(f"next: {add}")
+    elif not posterior.is_nothing_missing(found):
+        out.append(f"next: wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}")
     return [Line(text) for text in out]
 
 
@@ -232,13 +248,11 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 
 def brief(found: Explanation) -> list[Part]:
-    """The verdict, what to inspect, what would settle it, unseen flights, warnings, what the flights could have shown,
+    """The verdict, what to inspect, what would settle it, unseen flights, warnings, what the flights could not show,
     and the members.
     """  # noqa: D205
-    said: list[Part] = [
-        Line(text, "bold")
-        for text in (*posterior.apart(found), summary(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES])
-    ]
+    places = what_to_inspect.of_explanation(found)[:MOST_PLACES]
+    said: list[Part] = [Line(text, "bold") for text in (*posterior.apart(found), " ".join(answer(found)), *places)]
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += map(Line, posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
@@ -246,7 +260,7 @@ def brief(found: Explanation) -> list[Part]:
         sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]
         said.append(Line(f"On flights it never saw ({', '.join(tested.comparison.flights)}): {', '.join(sizes)} rms."))
         said += note_lines(validation_warnings(tested)[:1], "warning")
-    said += note_lines([*short(found), *timing.in_short(found.timing)][:1], "warning")
+    said += note_lines([*short(found), *timing.in_short(found.timing, of_topics=True)][:1], "warning")
     said += map(Line, detection.in_short(found)[: tables.ANSWER_LINES - len(said)])
     return [*said, Line(), *([members(found)] if found.members else [])]
 

@@ -110,9 +110,19 @@ def _words(check: Check) -> str:
     return f"{check.words.rstrip('. ')}. Read it with {check.mend}" if check.mend else check.words
 
 
-def banner(result: Any) -> list[Line]:
-    """The warnings of a result, to stand above it."""
-    return [Line(f"check: {text}", "yellow") for text in warnings(findings(result))]
+MISSING = ("gaps", "left-out", "spikes")
+"""Checks that say which samples are missing: where they ask for nothing, the details have what they say."""
+
+
+def banner(result: Any, *, details: bool = True) -> list[Line]:
+    """The warnings of a result, to stand above it; without `details` those of missing samples are one line."""
+    found = list(findings(result))
+    some = [n for n in found if isinstance(n, Finding) and n.check.name in MISSING and n.check.level == "warn"]
+    some = [] if details else [n for n in some if not n.check.mend]
+    said = warnings(n for n in found if n not in some)
+    names = ", ".join(dict.fromkeys(n.check.name for n in some))
+    said += [f"{names}: samples are missing or left out (--details)"] if names else []
+    return [Line(f"check: {text}", "yellow") for text in said]
 
 
 def checks_json(result: Any) -> dict[str, Any]:

@@ -12,9 +12,10 @@ from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
-from wrenchgap.learn.posterior.posterior import EquivalenceClass
+from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
+from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
@@ -35,9 +36,14 @@ def settle_lines(checks: Sequence[Check]) -> list[Line]:
     return [head, *(Line(f"  {k}. {KINDS[check.kind]}: {check.what}") for k, check in enumerate(checks, 1))]
 
 
-def cheapest_check(checks: Sequence[Check]) -> list[str]:
-    """The cheapest of them as a sentence; none where nothing is open."""
-    return [f"To settle it, {KINDS[check.kind]}: {check.what}" for check in checks[:1]]
+def cheapest_check(checks: Sequence[Check], longest: int = 160) -> list[str]:
+    """The cheapest of them as a sentence; without the readings where they make it long; none where nothing is open."""
+    out = []
+    for check in checks[:1]:
+        done = check.what.partition(": ")[0]
+        what = check.what if len(check.what) <= longest else f"{done} (what each explanation predicts: --details)."
+        out.append(f"To settle it, {KINDS[check.kind]}: {what}")
+    return out
 
 
 def settle_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
@@ -74,15 +80,27 @@ def nothing_missing(found: Explanation) -> str:
     """Nothing is named; but not that nothing is missing, where most of the weight says that something is, or an axis
     stays above all that noise, commands and their answers may have made.
     """  # noqa: D205
-    sets = found.posterior.sets
-    none = sum(s.weight for s in sets if not s.names)
-    likeliest = next((s for s in sets if s.names), None)
-    if none >= 0.5 or likeliest is None:
-        some = unproven(found) or found.open.any()
-        return "Nothing is established." if some else "Nothing is missing that these logs can show."
+    if is_nothing_missing(found):
+        return "Nothing is missing that these logs can show."
+    none, likeliest = _likeliest(found)
+    if likeliest is None:
+        return "Nothing is established."
     small = "" if found.open.any() else f"nothing is missing ({share(none)} of the weight), or something small, "
     likely = f"most likely {' + '.join(likeliest.names)} ({share(likeliest.weight)})"
     return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell."
+
+
+def is_nothing_missing(found: Explanation) -> bool:
+    """Whether nothing is named, likely, open, or taken for an answer of the controller."""
+    named = found.verdict is not Verdict.NOTHING or _likeliest(found)[1] is not None
+    return not (named or unproven(found) or found.open.any())
+
+
+def _likeliest(found: Explanation) -> tuple[float, NamedSet | None]:
+    """The weight of the empty set, and the most probable other set where that is less than half."""
+    sets = found.posterior.sets
+    none = sum(s.weight for s in sets if not s.names)
+    return none, next((s for s in sets if s.names), None) if none < 0.5 else None
 
 
 def apart(found: Explanation, most: int = 5) -> list[str]:
@@ -98,22 +116,25 @@ def apart(found: Explanation, most: int = 5) -> list[str]:
     return said
 
 
-def turbulence(found: Explanation, most: float = 0.05) -> str:
-    """Axes on which more than noise is left that nothing predicts; above `most` of the weight it is not believed."""
+def turbulence(found: Explanation) -> str:
+    """Axes on which more than noise is left that nothing predicts."""
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
     if not axes:
         return ""
-    words = "the remaining error is larger than sensor noise"
-    words += (
-        ", as gusts make it." if unproven(found) else ", and nothing that was logged predicts it: as gusts make it."
-    )
+    predicted = "" if unproven(found) else ", and nothing that was logged predicts it"
+    return f"Open: on {', '.join(axes)} the remaining error is larger than sensor noise{predicted}: as gusts make it."
+
+
+def large_residual(found: Explanation, most: float = 0.05) -> str:
+    """Of turbulence above `most` of the weight, which is not believed, what to look at first."""
     force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
     of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
-    if of_weight > most:
-        words += (
-            f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
-        )
-    return f"Open: on {', '.join(axes)} {words}"
+    if found.verdict is Verdict.UNKNOWN or not found.open.any() or of_weight <= most:
+        return ""
+    return (
+        f"The remaining force error is {share(of_weight)} of the weight: look at clocks, units and frames "
+        "(`wrenchgap inspect`) first."
+    )
 
 
 def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str:
@@ -131,22 +152,34 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
     best = max(fair, key=lambda c: float(sum(c.reduction[axes(c)])), default=None)
     if best is None or not axes(best):
         return ""
-    listed = ", ".join(f"{share(best.reduction[k])} of the rms of {AXES[k]}" for k in axes(best))
+    listed = ", ".join(f"{AXES[k]} by {share(best.reduction[k])}" for k in axes(best))
     return (
-        f"Not established: {with_values(best.fit, found.model, best.name)} alone removes {listed}, where commands "
-        "answer the motion: the controller's answer to a disturbance can look the same."
+        f"Not established: {with_values(best.fit, found.model, best.name)} alone reduces the error of {listed}; the "
+        "controller's answer to a disturbance can look the same."
     )
 
 
 def largest_residual(found: Explanation) -> str:
-    """The axis on which most is left, in units of the noise, and what may have made it where structure is none."""
-    after, noise = found.rms_after, found.noise
-    axis = int(np.nanargmax(after / np.maximum(noise, 1e-30)))
-    size = f"{after[axis]:.2g} {unit_of(axis)} rms"
-    closed, more = axis in found.answering and not found.open[axis], ""
-    if closed and after[axis] > found.posterior.settings.structure * noise[axis]:
-        more = "; the rest may be gusts that the commands answered, or what slowly logged commands do not say"
-    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g}{more})."
+    """The axis on which most is left, in units of the noise."""
+    axis = _worst_axis(found)
+    size = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms"
+    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})."
+
+
+def answered(found: Explanation) -> str:
+    """What may have made the largest remaining error, where commands answered the motion and no structure is left."""
+    axis = _worst_axis(found)
+    closed = axis in found.answering and not found.open[axis]
+    if not closed or found.rms_after[axis] <= found.posterior.settings.structure * found.noise[axis]:
+        return ""
+    return (
+        f"What remains on {AXES[axis]} may be gusts that the commands answered, or what slowly logged commands do not "
+        "say."
+    )
+
+
+def _worst_axis(found: Explanation) -> int:
+    return int(np.nanargmax(found.rms_after / np.maximum(found.noise, 1e-30)))
 
 
 def nearest(
@@ -198,16 +231,17 @@ def _with_std(v: Value) -> str:
 
 
 def members_in_words(found: Explanation) -> tuple[str, Callable[[str], str]]:
-    """The named effects with their sizes, those that are sure (`SearchSettings.firm`) first; and what makes of a word,
-    "Explained", how strongly it is said: "Explained by", or "Perhaps explained by".
+    """The named effects, those that are sure (`SearchSettings.firm`) first with their sizes, the others without where
+    one is sure; and what makes of a word, "Explained", how strongly it is said: "Explained by", or "Perhaps explained
+    by".
     """  # noqa: D205
-    sure, others = (
-        " and ".join(f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in some)
-        for some in (
-            [m for m in found.members if (found.confidence(m) >= DEFAULT.firm) is which] for which in (True, False)
-        )
+    sure = [m for m in found.members if found.confidence(m) >= DEFAULT.firm]
+    others = [m for m in found.members if m not in sure]
+    sized = " and ".join(
+        f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in sure or others
     )
-    listed = f"{sure}; less sure: {others}" if sure and others else sure or others
+    less = " and ".join(f"{m.name}, {confidence(found, m)}" for m in others) if sure else ""
+    listed = f"{sized}; less sure: {less}" if less else sized
     return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
 
 
@@ -217,22 +251,16 @@ def confidence(found: Explanation, member: Member) -> str:
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
-    """Sentences on what nothing explains; above `concentrated` of it in a tenth of the time, that is said."""
+    """On what nothing explains depends, and where it is; above `concentrated` of it in a tenth of the time, that is
+    said.
+    """  # noqa: D205
     said = []
     for axis in dict.fromkeys(b.axis for b in found.bands):  # the loudest first
         own = [b for b in found.bands if b.axis == axis]
         low, high = min(b.low_hz for b in own), max(b.high_hz for b in own)
         times = max(b.over_noise for b in own)
         said.append(f"{AXES[axis]} at {low:.2g} to {high:.2g} Hz ({times:.2g} times the noise)")
-    said = [f"What is named leaves more than noise in {', '.join(said)}"] if said else []
-    said += [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
-    if (one := found.one_rotor) is not None:
-        rotors = " or ".join(found.model.vehicle.rotor_name(k) for k in one.rotors)
-        said.append(
-            f"{100 * one.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing "
-            "logged tells: a propeller or hub that slips, a motor or its controller that stutters"
-        )
-    clues = [f"{words[:1].upper()}{words[1:]}." for words in said]
+    clues = [f"What is named leaves more than noise in {', '.join(said)}."] if said else []
     if found.depends is not None and found.depends.chosen:
         inputs = " and ".join(g.label for g in found.depends.chosen[:3])
         clues.append(
@@ -244,6 +272,18 @@ def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
             f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
         )
     return " ".join(clues)
+
+
+def residual_causes(found: Explanation) -> str:
+    """Sentences on what of the residual looks like a load that swings, or a rotor that comes and goes."""
+    said = [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
+    if (one := found.one_rotor) is not None:
+        rotors = " or ".join(found.model.vehicle.rotor_name(k) for k in one.rotors)
+        said.append(
+            f"{100 * one.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing "
+            "logged tells: a propeller or hub that slips, a motor or its controller that stutters"
+        )
+    return " ".join(f"{words[:1].upper()}{words[1:]}." for words in said)
 
 
 def oscillation_in_words(found: Oscillation) -> str:

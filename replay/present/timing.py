@@ -28,6 +28,7 @@ PROBLEMS = {
     Problem.VAGUE: "no better than {about}: too little motion in common",
     Problem.FEEDBACK: "feedback-dominated: the command follows the motion; actuator dynamics are not identifiable here",
 }
+OF_RESPONSES = (diagnosed.LateResponse, diagnosed.FeedbackDominated)
 PARTS = ("halves", "axes", "bands")
 FORMS = {"delay": "a delay", "lag": "a lag", "either": "a lag or a delay", None: "a lag or a delay"}
 
@@ -105,9 +106,13 @@ def warnings(found: FlightTiming) -> list[str]:
     return [_warning(w) for w in found.warnings]
 
 
-def in_short(flights: Sequence[FlightTiming]) -> list[str]:
-    """Warnings of all flights in one sentence: the first of them, and how many more there are."""
-    said = [words for one in flights for words in warnings(one)]
+def in_short(flights: Sequence[FlightTiming], *, of_topics: bool = False) -> list[str]:
+    """Warnings of all flights in one sentence: the first of them, and how many more there are.
+
+    `of_topics` leaves out what is said of the response to commands, of which `explain` has the effects.
+    """
+    told = [w for one in flights for w in one.warnings]
+    said = [_warning(w) for w in told if not (of_topics and isinstance(w, OF_RESPONSES))]
     return [f"{said[0]}{f' ({len(said) - 1} more: --details)' if len(said) > 1 else ''}"] if said else []
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
@@ -15,7 +16,7 @@ from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.numbers import quantity, share, size_in_words
+from wrenchgap.replay.present.numbers import number, quantity, share, size_in_words
 
 
 @dataclass(frozen=True)
@@ -112,17 +113,36 @@ def of_explanation(found: Explanation) -> list[str]:
             out.append(f"{_of_whole(name, values, vehicle, 'is off')}.")
     constant = next((m for m in found.members if m.name == "constant_wrench"), None)
     if constant is not None:
-        out += _of_constant(found.fit.values(constant.name), vehicle, found.confidence(constant))
+        logs = [f.flight.autopilot for f in found.flights]
+        out += _of_constant(found.fit.values(constant.name), vehicle, found.confidence(constant), trim(logs))
     return out
 
 
-def _of_constant(values: Sequence[Value], vehicle: Vehicle, confidence: float) -> list[str]:
+TRIMS = {
+    ("AHRS_TRIM_X", "AHRS_TRIM_Y"): ("rad", "to compare with the log's"),
+    ("SENS_BOARD_X_OFF", "SENS_BOARD_Y_OFF"): ("deg", "on top of the log's"),
+}
+"""Parameters by which an autopilot is told of its mounting, their unit, and whether the logged IMU is without them, as
+ArduPilot's is, or turned by them already, as PX4's is."""
+
+
+def trim(logs: Sequence[Autopilot | None]) -> str:
+    """What the parameters of all these logs say of the autopilot's mounting; empty where they differ or say nothing."""
+    for names, (own_unit, words) in TRIMS.items():
+        had = {tuple(float(one.parameters.get(n, np.nan)) for n in names) if one else None for one in logs}
+        if len(had) == 1 and (values := had.pop()) is not None and np.isfinite(values).all():
+            degrees = np.degrees(values) if own_unit == "rad" else values
+            return f"{words} " + ", ".join(f"{n} {number(d, 2)} deg" for n, d in zip(names, degrees, strict=True))
+    return ""
+
+
+def _of_constant(values: Sequence[Value], vehicle: Vehicle, confidence: float, mounting: str) -> list[str]:
     """What a constant wrench is in a pilot's words, where it is no zero; as sure as it is itself."""
     by = {v.name: v.value for v in values if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)}
-    causes = _causes(by, vehicle)
-    said = "What is constant is what these make"
+    causes = _causes(by, vehicle, mounting)
+    said = "What makes such a constant wrench"
     if confidence < DEFAULT.firm:
-        said = f"Less sure (confidence {100 * confidence:.0f} %): what is constant may be what these make"
+        said = f"Less sure (confidence {100 * confidence:.0f} %), what makes such a constant wrench"
     return [f"{said}: {'; '.join(causes)}."] if causes else []
 
 
@@ -143,8 +163,11 @@ def constant_changes(found: Changed) -> list[Size]:
     return sorted(clear, key=lambda p: -p.significance)
 
 
-def _causes(by: Mapping[str, float], vehicle: Vehicle) -> list[str]:
-    """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it."""
+def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
+    """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it.
+
+    `mounting` is what the logs say of the autopilot's.
+    """
     weight, causes = vehicle.body.mass * GRAVITY, []
     if by.keys() & {"torque_x", "torque_y"}:
         x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight
@@ -153,7 +176,8 @@ def _causes(by: Mapping[str, float], vehicle: Vehicle) -> list[str]:
     if "torque_z" in by:
         causes.append(f"a yaw bias of {size_in_words(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
     if tilt := float(np.hypot(by.get("force_x", 0.0), by.get("force_y", 0.0))) / weight:
-        causes.append(f"an autopilot that is mounted {np.degrees(tilt):.2g} deg off the rotors' plane, or wind")
+        logged = f" ({mounting})" if mounting else ""
+        causes.append(f"an autopilot mounted {np.degrees(tilt):.2g} deg off the rotors' plane{logged}, or wind")
     return causes
 
 

@@ -1,5 +1,6 @@
 """Every command begins with its answer: few sentences, then one table; `--details` has everything that `--json` has."""
 
+import textwrap
 from dataclasses import replace
 from itertools import takewhile
 
@@ -7,9 +8,15 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight.check import Check as FlightCheck
+from wrenchgap.flight.check import Finding
+from wrenchgap.learn.diagnose.timing import FeedbackDominated
 from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant import model_file
 from wrenchgap.replay import present
+from wrenchgap.replay.present.explanation import brief
+from wrenchgap.replay.present.notes import banner
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Table
 
 MODEL = model_file.load("tilt_hexarotor")
@@ -82,3 +89,47 @@ def test_of_what_would_settle_it_the_cheapest_is_in_the_answer(results):
     said = [part.text for part in present.parts(open_one, details=False) if isinstance(part, Line)]
     assert "To settle it, on the bench: weigh it." in said
     assert not any("fly it." in text for text in said)
+    long = replace(checks[0], what=f"Weigh it: {'1.09 kg if mass; ' * 12}1.08 kg if not.")
+    many = replace(found, posterior=replace(found.posterior, settle=(long,)))
+    (settle,) = (part.text for part in present.parts(many, details=False) if "To settle" in getattr(part, "text", ""))
+    assert settle == "To settle it, on the bench: Weigh it (what each explanation predicts: --details)."
+    assert any(part.text.endswith(long.what) for part in present.parts(many) if isinstance(part, Line))
+
+
+def test_what_explain_found_in_the_worst_case_is_eight_lines_of_a_screen(results, monkeypatch):
+    """Partly explained, with two effects that are not sure, open bands, feedback, and a check of five readings."""
+    found = results["explain"]
+    feedback = property(lambda _: (FeedbackDominated(("torque_x", "torque_y")),))
+    monkeypatch.setattr(type(found.timing[0]), "warnings", feedback)
+    (member,) = found.members
+    others = [replace(member, name=name, probability=0.8) for name in ("mass", "body_drag_areas")]
+    check = Check("bench", f"Weigh it: {'1.09 kg if mass + com_offset; ' * 5}1.08 kg if not.", (), "weigh")
+    worst = replace(
+        found,
+        verdict=Verdict.UNKNOWN,
+        members=(member, *others),
+        bands=(OpenBand(4, 2.0, 3.0, 6.6), OpenBand(0, 0.7, 1.2, 4.14)),
+        posterior=replace(found.posterior, settle=(check,)),
+    )
+    shown = "\n".join(part.text for part in takewhile(lambda p: isinstance(p, Line) and p.text, brief(worst)))
+    assert sum(len(textwrap.wrap(line, 120)) for line in shown.splitlines()) <= ANSWER_LINES, shown
+    details = " ".join(part.text for part in present.parts(worst) if isinstance(part, Line))
+    for words in ("torque_y at 2 to 3 Hz", "feedback-dominated", "Would have been shown", "1.09 kg if mass"):
+        assert words not in shown
+        assert words in details
+
+
+def test_missing_samples_are_one_line_until_details_are_asked_for(results):
+    """What asks for nothing; a check with an option that mends it is said in full."""
+    (flight,) = results["compare"].flights
+    said = (("gaps", "3 gap(s).", ""), ("spikes", "24 sample(s).", ""), ("weight", "Check the mass.", ""))
+    mended = ("left-out", "Half of it is left out.", "--keep held")
+    notes = [Finding(flight, FlightCheck(n, "warn", words, mend)) for n, words, mend in (*said, mended)]
+    result = replace(results["compare"], notes=tuple(notes))
+    short, whole = ([line.text for line in banner(result, details=details)] for details in (False, True))
+    assert short[-1] == "check: gaps, spikes: samples are missing or left out (--details)"
+    assert any(text.endswith("Read it with --keep held") for text in short)
+    assert not any("24 sample(s)" in text for text in short)
+    assert len(short) == 3
+    assert any("24 sample(s)" in text for text in whole)
+    assert len(whole) == 4

@@ -14,6 +14,7 @@ from rich.console import Console
 
 import wrenchgap as wg
 from scripts.json_documents import schema
+from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
@@ -26,7 +27,7 @@ from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS, plain
-from wrenchgap.replay.present.explanation import brief, in_words, members, short, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import answer, brief, in_words, members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.posterior import oscillation_in_words, with_values
@@ -101,11 +102,28 @@ def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, 
     assert "2 deg off the rotors' plane" in words
     monkeypatch.setattr(type(named), "confidence", lambda *_: 0.48)
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
-    assert words.startswith(
-        "Less sure (confidence 48 %): what is constant may be what these make: a centre of mass 12 mm"
-    )
+    assert words.startswith("Less sure (confidence 48 %), what makes such a constant wrench: a centre of mass 12 mm")
+    autopilot = Autopilot("ArduPilot", parameters={"AHRS_TRIM_X": np.radians(1.5), "AHRS_TRIM_Y": 0.0})
+    logged = [replace(f, flight=replace(f.flight, autopilot=autopilot)) for f in named.flights]
+    trimmed = replace(named, members=(member,), fit=fitted, flights=tuple(logged))
+    (words,) = what_to_inspect.of_explanation(trimmed)
+    assert "2 deg off the rotors' plane (to compare with the log's AHRS_TRIM_X 1.5 deg, AHRS_TRIM_Y 0 deg), or" in words
     still = replace(fitted, covariance=np.eye(6) * weight**2)
     assert not what_to_inspect.of_explanation(replace(named, members=(member,), fit=still))
+
+
+def test_the_mounting_that_the_logs_have_is_said_where_all_have_it():
+    """ArduPilot's in radians, of which its IMU's samples are without; PX4's in degrees, by which they are turned."""
+    ardupilot = Autopilot("ArduPilot", parameters={"AHRS_TRIM_X": np.radians(-1.0), "AHRS_TRIM_Y": np.radians(0.5)})
+    px4 = Autopilot("PX4", parameters={"SENS_BOARD_X_OFF": 0, "SENS_BOARD_Y_OFF": 1.25})
+    assert (
+        what_to_inspect.trim([ardupilot, ardupilot])
+        == "to compare with the log's AHRS_TRIM_X -1.0 deg, AHRS_TRIM_Y 0.50 deg"
+    )
+    assert what_to_inspect.trim([px4]) == "on top of the log's SENS_BOARD_X_OFF 0 deg, SENS_BOARD_Y_OFF 1.2 deg"
+    other = Autopilot("PX4", parameters={"SENS_BOARD_X_OFF": 0, "SENS_BOARD_Y_OFF": 2})
+    for logs in ([], [None], [Autopilot("PX4")], [px4, None], [px4, other]):
+        assert not what_to_inspect.trim(logs)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +180,9 @@ def test_the_largest_remaining_error_is_counted_in_noise(named):
     assert "torque_y, 0.1 Nm rms (sensor noise 0.001)" in summary(one)
     two = replace(one, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 1e-3, 1e-3]))
     assert "force_x, 0.5 N rms (sensor noise 0.1)" in summary(two)
-    assert "0.1 Nm rms (sensor noise 0.001; the rest may be gusts" in summary(replace(one, answering=(4,)))
+    answered = replace(one, answering=(4,))
+    assert "What remains on torque_y may be gusts" in summary(answered)
+    assert not any("gusts" in text for text in answer(answered))
 
 
 def test_a_group_is_told_with_all_its_members(grouped):
@@ -179,6 +199,12 @@ def test_of_many_that_are_alike_the_rest_is_counted_in_words():
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert nothing.verdict == "nothing"
     assert what_next(nothing, NAME, ["a.mcap"]) == []
+
+
+def test_where_nothing_is_established_a_healthy_flight_is_to_be_compared_with(nothing):
+    open_one = replace(nothing, open=np.ones(6, dtype=bool))
+    (line,) = what_next(open_one, NAME, ["a.mcap"], " --cutoff 7")
+    assert line.text == f"next: wrenchgap changed a.mcap --cutoff 7 --healthy HEALTHY_LOG -m {NAME}"
 
 
 def test_where_nothing_is_established_what_takes_off_much_is_told_as_such(nothing, named):
@@ -239,7 +265,7 @@ def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_estab
     loud = replace(nothing, ranking=(late,), answering=(3, 4, 5), open=np.arange(6) > 2)
     assert summary(loud).startswith("Nothing is established.")
     assert "Not established: com_offset (" in summary(loud)
-    assert "alone removes 70 % of the rms of torque_x, where commands answer the motion" in summary(loud)
+    assert "alone reduces the error of torque_x by 70 %; the controller's answer to a disturbance" in summary(loud)
     assert "nothing that was logged predicts it" not in summary(loud)
     assert "Not established: com_offset (" in summary(replace(loud, verdict=Verdict.UNKNOWN))
     for other in (
@@ -248,7 +274,8 @@ def test_where_commands_answer_what_takes_most_off_an_axis_is_said_and_not_estab
         replace(loud, ranking=(replace(late, reduction=0.4 * off),)),
     ):
         assert "Not established" not in summary(other)
-        assert summary(other).startswith("Nothing is established. Open: on torque_x")
+        assert summary(other).startswith("Nothing is established. ")
+        assert "Open: on torque_x" in summary(other)
         shut = replace(other, open=np.zeros(6, dtype=bool))
         assert summary(shut).startswith("Nothing is missing that these logs can show.")
 
