@@ -41,9 +41,10 @@ def summary(found: OpenLoop) -> list[str]:
     ]
     worse = [WORDS.get(q, q) for k, q in enumerate(QUANTITIES) if last.mae[at, k] > naive.mae[at, k]]
     if worse:
+        first = "That" if len(worse) == len(QUANTITIES) else f"For {', '.join(worse)} that"
         out.append(
-            f"For {', '.join(worse)} that is worse than no model at all: a force or torque that the model lacks or has "
-            "wrong acts from the first moment on. `wrenchgap where` and `wrenchgap explain` look for it."
+            f"{first} is worse than no model at all: a force or torque that the model lacks or has wrong adds up where "
+            "no controller answers. `wrenchgap explain` looks for it."
         )
     return out
 

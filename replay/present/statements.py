@@ -287,6 +287,7 @@ def lack(answer: Answer) -> str:
     if answer.lack is None:
         return "can be answered"
     name, _, rest = answer.lack.partition(" [")
+    name = "fall of the voltage during the flight" if answer.lack is Lack.VOLTAGE and answer.have is not None else name
     if answer.have is None:
         return f"{name.removeprefix('rate of ').removeprefix('drop of ').removesuffix(' for rotors')} not found"
     needed = "needed" if answer.lack in EXACT else "typically needed"

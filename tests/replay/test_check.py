@@ -27,7 +27,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.write import write
 from wrenchgap.learn.diagnose.model_checks import inspect
-from wrenchgap.learn.health.answers import Lack, Question
+from wrenchgap.learn.health.answers import Answer, Lack, Question
 from wrenchgap.learn.health.logged_messages import changed_before
 from wrenchgap.learn.health.motors import Shape
 from wrenchgap.learn.health.rotors import thrusts_of
@@ -36,7 +36,7 @@ from wrenchgap.replay.present.health import answer, flown
 from wrenchgap.replay.present.health_rows import ROWS
 from wrenchgap.replay.present.inspection import next_command
 from wrenchgap.replay.present.notes import grouped
-from wrenchgap.replay.present.statements import statements
+from wrenchgap.replay.present.statements import lack, statements
 
 WEAK = Wrong(thrust=(1.0, 1.0, 1.0, 1.45))
 FAULTS = {
@@ -700,3 +700,11 @@ def test_of_many_logs_each_that_is_shown_can_be_read(run, tmp_path):
     assert [name.name in table for name in names] == [True] * 6 + [False] * 14
     assert "14 more logs: --details" in table
     assert all(name.name in whole.partition("next:")[2] for name in names)
+
+
+def test_what_the_voltage_lacks_is_its_fall_during_the_flight_and_not_the_sag():
+    """A small battery sags by 0.8 V at take-off, and stays there."""
+    assert lack(Answer(Question.VOLTAGE, Lack.VOLTAGE, 0.0, 3.0)) == (
+        "fall of the voltage during the flight 0 %, 3 typically needed"
+    )
+    assert lack(Answer(Question.VOLTAGE, Lack.VOLTAGE, None, 3.0)) == "the voltage not found"
