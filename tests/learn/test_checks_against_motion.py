@@ -80,8 +80,9 @@ def test_a_gyroscope_in_degrees_is_found_from_the_commanded_wrench_alone(flown):
 
 
 def rocking(flight, rate):
-    """The same with an IMU that turns about x by `rate` sin(2 pi t) [rad/s]."""
+    """The same with an IMU that turns about x by `rate` sin(2 pi t) [rad/s], and has noise about all axes."""
     turn = rate * np.sin(2.0 * np.pi * flight.imu.time)[:, None] * [1.0, 0.0, 0.0]
+    turn = turn + np.random.default_rng(1).normal(0.0, 1e-4, turn.shape)  # exact zeros would be no reading
     return wrench_alone(flight, imu=replace(flight.imu, omega_B=turn))
 
 

@@ -422,7 +422,8 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     monkeypatch.setattr(page.session.effects, "trajectory_text", lambda found: "x = 1\n")
     monkeypatch.setattr(design, "sentence", lambda found: "This flight separates them.")
-    monkeypatch.setattr(explanation, "summary", lambda found: SENTENCE)
+    monkeypatch.setattr(explanation, "answer", lambda found: [SENTENCE])
+    monkeypatch.setattr(explanation, "evidence", lambda found: ["It comes and goes."])
     monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
     effects.searches["train"] = UNKNOWN, "tilt_hexarotor"
     effects.opened(page.scene)

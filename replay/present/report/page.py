@@ -66,7 +66,8 @@ def page(report: Report, repetition: Repetition) -> str:
             date=repetition.date,
             vehicle=report.model.vehicle.name,
             verdict=str(found.verdict),
-            summary=explanation.summary(found) + law,
+            summary=" ".join(explanation.answer(found)) + law,
+            evidence=explanation.evidence(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
             already=fitted_effects.already_in(report.model),
             warnings=[

@@ -140,7 +140,8 @@ class EffectsPanel(Panel):
         return html.render(
             "search",
             found=found,
-            summary=explanation.summary(found),
+            summary=" ".join(explanation.answer(found)),
+            evidence=explanation.evidence(found),
             values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
             open=explanation.open_in_words(found),
             shown=detection.sentences(found),
