@@ -29,8 +29,6 @@ from wrenchgap.flight.flight import Array
 
 BLOCK = 0.25
 """Over which means are taken [s]: faster than gusts that a controller has to answer, slower than the filter."""
-SEGMENT = 60.0
-"""Longest stretch that is looked at as one [s]; work goes with its cube."""
 TIMES = np.geomspace(BLOCK, 30.0, 12)
 """Correlation times [s]: from one block to that of turbulence of 150 m in 5 m/s of wind. What is slower is constant."""
 WHITE = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.99])
@@ -106,9 +104,9 @@ def disturbance_process(left: Sequence[Left]) -> DisturbanceProcess:
     return DisturbanceProcess(weights, b / a, 1.0 / a, q, count, _mixing(smooth), fast)
 
 
-def _segments(one: Left) -> list[Left]:
-    """Pieces of at most `SEGMENT` of a stretch."""
-    pieces = max(1, int(np.ceil(len(one.wrench) * one.dt / SEGMENT)))
+def _segments(one: Left, longest: float = 60.0) -> list[Left]:
+    """Pieces of at most `longest` [s] of a stretch: work goes with the cube of it."""
+    pieces = max(1, int(np.ceil(len(one.wrench) * one.dt / longest)))
     return [Left(part, one.dt, one.noise) for part in np.array_split(one.wrench, pieces)]
 
 

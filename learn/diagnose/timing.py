@@ -38,12 +38,10 @@ class TimingThresholds:
     unlike: float = 2e-3
     """Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
     certain: float = 3.0
-    """Standard errors by which one sensor is later than the other beyond chance."""
+    """Standard errors from which on a difference of two times is one, and up to which they agree."""
 
 
 TIMING = TimingThresholds()
-UNLIKE = TIMING.unlike
-"""As `learn.posterior` asks for it [s]."""
 AUTOPILOTS = ("px4", "ardupilot")
 """Whose topics, as readers make them, are stamped by one clock."""
 

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wrenchgap.learn.diagnose.timing import UNLIKE, FlightTiming
+from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
 from wrenchgap.plant.effects import family
@@ -24,8 +24,6 @@ from wrenchgap.plant.vehicle import Vehicle
 DELAY, LAG = "command_delay", "motor_lag"
 LATE_CLOCK, LATE_GYROSCOPE = "late_clock", "late_gyroscope"
 """Names, in sets and of their checks, of what is no effect."""
-CERTAIN = 3.0
-"""Standard errors within which clock and delay agree."""
 EXACT, LEAST = 0.1, 1e-3
 """What a fitted delay is good for beyond that, as a share of it and in seconds: other effects are in its place."""
 
@@ -56,7 +54,7 @@ class LateClock:
 
     def explains(self, delay: float) -> bool:
         """Whether a fitted delay [s] is what this clock makes."""
-        return abs(delay - self.seconds) < CERTAIN * self.std + EXACT * abs(delay) + LEAST
+        return abs(delay - self.seconds) < TIMING.certain * self.std + EXACT * abs(delay) + LEAST
 
     def made(self, name: str, values: Mapping[str, float]) -> bool:
         """Whether this clock may have made an effect with these values."""
@@ -84,7 +82,7 @@ class SlowGyroscope:
     def made(self, name: str, values: Mapping[str, float]) -> bool:
         """Whether this gyroscope may have made an effect with these values."""
         longest = max(values.values(), default=0.0)
-        return family(name) in (DELAY, LAG) and longest < self.seconds + CERTAIN * self.std + LEAST
+        return family(name) in (DELAY, LAG) and longest < self.seconds + TIMING.certain * self.std + LEAST
 
 
 def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:
@@ -99,12 +97,12 @@ def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | N
 def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:
     """The clock of the IMU, where the odometry of every flight leads it by the same, beyond chance."""
     offsets = [one.odometry for one in timing]
-    known = [o for o in offsets if o is not None and o[2] < UNLIKE]
+    known = [o for o in offsets if o is not None and o[2] < TIMING.unlike]
     if not known or len(known) < len(offsets):
         return None
     lag, std, _ = np.array(known).T
     clock = LateClock(float(-lag.mean()), float(np.hypot(std.mean(), np.ptp(lag))))
-    return clock if clock.seconds > CERTAIN * clock.std else None
+    return clock if clock.seconds > TIMING.certain * clock.std else None
 
 
 def with_clock(found: WeighedSets, clock: LateClock | SlowGyroscope | None, vehicle: Vehicle) -> WeighedSets:
