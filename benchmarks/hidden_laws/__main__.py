@@ -196,13 +196,17 @@ def counts(found: list[dict[str, Any]]) -> str:
     false = [f"{r['name']}: {r['formula']}" for r in none if r["laws"]]
     most = beta.ppf(0.975, len(false) + 1, len(none) - len(false))
     searched = sum(not r["summary"][0].startswith("Nothing is left") for r in none)  # the others have no rest
+    by = {"at full size": 1.0, "at half of it": 0.5}
+    sizes = {words: [r for r in unknown if r["flown"] != "mission" and r["scale"] == s] for words, s in by.items()}
+    sizes["on missions"] = [r for r in unknown if r["flown"] == "mission"]
+    listed = ", ".join(f"{sum(r['right'] for r in some)} of {len(some)} {words}" for words, some in sizes.items())
     off = [abs(r["value"] - r["true"]) / r["std"] for r in laws if r["value"] is not None]
     gone = sum(r["energy_reduction"] >= 0.8 for r in right)
     return (
         f"Right: {sum(r['right'] for r in laws)} of {len(laws)}, {len(right)} of {len(unknown)} where `explain` says "
-        f"unknown; {len(wrong)} laws that are none of these. Of those {len(right)}, {gone} take 80 % of the energy or "
-        f"more off the second flight. False: {len(false)} in {len(none)} flights without a law (95 % interval up to "
-        f"{100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to search. "
+        f"unknown ({listed}); {len(wrong)} laws that are none of these. Of those {len(right)}, {gone} take 80 % of the "
+        f"energy or more off the second flight. False: {len(false)} in {len(none)} flights without a law (95 % interval "
+        f"up to {100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to search. "
         f"Coefficients within one standard deviation: {sum(x < 1.0 for x in off)} of {len(off)}, "
         f"within two {sum(x < 2.0 for x in off)}, within a third of one {sum(x < 1 / 3 for x in off)}."
     )

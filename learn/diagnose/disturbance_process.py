@@ -37,7 +37,7 @@ WHITE = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.99])
 
 @dataclass(frozen=True)
 class Left:
-    """What a model leaves (K, 6) of a stretch, about O, `dt` [s] apart, with the sensors' noise (6,) in it."""
+    """What a model leaves (K, 6) [N, Nm] of a stretch, in B about O, `dt` [s] apart; the sensors' noise (6,) in it."""
 
     wrench: Array
     dt: float
@@ -60,7 +60,7 @@ class DisturbanceProcess:
     fast: tuple[Left, ...]
 
     def draw(self, count: int, dt: float, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Another flight (N, 6) of `count` samples, `dt` [s] apart, and the constant (6,) in it."""
+        """Another flight's wrenches (N, 6) [N, Nm], N = `count`, `dt` [s] apart, and the constant (6,) in them."""
         place = [np.unravel_index(rng.choice(w.size, p=w.ravel()), w.shape) for w in self.weights]
         rows = (np.arange(len(place)), *np.transpose(place))
         variance = self.q[rows] / rng.chisquare(self.count - 1, len(place))

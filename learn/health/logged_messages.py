@@ -66,17 +66,8 @@ def _read(recorded: Recorded) -> Iterator[tuple[float, str, str]]:
 
 
 ARDUCOPTER_MODES = {0: "Stabilize", 1: "Acro", 2: "AltHold", 3: "Auto", 4: "Guided", 5: "Loiter", 6: "RTL", 7: "Circle"}
-ARDUCOPTER_MODES |= {
-    9: "Land",
-    11: "Drift",
-    13: "Sport",
-    14: "Flip",
-    15: "AutoTune",
-    16: "PosHold",
-    17: "Brake",
-    18: "Throw",
-}
-ARDUCOPTER_MODES |= {20: "Guided_NoGPS", 21: "Smart_RTL", 22: "FlowHold", 23: "Follow", 24: "ZigZag"}
+ARDUCOPTER_MODES |= {9: "Land", 11: "Drift", 13: "Sport", 14: "Flip", 15: "AutoTune", 16: "PosHold", 17: "Brake"}
+ARDUCOPTER_MODES |= {18: "Throw", 20: "Guided_NoGPS", 21: "Smart_RTL", 22: "FlowHold", 23: "Follow", 24: "ZigZag"}
 PX4_MODES = {0: "Manual", 1: "Altitude", 2: "Position", 3: "Mission", 4: "Hold", 5: "Return", 10: "Acro", 12: "Descend"}
 PX4_MODES |= {13: "Termination", 14: "Offboard", 15: "Stabilized", 17: "Takeoff", 18: "Land", 19: "Follow", 21: "Orbit"}
 MODE_FIELDS = (

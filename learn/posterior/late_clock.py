@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming
+from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming, LateGyroscope
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
 from wrenchgap.plant.effects import family
@@ -61,12 +61,9 @@ class LateClock:
         return name == DELAY and self.explains(values["delay"])
 
 
-@dataclass(frozen=True)
-class SlowGyroscope:
-    """The gyroscope is later than the accelerometer by `seconds` +- `std` (`learn.diagnose.timing.LateGyroscope`)."""
+class SlowGyroscope(LateGyroscope):
+    """A gyroscope that is late by itself, as the cause of lags."""
 
-    seconds: float
-    std: float
     name: ClassVar[str] = LATE_GYROSCOPE
 
     @property
@@ -87,10 +84,10 @@ class SlowGyroscope:
 
 def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:
     """What is late in the IMU, where it is on every flight."""
-    late = [one.late_gyroscope for one in timing]
-    if late and all(late):
-        seconds, std = np.array([(g.seconds, g.std) for g in late if g is not None]).T
-        return SlowGyroscope(float(seconds.max()), float(std.max()))
+    late = [one.late_gyroscope for one in timing if one.late_gyroscope is not None]
+    if late and len(late) == len(timing):
+        latest = max(late, key=lambda one: one.seconds)
+        return SlowGyroscope(latest.seconds, latest.std)
     return late_clock(timing)
 
 

@@ -22,8 +22,6 @@ def sentences(
 
     The lines name so many effects at most of each; report and JSON have all.
     """
-    if not found.limits:
-        return []
     shown, hidden, alike, more = _said(found, most_shown, most_hidden, most_flown)
     said = [shown, " ".join(filter(None, (hidden, alike))), more]
     return [*filter(None, said), *_checked(found.recoveries, found.model.vehicle)]

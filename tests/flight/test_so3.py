@@ -21,6 +21,17 @@ def in_pieces(function, *arrays):
     return np.concatenate([function(*(a[k : k + 1000] for a in arrays)) for k in range(0, len(arrays[0]), 1000)])
 
 
+def test_a_quarter_turn_about_z_takes_x_to_y_and_back():
+    """Right-handed, from B to E; of two turns the right one is first: x to y about z, then y to z about x."""
+    about_z, about_x = (so3.exp(0.5 * np.pi * axis) for axis in (np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])))
+    x, y, z = np.eye(3)
+    np.testing.assert_allclose(so3.rotate(about_z, x), y, atol=1e-15)
+    np.testing.assert_allclose(so3.rotate_inverse(about_z, y), x, atol=1e-15)
+    np.testing.assert_allclose(so3.matrix(about_z) @ x, y, atol=1e-15)
+    np.testing.assert_allclose(so3.rotate(so3.multiply(about_x, about_z), x), z, atol=1e-15)
+    np.testing.assert_allclose(so3.log(about_z), 0.5 * np.pi * z, atol=1e-15)
+
+
 def test_vectors_are_turned_to_the_same_bits(rows):
     p, _, v = rows
     np.testing.assert_array_equal(so3.rotate(p, v), in_pieces(so3.rotate, p, v))

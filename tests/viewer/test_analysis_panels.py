@@ -394,6 +394,8 @@ UNKNOWN = SimpleNamespace(
     ranking=(),
     untried=(),
     limits=(),
+    recoveries=(),
+    model=SimpleNamespace(vehicle=None),
     separable=GROUPS,
     fit=SimpleNamespace(parameters=(), theta=(), std=()),
 )
