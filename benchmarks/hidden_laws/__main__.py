@@ -206,8 +206,8 @@ def counts(found: list[dict[str, Any]]) -> str:
         f"Right: {sum(r['right'] for r in laws)} of {len(laws)}, {len(right)} of {len(unknown)} where `explain` says "
         f"unknown ({listed}); {len(wrong)} laws that are none of these. Of those {len(right)}, {gone} take 80 % of the "
         f"energy or more off the second flight. False: {len(false)} in {len(none)} flights without a law (95 % "
-        f"interval up to {100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to search. "
-        f"Coefficients within one standard deviation: {sum(x < 1.0 for x in off)} of {len(off)}, "
+        f"interval up to {100 * most:.0f} %){'; '.join(['', *false])}; in {searched} of them something was left to "
+        f"search. Coefficients within one standard deviation: {sum(x < 1.0 for x in off)} of {len(off)}, "
         f"within two {sum(x < 2.0 for x in off)}, within a third of one {sum(x < 1 / 3 for x in off)}."
     )
 
