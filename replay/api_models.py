@@ -9,6 +9,7 @@ from pathlib import Path
 
 from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.budget import Budget
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.checks import usable_cutoff
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Flights, listed
@@ -17,7 +18,8 @@ from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.learn.posterior.hidden_rotor import refused_where_hidden
 from wrenchgap.plant import Model, model_file
-from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed, text_of
+from wrenchgap.plant.drafts.draft import Sheet, Sourced, assumptions, completed
+from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, parameters_of, with_spins
 from wrenchgap.plant.effectiveness import Effectiveness
 from wrenchgap.plant.effectiveness import effectiveness as effectiveness_of
@@ -54,7 +56,11 @@ def draft_model(
         f"with `{words}`.",
         "Every number says where it comes from; what is marked ASSUMED nobody said: replace it where you know better.",
     )
-    return Sheet(model_file.loads(text_of(found, headline)), tuple(assumptions(found)), found.notes)
+    try:
+        model = model_file.loads(text_of(found, headline))
+    except ModelError as error:
+        raise ModelError(f"{found.origin}: {error}") from None
+    return Sheet(model, tuple(assumptions(found)), found.notes)
 
 
 @check_arguments

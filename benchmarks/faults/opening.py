@@ -138,7 +138,8 @@ def _trajectory(path: Path) -> Opened:
 
 def _description(path: Path) -> Opened:
     """As `wrenchgap model new --from`, of which the log readers' part is in the other forms."""
-    from wrenchgap.plant.drafts.draft import completed, text_of
+    from wrenchgap.plant.drafts.draft import completed
+    from wrenchgap.plant.drafts.model_text import text_of
     from wrenchgap.plant.drafts.sources import Given, draft_of_source
     from wrenchgap.plant.model_file import loads
 

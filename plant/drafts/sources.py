@@ -14,7 +14,7 @@ from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats.header_names import CRAZYFLIE
-from wrenchgap.plant.drafts import ardupilot, px4, sdf
+from wrenchgap.plant.drafts import ardupilot, drone_models, px4, rotorpy, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
 from wrenchgap.plant.drafts.draft import CommandDraft, Draft, Sourced
@@ -23,7 +23,10 @@ from wrenchgap.plant.reader import BOUNDS
 
 DESCRIPTIONS = (".urdf", ".sdf", ".world", ".xml", ".mjcf")
 """Endings of robot descriptions."""
-KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .csv or .parquet (Betaflight), .urdf, .sdf, .xml (MuJoCo)"
+KINDS = (
+    ".ulg (PX4), .bin or .param (ArduPilot), .csv or .parquet (Betaflight), .urdf, .sdf, .xml (MuJoCo), .py (RotorPy), "
+    ".toml (drone-models)"
+)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
             return _table(source, user, budget)
         case suffix if suffix in DESCRIPTIONS:
             return _over(_described(source), user)
+        case ".py" | ".toml":
+            return _package(source, user)
         case ".xacro":
             raise UsageError(f"--from {source}: a macro; expand it first, `xacro {file_word(source)} > FILE.urdf`")
     raise UsageError(
@@ -219,6 +224,15 @@ def _described(source: Path) -> Draft:
         case "mujoco":
             return compiled.from_mjcf(source)
     raise ModelError(f"{source.name}: begins with <{document.tag}>, expected <robot> (URDF), <sdf> or <mujoco>")
+
+
+def _package(source: Path, user: Given) -> Draft:
+    """The draft of parameters of a simulator in Python, which say where the rotors are."""
+    if user.frame is not None:
+        raise UsageError(f"--frame {user.frame}: {source.name} says where its rotors are; leave --frame and --arm out")
+    if source.suffix.lower() == ".py":
+        return _over(rotorpy.from_rotorpy(source), user)
+    return _over(drone_models.from_drone_models(source, user.name, user.mass), user)
 
 
 def beside(source: Path | None) -> list[Path]:

@@ -100,7 +100,7 @@ def _effect_lines(vehicle: Vehicle, item: ModelEffect) -> list[str]:
         lines += ["[effects.source]", *_entries({"file": own.file, "sha256": own.sha256})]
     if replace(source, source=None) != Provenance():
         names = ("fitted", "version", "method")
-        lines += ["[effects.provenance]", *_entries({name: getattr(source, name) for name in names})]
+        lines += ["[effects.provenance]", *_entries({name: getattr(source, name) or None for name in names})]
         for file in _files(source.logs):
             lines += ["[[effects.provenance.logs]]", *_entries(file)]
     return lines

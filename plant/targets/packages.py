@@ -1,10 +1,11 @@
 """Parameters of simulators in Python: RotorPy's `quad_params`, drone-models' `first_principles`. Rotors thrust along z.
 
-RotorPy: from the centre of mass; a rotor makes k_eta Omega^2 along z, rotor_directions k_m Omega^2 about it, and at its
-hub -Omega (k_d, k_d, k_z) v; the hull -|v| c_D v. So linear drag is put at the hubs, in proportion to their speeds, and
-quadratic drag is exact along one axis at a time.
+RotorPy: from the centre of mass; a rotor makes k_eta Omega^2 + k_h |v_xy|^2 along z, rotor_directions k_m Omega^2 about
+it, and at its hub -Omega (k_d, k_d, k_z) v; the hull -|v| c_D v. So linear drag is put at the hubs, in proportion to
+their speeds, and quadratic drag is exact along one axis at a time.
 drone-models: thrust and torque are polynomials in revolutions a minute, mixing_matrix has the arms over L and the signs
-of the torques, drag_matrix v is the force, speeds approach their commands at rates rotor_dyn_coef [1/s].
+of the torques, drag_matrix v is the force, speeds approach their commands at rates rotor_dyn_coef [1/s]. prop_inertia
+is 0: about x its gyroscopic torque has the other sign there than in physics.
 Sources: rotorpy 3.0 (vehicles/multirotor.py), drone-models 0.1 (first_principles/model.py).
 """
 
@@ -13,8 +14,8 @@ import tomlkit
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import RPM
+from wrenchgap.plant.drafts.package_tables import INSTANT
 from wrenchgap.plant.targets.quantities import Values
-from wrenchgap.plant.targets.robots import INSTANT
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 
@@ -28,8 +29,9 @@ def rotorpy(vehicle: Vehicle, values: Values) -> str:
     k_eta = float(values["level"] / np.mean(values["hover"] ** 2))
     quad: dict[str, object] = {"mass": float(values["mass"])}
     quad |= {f"I{a}{b}": float(J[i, k]) for (i, a), (k, b) in _pairs()}
-    quad |= {"num_rotors": 4, "rotor_pos": {f"r{r + 1}": arm.tolist() for r, arm in enumerate(arms)}}
-    quad |= {"rotor_directions": np.sign(values["yaw"]).tolist(), "rI": (values["imu"] - values["com"]).tolist()}
+    quad |= {"num_rotors": 4, "rotor_radius": float(rotors.radius.mean())}
+    quad |= {"rotor_pos": {f"r{r + 1}": arm for r, arm in enumerate(arms)}}
+    quad |= {"rotor_directions": np.sign(values["yaw"]), "rI": values["imu"] - values["com"]}
     quad |= {f"c_D{axis}": float(values["quadratic"][k]) for k, axis in enumerate("xyz")}
     along, up = values["linear"][:2].mean() / values["hover"].sum(), values["linear"][2] / values["hover"].sum()
     quad |= {
@@ -38,13 +40,18 @@ def rotorpy(vehicle: Vehicle, values: Values) -> str:
         "k_d": float(along),
         "k_z": float(up),
     }
-    quad |= {"k_h": 0.0, "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
+    quad |= {"k_h": max(float(values["lift"]), 0.0), "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
     quad |= {"rotor_speed_min": float(rotors.speed_min.max()), "rotor_speed_max": float(rotors.speed_max.min())}
     quad["motor_noise_std"] = 0.0
-    arrays = {"rotor_directions", "rI"}
-    lines = [f"    {key!r}: {f'np.array({value!r})' if key in arrays else repr(value)}," for key, value in quad.items()]
-    places = "quad_params['rotor_pos'] = {name: np.array(at) for name, at in quad_params['rotor_pos'].items()}"
-    return "\n".join(["import numpy as np", "", "quad_params = {", *lines, "}", places]) + "\n"
+    lines = [f"    {key!r}: {_python(value)}," for key, value in quad.items()]
+    return "\n".join(["import numpy as np", "", "quad_params = {", *lines, "}"]) + "\n"
+
+
+def _python(value: object) -> str:
+    """Python that makes a number, an array or a dict of them."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_python(one)}' for key, one in value.items())}}}"
+    return f"np.array({value.tolist()!r})" if isinstance(value, np.ndarray) else repr(value)
 
 
 def drone_models(vehicle: Vehicle, values: Values) -> str:
@@ -52,7 +59,9 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
     _check_upward(vehicle, values, "drone-models")
     arms = values["hub"] - values["com"]
     length = float(np.linalg.norm(arms[:, :2], axis=1).mean())
-    thrust = float(values["level"]) * values["curve"] * (RPM / values["hover"].mean()) ** np.arange(3)
+    powers = (RPM / values["hover"].mean()) ** np.arange(3)
+    thrust = float(values["level"]) * values["curve"] * powers
+    torque = float(values["level"]) * float(np.abs(values["yaw"]).mean()) * values["twist"] * powers
     up, down = (1.0 / (float(x) or INSTANT) for x in values["lag"])
     document = tomlkit.document()
     quad = {
@@ -62,7 +71,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
         "J": values["inertia"].tolist(),
         "J_inv": np.linalg.inv(values["inertia"]).tolist(),
         "rpm2thrust": thrust.tolist(),
-        "rpm2torque": (float(np.abs(values["yaw"]).mean()) * thrust).tolist(),
+        "rpm2torque": torque.tolist(),
         "rotor_dyn_coef": [up, 0.0, down, 0.0],
         "mixing_matrix": [*(arms[:, [1, 0]] * [1.0, -1.0] / length).T.tolist(), np.sign(values["yaw"]).tolist()],
         "drag_matrix": np.diag(-values["linear"]).tolist(),

@@ -76,7 +76,8 @@ def propagated(model: Model, of: Callable[[Sequence[ModelEffect]], Values]) -> d
     for k, one in enumerate(own):
         without = evaluated([*own[:k], *own[k + 1 :]])
         for name in value:
-            if not np.allclose(without[name], value[name], rtol=1e-9, atol=1e-15, equal_nan=True):
+            rounding = 1e-12 * float(np.abs(np.nan_to_num(value[name])).max())
+            if not np.allclose(without[name], value[name], rtol=1e-9, atol=rounding, equal_nan=True):
                 by[name].append(one.name)
         std = np.zeros_like(one.theta) if one.std is None else np.nan_to_num(one.std)
         for i in np.flatnonzero(std > 0.0):
@@ -96,7 +97,12 @@ def acting_effects(model: Model) -> list[ModelEffect]:
 
 
 def at_limit(one: ModelEffect, vehicle: Vehicle) -> bool:
-    """Whether a value of an effect is at a limit of its parameter that is not zero, or beyond: its law is wrong."""
+    """Whether a fitted value of an effect is at a limit of its parameter that is not zero, or beyond: its law is wrong.
+
+    A value without a standard deviation was not fitted: somebody stated it.
+    """
+    if one.std is None:
+        return False
     parameters = one.effect.parameters(vehicle)
     low, high, near = np.array([(p.low, p.high, 1e-6 * p.scale) for p in parameters]).T
     ended = (one.theta <= low + near) & (low != 0.0) | (one.theta >= high - near) & (high != 0.0)
@@ -115,10 +121,11 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
         carry the weight, ``balance`` (R,), thrusts there over their mean, ``yaw`` (R,) [m], the torque about that
         direction per thrust; ``push`` (2,) [N] along B's x and y and ``couple`` (3,) [Nm] about O, fixed in the body,
         with rotors that stand; ``lag`` (2,) up and down and ``delay`` () [s]; ``linear`` (3,) [N s/m] and ``quadratic``
-        (3,) [N s^2/m^2] drag along B's axes; ``curve`` (3,), the thrust over ``level`` at speeds s times ``hover``,
-        c_0 + c_1 s + c_2 s^2. Where [command] says what full command is, ``signal`` (), the share of it in hover, and
-        ``by_signal`` (2,) [N], the mean thrust of a rotor over that share u, a_1 u + a_2 u^2; not a number where the
-        rotors cannot carry the vehicle.
+        (3,) [N s^2/m^2] drag along B's axes, ``lift`` () [N s^2/m^2] the thrust of a rotor that moves across it, per
+        speed squared; ``curve`` (3,), the thrust over ``level`` at speeds s times ``hover``, c_0 + c_1 s + c_2 s^2, and
+        ``twist`` (3,) the drag torque over that in hover, likewise. Where [command] says what full command is,
+        ``signal`` (), the share of it in hover, and ``by_signal`` (2,) [N], the mean thrust of a rotor over that share
+        u, a_1 u + a_2 u^2; not a number where the rotors cannot carry the vehicle.
     """
     acting, vehicle = WrenchModel(model.vehicle, tuple(effects)), model.vehicle
     arms, rotors = vehicle.geometry()
@@ -133,7 +140,7 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
     count = len(rotors)
     rest = wrench(np.zeros((1, count)))[0]
     turned = wrench(np.zeros((1, count)), quat_EB=REVERSED)[0]
-    parts = wrench(hover[None])[0] - wrench(hover * (1.0 - np.eye(count)))
+    parts = _parts(wrench, hover[None])[0]
     thrust = np.linalg.norm(parts[:, :3], axis=1)
     if not (thrust > 0.0).all():
         r = int(np.flatnonzero(~(thrust > 0.0))[0])
@@ -142,8 +149,8 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
     out |= {"push": 0.5 * (rest + turned)[:2], "couple": 0.5 * (rest + turned)[3:]}
     hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * along
     out |= {"hub": hub, "direction": along, "level": thrust.mean(), "balance": thrust / thrust.mean(), "hover": hover}
-    out["yaw"] = np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along) / thrust
-    out |= _drag(lambda velocity_B: wrench(hover[None], velocity_B=velocity_B)[:, :3])
+    out["yaw"] = _about(parts, hub, along) / thrust
+    out |= _drag(lambda velocity_B: wrench(hover[None], velocity_B=velocity_B)[:, :3], count)
     lags = [[named[n][p] for p in pair] for n, pair in LAGS.items() if n in named]
     out["lag"] = np.sum(lags, axis=0) if lags else np.zeros(2)
     out["delay"] = np.array(named.get("command_delay", {}).get("delay", 0.0))
@@ -152,7 +159,22 @@ def values_of(model: Model, effects: Sequence[ModelEffect]) -> Values:
         return np.asarray((wrench(speed)[:, 2] - rest[2]) / float(np.abs(along[:, 2]).sum()))
 
     out["curve"] = np.polynomial.polynomial.polyfit(FLOWN, mean_thrust(FLOWN[:, None] * hover) / out["level"], 2)
+    twist = np.array([np.abs(_about(one, hub, along)).mean() for one in _parts(wrench, FLOWN[:, None] * hover)])
+    level = float((np.abs(out["yaw"]) * thrust).mean())
+    out["twist"] = np.polynomial.polynomial.polyfit(FLOWN, twist / level, 2) if level > 0.0 else out["curve"]
     return out | _by_signal(model, mean_thrust, acting.body.mass * GRAVITY / float(np.abs(along[:, 2]).sum()))
+
+
+def _parts(wrench: Callable[[Array], Array], speeds: Array) -> Array:
+    """Of each rotor its part (N, R, 6) of the `wrench` (N, 6) of speeds (N, R): that of all, less that without it."""
+    n, count = speeds.shape
+    without = wrench((speeds[:, None] * (1.0 - np.eye(count))).reshape(-1, count))
+    return np.asarray(wrench(speeds)[:, None] - without.reshape(n, count, 6))
+
+
+def _about(parts: Array, hub: Array, along: Array) -> Array:
+    """Torques (R,) about directions of thrust `along` (R, 3), of wrenches (R, 6) about O of rotors at `hub` (R, 3)."""
+    return np.asarray(np.einsum("ri,ri->r", parts[:, 3:] - cross(hub, parts[:, :3]), along))
 
 
 def hover_speeds(vehicle: Vehicle) -> Array:
@@ -180,13 +202,18 @@ def still_wrench(
     return np.asarray(acting.wrench(settled, state))
 
 
-def _drag(force: Callable[[Array], Array]) -> Values:
-    """Linear and quadratic drag (3,) along B's axes of the `force` (N, 3) at velocities (N, 3): what is odd in them."""
+def _drag(force: Callable[[Array], Array], count: int) -> Values:
+    """Linear and quadratic drag (3,) along B's axes of the `force` (N, 3) at velocities (N, 3): what is odd in them;
+    of z what is even along x and y, the lift of `count` rotors.
+    """  # noqa: D205
     moving = np.concatenate([sign * v * np.eye(3) for v in SPEEDS for sign in (1.0, -1.0)])
     forces = force(moving).reshape(len(SPEEDS), 2, 3, 3)
     slow, fast = -0.5 * np.einsum("vkk->vk", forces[:, 0] - forces[:, 1]) / np.array(SPEEDS)[:, None]
-    quadratic = (fast - slow) / (SPEEDS[1] - SPEEDS[0])
-    return {"quadratic": quadratic, "linear": slow - SPEEDS[0] * quadratic}
+    quadratic, hover = (fast - slow) / (SPEEDS[1] - SPEEDS[0]), force(REST)[0]
+    lift = ((forces[:, :, :2, 2].mean(axis=(1, 2)) - hover[2]) / np.square(SPEEDS)).mean() / count
+    found = {"quadratic": quadratic, "linear": slow - SPEEDS[0] * quadratic, "lift": lift}
+    rounding = 1e-12 * np.abs(hover).max()
+    return {name: np.where(np.abs(value) > rounding, value, 0.0) for name, value in found.items()}
 
 
 def _sensors(acting: WrenchModel) -> Values:

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap._escaping import printable
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant.drafts.package_tables import INSTANT
 from wrenchgap.plant.drafts.robot_tree import unit_mass_inertia
 from wrenchgap.plant.targets.quantities import Values
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -30,8 +31,6 @@ LINK = 1e-4
 PLUGIN = ("gz-sim-multicopter-motor-model-system", "gz::sim::systems::MulticopterMotorModel")
 ENDLESS = 1e3
 """[rad], the limit of an arm that tilts without one: it is no rotor, which turns without limits."""
-INSTANT = 1e-3
-"""[s], the time constant of rotors of which none is known, where a format needs one."""
 
 
 @dataclass(frozen=True, eq=False)

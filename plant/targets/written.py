@@ -30,6 +30,7 @@ WORDS = {
     "delay": "a delay",
     "linear": "linear drag",
     "quadratic": "quadratic drag",
+    "lift": "the lift of rotors that move sideways",
     "push": "a constant force",
     "couple": "a constant torque",
 }
@@ -38,12 +39,16 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Simulator:
-    """A format: its text for a vehicle and its quantities, the `WORDS` that it can say, the ending of its file."""
+    """A format: its text for a vehicle and its quantities, which of them it can say, and its comments.
+
+    `inherent` are effects that its own equations have.
+    """
 
     name: str
     text: Callable[[Vehicle, Values], str]
     uses: frozenset[str]
     comment: tuple[str, str]
+    inherent: frozenset[str] = frozenset()
 
 
 BODY = frozenset({"mass", "com", "inertia", "level", "yaw", "lag"})
@@ -52,8 +57,14 @@ SIMULATORS = {
     "mjcf": Simulator("MJCF", robots.mjcf, BODY | {"imu", "direction", "balance"}, XML),
     "sdf": Simulator("Gazebo's motor model", robots.sdf, BODY | {"direction", "balance", "linear"}, XML),
     "urdf": Simulator("Gazebo's motor model", robots.urdf, BODY | {"direction", "balance", "linear"}, XML),
-    "rotorpy": Simulator("RotorPy", packages.rotorpy, BODY | {"imu", "linear", "quadratic"}, HASH),
-    "drone-models": Simulator("drone-models", packages.drone_models, BODY | {"curve", "linear"}, HASH),
+    "rotorpy": Simulator(
+        "RotorPy",
+        packages.rotorpy,
+        BODY | {"imu", "linear", "quadratic", "lift"},
+        HASH,
+        frozenset({"drag_torque_of_speed"}),
+    ),
+    "drone-models": Simulator("drone-models", packages.drone_models, BODY | {"curve", "twist", "linear"}, HASH),
 }
 
 
@@ -96,7 +107,7 @@ def written(model: Model, target: str, before: Mapping[str, float] | None = None
         return _parameters(model, target, before or {}, origin)
     form = SIMULATORS[target]
     values = values_of(model, acting_effects(model))
-    lost = _lost(model, quantities(model), form.name, form.uses, fitted=False)
+    lost = _lost(model, quantities(model), form.name, form.uses, fitted=False, inherent=form.inherent)
     first, last = form.comment
     head = [origin, *(f"not in it: {words}" for words in lost)]
     comments = [f"{first} {comment(line)} {last}".rstrip() for line in head if line]
@@ -149,7 +160,13 @@ def _parameters(model: Model, target: str, before: Mapping[str, float], origin: 
 
 
 def _lost(
-    model: Model, found: Mapping[str, Quantity], program: str, uses: frozenset[str], *, fitted: bool
+    model: Model,
+    found: Mapping[str, Quantity],
+    program: str,
+    uses: frozenset[str],
+    *,
+    fitted: bool,
+    inherent: frozenset[str] = frozenset(),
 ) -> list[str]:
     """In words, what effects of a model say that a program cannot; `fitted`: which were not fitted, too."""
     out = []
@@ -162,6 +179,6 @@ def _lost(
             out.append(f"{one.name}: was not fitted, it has no standard deviation")
         elif missing:
             out.append(f"{one.name}: {program} has no parameter for {' and '.join(missing)}")
-        elif not moved:
+        elif not moved and one.name not in inherent and not any(one.name in found[n].by for n in uses & found.keys()):
             out.append(f"{one.name}: {program} has no parameter for it")
     return out

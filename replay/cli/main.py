@@ -139,7 +139,8 @@ def _usage(error: Any) -> int:
         sys.stdout.write(f"{error.format_message()}\n" if ctx is None else ctx.get_help() + "\n")
         return 2
     where = NAME if ctx is None else ctx.command_path
-    say(f"{error.format_message().rstrip('.')}; see `{where} --help`")
+    words = error.format_message().replace("Value error, ", "", 1)  # pydantic's, of typer's own check of choices
+    say(f"{words.rstrip('.')}; see `{where} --help`")
     return 2
 
 

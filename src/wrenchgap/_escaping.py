@@ -12,7 +12,7 @@ need not think of it:
     JSON               `json_text`      replay.present.documents, viewer.view_state
     CSV                `csv_cell`       replay.present.documents, viewer.panels.export
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory.file, flight.write, replay.batch.store
-    TOML's comments    `printable`      plant.drafts.draft
+    TOML's comments    `printable`      plant.drafts.model_text
     XML, Python        `comment`        plant.targets.written, replay.export
     shell              `file_word`      flight.formats, plant.drafts: a file of another program's command
     shell completion   `completable`    replay.cli.values

@@ -13,7 +13,8 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import ardupilot, px4
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
-from wrenchgap.plant.drafts.draft import Draft, Sourced, completed, inertia_of_mass, text_of
+from wrenchgap.plant.drafts.draft import Draft, Sourced, completed, inertia_of_mass
+from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, draft_of_source, parameters_of
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.state import Commands

@@ -8,7 +8,8 @@ import pytest
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.drafts.draft import completed, text_of
+from wrenchgap.plant.drafts.draft import completed
+from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, draft_of_source
 from wrenchgap.plant.state import Commands
 

@@ -70,6 +70,7 @@ def refused(run, monkeypatch):
         assert done.stderr.count("\n") == 1, done.stderr
         line = done.stderr.rstrip("\n")
         assert line.startswith("wrenchgap: ")
+        assert "Value error" not in line  # pydantic's words
         return line
 
     return wrapped

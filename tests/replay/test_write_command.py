@@ -39,6 +39,22 @@ def test_every_target_has_a_file(result_of, fitted, target):
     assert (fitted / "out.txt").read_text() == said["text"]
 
 
+@pytest.mark.parametrize(("target", "name"), [("rotorpy", "out.py"), ("drone-models", "out.toml")])
+def test_what_a_package_gets_reads_back(result_of, fitted, target, name):
+    result_of("write", "fitted.toml", "--to", target, "-o", name)
+    result_of("model", "new", "--from", name, "-o", "again.toml")
+    before, again = wg.load_model("fitted.toml"), wg.load_model("again.toml")
+    assert again.vehicle.body.mass == pytest.approx(before.vehicle.body.mass, rel=1e-5)
+    np.testing.assert_allclose(again.vehicle.rotors.c_f, 1.05 * before.vehicle.rotors.c_f, rtol=1e-5)
+    np.testing.assert_array_equal(again.vehicle.rotors.spin, before.vehicle.rotors.spin)
+    [lag] = again.effects
+    assert (lag.name, lag.provenance.method.split(" of ")[0]) in {
+        ("motor_lag", "tau_m"),
+        ("motor_lag", "rotor_dyn_coef"),
+    }
+    np.testing.assert_allclose(lag.theta, 0.03, rtol=1e-6)
+
+
 def test_effectiveness_is_printed_drawn_and_written(result_of, run, refused, fitted):
     said = result_of("effectiveness", "fitted.toml", "--figure", "e.png", "--csv", "e.csv")
     np.testing.assert_allclose(np.array(said["matrix"])[2], 1.05)  # the scale of thrust
@@ -83,7 +99,13 @@ def test_what_cannot_be_written_is_one_line(refused, fitted):
     )
     assert "none of PX4's" in refused("write", "fitted.toml", "--to", "px4", "--parameters", "other.param")
     assert "no such file" in refused("write", "fitted.toml", "--to", "px4", "--parameters", "gone.ulg")
-    assert "'simulink' is not one of" in refused("write", "fitted.toml", "--to", "simulink")
+    assert refused("write", "fitted.toml", "--to", "betaflight") == (
+        "wrenchgap: Invalid value for '--to': 'betaflight' is not one of 'px4', 'ardupilot', 'crazyflie', 'mjcf', "
+        "'sdf', 'urdf', 'rotorpy', 'drone-models'; see `wrenchgap write --help`"
+    )
+    (fitted / "nasty.py").write_text("import os\nos.system('touch ran')\nquad_params = {}\n")
+    assert "nasty.py, line 1: got 'import os'" in refused("model", "new", "--from", "nasty.py", "-o", "m.toml")
+    assert not (fitted / "ran").exists()
     assert "nothing identified" in refused("write", "crazyflie", "--to", "px4")
     assert "do not point up" in refused("write", "tilt_hexarotor", "--to", "rotorpy")
     assert "add [[vehicle.arms]]" in refused("write", "variable_tilt_hexacopter", "--to", "sdf")

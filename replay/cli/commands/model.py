@@ -25,12 +25,15 @@ def new(
     source: Annotated[
         Path | None,
         o.option(
-            "SOURCE", "PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML.", "--from"
+            "SOURCE",
+            "PX4 log (.ulg), ArduPilot log or parameters (.bin, .param), URDF, SDF or MuJoCo XML, RotorPy (.py) or "
+            "drone-models (.toml) parameters.",
+            "--from",
         ),
     ] = None,
     mass: Annotated[float | None, o.option("KG", "What the vehicle weighs, with its battery.")] = None,
     mass_tolerance: Annotated[float | None, o.option("KG", "How well that is known, e.g. 0.005.")] = None,
-    name: Annotated[str | None, o.option("NAME", "Name of the vehicle.")] = None,
+    name: Annotated[str | None, o.option("NAME", "Name of the vehicle; of a drone, where SOURCE has several.")] = None,
     frame: Annotated[str | None, o.option("FRAME", "Frame with --arm, e.g. quad_x.")] = None,
     arm: Annotated[float | None, typer.Option(help="From the middle to a motor, in metres.")] = None,
     radius: Annotated[float | None, typer.Option("--rotor-radius", help="Of the rotors, in metres.")] = None,
