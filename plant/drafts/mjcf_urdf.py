@@ -3,12 +3,13 @@
 Of a URDF meshes are left out before it is compiled, since they carry no mass there, and the root gets a link above it:
 what MuJoCo makes of a root link differs between its versions. Rotors of MJCF are actuators on sites: `gear` (0, 0, g,
 0, 0, q) is a thrust g u along the site's z axis and a torque q u about it, so kappa = |q / g|; the rotor turns against
-the torque.
+the torque. Where u is filtered to first order, the rotors lag. The IMU is at the site of the first accelerometer.
 """
 
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -41,7 +42,8 @@ def from_mjcf(path: Path) -> Draft:
     links = _links(mujoco, model, path)
     numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
     motors = _actuators(mujoco, model, numbers, links)
-    return draft_of(path.stem, path.name, links, motors, "MJCF")
+    draft = draft_of(path.stem, path.name, links, motors, "MJCF")
+    return replace(draft, imu_position=_accelerometer(mujoco, model, numbers))
 
 
 def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
@@ -236,5 +238,32 @@ def _actuators(mujoco: Any, model: Any, numbers: dict[int, int], links: list[Lin
             number=number,
             position=hub,
             direction=sign * frame[:, 2],
+            lag=_filter(mujoco, model, number),
         )
     return found
+
+
+def _accelerometer(mujoco: Any, model: Any, numbers: dict[int, int]) -> Sourced | None:
+    """The place of the first accelerometer on the flying tree, in the frame of its root."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    root = next(body for body, k in numbers.items() if k == 0)
+    origin, turned = data.xpos[root], data.xmat[root].reshape(3, 3)
+    for number in range(model.nsensor):
+        site = int(model.sensor_objid[number])
+        if (
+            model.sensor_type[number] == mujoco.mjtSensor.mjSENS_ACCELEROMETER
+            and int(model.site_bodyid[site]) in numbers
+        ):
+            place = np.round(turned.T @ (data.site_xpos[site] - origin), 9) + 0.0
+            return Sourced(tuple(place.tolist()), "site of the accelerometer of the MJCF")
+    return None
+
+
+def _filter(mujoco: Any, model: Any, number: int) -> tuple[float, float] | None:
+    """Time constants [s] of an actuator whose control is filtered to first order."""
+    kind, kinds = model.actuator_dyntype[number], mujoco.mjtDyn
+    if not (kind == kinds.mjDYN_FILTER or kind == kinds.mjDYN_FILTEREXACT):
+        return None
+    tau = max(float(model.actuator_dynprm[number, 0]), 0.0)
+    return tau, tau

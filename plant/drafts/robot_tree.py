@@ -10,8 +10,9 @@ limit. An arm tilts where a joint with limits lies between a rotor and the root.
 
 Motor plugins are those of Gazebo in SDF and URDF, classic (`libgazebo_motor_model.so` of RotorS and PX4) and new
 (`gz-sim-multicopter-motor-model-system`): thrust motorConstant omega^2 [N s^2] along the link's z axis, torque
-momentConstant thrust [m] against the turning direction, which is seen from above the link. Source: RotorS,
-gazebo_motor_model; gz-sim, MulticopterMotorModel.
+momentConstant thrust [m] against the turning direction, which is seen from above the link. The speed follows with
+timeConstantUp and _Down, which is a lag of the rotors, and -|omega| rotorDragCoefficient v across the rotor is
+`rotor_drag`. Source: RotorS, gazebo_motor_model; gz-sim, MulticopterMotorModel.
 """
 
 import math
@@ -24,7 +25,9 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Sourced, Tilt
+from wrenchgap.plant.drafts.draft import Draft, EffectDraft, RotorDraft, Sourced, Tilt
+from wrenchgap.plant.drafts.package_tables import lag_effect, notes_of
+from wrenchgap.plant.vehicle import GRAVITY
 
 Joint = Literal["fixed", "hinge", "turning", "other"]
 """How a body is joined to its parent: not, by a hinge with limits, by one without, otherwise."""
@@ -53,7 +56,10 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Motor:
-    """A rotor as a plugin or an actuator describes it, and its place if that is not its link's frame."""
+    """A rotor as a plugin or an actuator describes it, and its place if that is not its link's frame.
+
+    `lag` are time constants up and down [s], `drag` the coefficient of `rotor_drag`.
+    """
 
     spin: Sourced | None = None
     kappa: Sourced | None = None
@@ -63,6 +69,8 @@ class Motor:
     number: int | None = None
     position: Array | None = None
     direction: Array | None = None
+    lag: tuple[float, float] | None = None
+    drag: float | None = None
 
 
 def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int, Motor], kind: str) -> Draft:
@@ -91,6 +99,8 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
         raise ModelError(f"{origin}: the bodies have no mass; say what the vehicle weighs with --mass KG and --frame")
     words = f"{len(links)} bodies of the {kind}"
     rotors = tuple(_rotor(k, number, links, motors.get(k, Motor()), kind) for number, k in enumerate(rows))
+    effects, uneven = _effects([motors.get(k, Motor()) for k in rows], mass, kind)
+    notes += [f"{origin}: {words}" for words in uneven] + list(notes_of(origin, (), effects))
     return Draft(
         name,
         origin,
@@ -99,7 +109,35 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
         inertia=Sourced(tuple(map(tuple, inertia.tolist())), f"{words} about their centre of mass, joints at rest"),
         com=Sourced(tuple(centre.tolist()), words),
         notes=tuple(notes),
+        effects=effects,
     )
+
+
+def _effects(motors: Sequence[Motor], mass: float, kind: str) -> tuple[tuple[EffectDraft, ...], list[str]]:
+    """The lag and the drag of rotors that all say theirs, and in words what of that is not taken as it stands.
+
+    A lag of more than 1 s, or a drag that takes the weight at 1 m/s, belongs to another vehicle: files are copied.
+    """
+    rows = [(*(one.lag or (np.nan, np.nan)), np.nan if one.drag is None else one.drag) for one in motors]
+    values, notes = np.array(rows), []
+    up, down, drag = np.nan_to_num(values.mean(axis=0)).tolist()
+    names = ("timeConstantUp", "timeConstantDown", "rotorDragCoefficient")
+    differ = [n for n, one in zip(names, values.T, strict=True) if np.ptp(one) > 1e-3 * np.abs(one).max()]
+    if differ:
+        notes.append(f"{', '.join(differ)} of motors differ; the mean is taken.")
+    share = mass * GRAVITY / len(motors)
+    at_rest = [np.sqrt(share / float(one.c_f.value)) for one in motors if one.c_f is not None]
+    if drag and (len(at_rest) < len(motors) or drag * float(np.mean(at_rest)) > share):
+        notes.append(
+            f"rotorDragCoefficient {drag:g} is left out: it would take the weight at 1 m/s, or has no motorConstant."
+        )
+        drag = 0.0
+    if max(up, down) > 1.0:
+        notes.append(f"rotors that take {max(up, down):g} s to follow are not believed; the lag is left out.")
+        up = down = 0.0
+    source = f"motors of the {kind}"
+    drags = (EffectDraft("rotor_drag", {"coefficient": drag}, source),) if drag else ()
+    return (*lag_effect(up, down, source), *drags), notes
 
 
 def unit_mass_inertia(d: Array) -> Array:
@@ -161,8 +199,22 @@ def motors_of(document: Element) -> dict[str, Motor]:
             c_f=_positive(plugin, "motorConstant", source),
             speed_max=_positive(plugin, "maxRotVelocity", source),
             number=next((int(number) for number in numbers if number is not None), None),
+            lag=_lag(plugin),
+            drag=_not_negative(plugin, "rotorDragCoefficient"),
         )
     return found
+
+
+def _lag(plugin: Element) -> tuple[float, float] | None:
+    """Time constants up and down [s]; one that is not said is the other's."""
+    said = [_not_negative(plugin, f"timeConstant{way}") for way in ("Up", "Down")]
+    up, down = said[0] if said[0] is not None else said[1], said[1] if said[1] is not None else said[0]
+    return None if up is None or down is None else (up, down)
+
+
+def _not_negative(plugin: Element, name: str) -> float | None:
+    value = _number(plugin, name)
+    return value if value is not None and 0.0 <= value < 1e9 else None
 
 
 def _number(plugin: Element, name: str) -> float | None:

@@ -91,9 +91,9 @@ def draft_of_source(source: Path | None, user: Given, budget: Budget | str | Non
 
 def _over(draft: Draft, user: Given) -> Draft:
     """The draft with the values of the user in place of those of the source."""
-    rotors = draft.rotors
+    rotors, effects = draft.rotors, draft.effects
     if user.frame is not None and user.arm is not None:
-        rotors = rotors_of(user.frame, user.arm, f"--frame {user.frame} --arm {user.arm:g}")
+        rotors, effects = rotors_of(user.frame, user.arm, f"--frame {user.frame} --arm {user.arm:g}"), ()
     if user.radius is not None:
         radius = Sourced(user.radius, "--rotor-radius")
         rotors = tuple(replace(r, radius=radius) for r in rotors)
@@ -111,7 +111,8 @@ def _over(draft: Draft, user: Given) -> Draft:
         full = Sourced(user.thrust_max, "--thrust-max")
         rotors = tuple(replace(r, thrust_max=full) for r in rotors)
         command = None if command is None else replace(command, thrust_max=full)
-    return replace(draft, name=user.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
+    name = user.name or draft.name
+    return replace(draft, name=name, rotors=rotors, mass=mass, inertia=inertia, command=command, effects=effects)
 
 
 def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:

@@ -105,6 +105,9 @@ def mjcf(vehicle: Vehicle, values: Values) -> str:
         at = {"pos": _numbers(one.com - one.place), "mass": _numbers([one.mass])}
         bodies[one.name].insert(1, Element("inertial", at | {"fullinertia": _numbers(full)}))
     _child(base, "site", name="imu", pos=_numbers(values["imu"]))
+    sensor = _child(root, "sensor")
+    for kind in ("accelerometer", "gyro"):
+        _child(sensor, kind, name=f"imu_{kind}", site="imu")
     actuator = _child(root, "actuator")
     nominal = vehicle.body.mass * GRAVITY / len(rotors)
     lag = float(values["lag"].mean())

@@ -11,6 +11,7 @@ from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts.draft import completed
 from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, draft_of_source
+from wrenchgap.plant.rigid_body import unpack
 from wrenchgap.plant.state import Commands
 
 HULL, MOTOR, ARM, HEIGHT = 1.0, 0.05, 0.2, 0.03
@@ -298,3 +299,53 @@ def test_a_description_without_end_is_refused(tmp_path):
     assert chained != sdf()
     with pytest.raises(ModelError, match="frames stand on one another"):
         read(tmp_path, "quad.sdf", chained)
+
+
+def gazebo(up=0.0125, down=0.025, drag=8e-5):
+    said = f"<timeConstantUp>{up}</timeConstantUp><timeConstantDown>{down}</timeConstantDown>"
+    said += f"<rotorDragCoefficient>{drag}</rotorDragCoefficient></plugin>"
+    return urdf().replace("</plugin>", said)
+
+
+def test_the_lag_and_the_drag_of_motors_are_effects(tmp_path):
+    """Gazebo: the speed follows with a time constant, and -|omega| c v_t pulls at each rotor."""
+    model = model_of(read(tmp_path, "quad.urdf", gazebo()))
+    values = {one.name: one.theta.tolist() for one in model.effects}
+    assert values == {"asymmetric_motor_lag": [0.0125, 0.025], "rotor_drag": [8e-5]}
+    speeds, moving = (
+        np.full((1, 4), 600.0),
+        np.array([[0.0, 0.0, 10.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]]),
+    )
+    felt = model.wrench_model.wrench(Commands(np.zeros((1, 6)), np.zeros((1, 4)), speeds), unpack(np.zeros(1), moving))
+    assert felt[0, 0] == pytest.approx(-4 * 600.0 * 8e-5 * 2.0, rel=1e-6)
+
+
+def test_filtered_actuators_lag(tmp_path):
+    text = mjcf().replace("<motor ", '<general dyntype="filterexact" dynprm="0.03" ')
+    [lag] = model_of(read(tmp_path, "quad.xml", text)).effects
+    assert (lag.name, lag.theta.tolist()) == ("motor_lag", [0.03])
+    assert model_of(read(tmp_path, "quad.xml", mjcf())).effects == ()
+
+
+@pytest.mark.parametrize(
+    ("said", "words", "kept"),
+    [
+        ({"drag": 0.1}, "rotorDragCoefficient 0.1 is left out", {"asymmetric_motor_lag"}),
+        ({"up": 20.0}, "rotors that take 20 s to follow are not believed", {"rotor_drag"}),
+    ],
+)
+def test_a_copied_number_that_belongs_to_another_vehicle_is_left_out(tmp_path, said, words, kept):
+    draft = read(tmp_path, "quad.urdf", gazebo(**said))
+    assert any(words in note for note in draft.notes)
+    assert {one.name for one in model_of(draft).effects} == kept
+
+
+def test_motors_that_differ_are_averaged(tmp_path):
+    text = gazebo().replace("<timeConstantUp>0.0125<", "<timeConstantUp>0.0325<", 1)
+    draft = read(tmp_path, "quad.urdf", text)
+    assert any("timeConstantUp of motors differ" in note for note in draft.notes)
+    assert model_of(draft).effects[0].theta.tolist() == pytest.approx([0.0175, 0.025])
+
+
+def test_a_frame_that_is_typed_has_no_effects_of_other_rotors(tmp_path):
+    assert model_of(read(tmp_path, "quad.urdf", gazebo(), Given(frame="quad_x", arm=0.2))).effects == ()

@@ -302,15 +302,27 @@ def test_descriptions_read_back_as_the_same_vehicle(tmp_path, target, name):
     effects = fitted(
         model.vehicle, com_offset={"x": 0.004, "y": -0.002}, mass={"added": 0.07}, drag_torque={"change": 0.2}
     )
-    model = model.with_effects([*effects, *fitted(model.vehicle, rotor_thrust={"rotor_1": -0.1})])
+    lag = (
+        {"asymmetric_motor_lag": {"tau_up": 0.02, "tau_down": 0.05}}
+        if target != "mjcf"
+        else {"motor_lag": {"tau": 0.03}}
+    )
+    more = fitted(model.vehicle, rotor_thrust={"rotor_1": -0.1}, imu_lever_arm={"x": 0.01, "y": 0.02}, **lag)
+    model = model.with_effects([*effects, *more])
     path = tmp_path / f"vehicle.{'xml' if target == 'mjcf' else target}"
     path.write_text(written(model, target).text)
-    read = wg.draft_model(path).model.vehicle
+    drafted = wg.draft_model(path).model
+    [lagging], read = drafted.effects, drafted.vehicle
+    np.testing.assert_allclose(lagging.theta, model.effect(*lag).theta, rtol=1e-6)
     body, (arms, rotors), (arms_read, rotors_read) = (
         model.wrench_model.body,
         model.vehicle.geometry(),
         read.geometry(),
     )
+    if target == "mjcf":
+        np.testing.assert_allclose(
+            read.imu_position_B, np.add(model.vehicle.imu_position_B, [0.01, 0.02, 0.0]), atol=1e-8
+        )
     np.testing.assert_allclose(read.body.mass, body.mass, rtol=1e-6)
     np.testing.assert_allclose(read.body.com_B, body.com_B, atol=1e-7)
     # a flat vehicle, less its light links, would have moments that no body has: to the share of the links
