@@ -217,13 +217,14 @@ def _described(source: Path) -> Draft:
         raise ModelError(f"{source.name}: is not XML: {error}") from None
     except OSError as error:
         raise ModelError(f"{source}: cannot be read: {error.strerror}") from None
-    match document.tag:
-        case "robot":
-            return compiled.from_urdf(source, document)
-        case "sdf" | "model":
-            return sdf.from_sdf(source, document)
-        case "mujoco":
-            return compiled.from_mjcf(source)
+    with np.errstate(all="ignore"):  # numbers beyond all sizes are refused once they are all together
+        match document.tag:
+            case "robot":
+                return compiled.from_urdf(source, document)
+            case "sdf" | "model":
+                return sdf.from_sdf(source, document)
+            case "mujoco":
+                return compiled.from_mjcf(source)
     raise ModelError(f"{source.name}: begins with <{document.tag}>, expected <robot> (URDF), <sdf> or <mujoco>")
 
 
