@@ -16,7 +16,7 @@ NAMES: dict[str, str] = {
     "inertial-frame": "the attitude: frames, order of the quaternion",
     "gyroscope": "the unit of the gyroscope, and whether it shows the attitude's motion",
     "gyroscope-scale": "the scale of the gyroscope against the attitude, axis by axis",
-    "accelerometer-scale": "the size of the specific force against gravity",
+    "accelerometer-scale": "the accelerometer against gravity and the odometry's acceleration, axis by axis",
     "clipped": "flat tops of the IMU at one value",
     "odometry-rate": "the unit of the odometry's own body rates",
     "velocity": "the odometry's velocity against its position",

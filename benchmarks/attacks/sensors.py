@@ -52,6 +52,16 @@ def flat(flight: Flight) -> Flight:
     return _imu(flight, "omega_B", lambda v: np.clip(v, -0.9 * np.abs(v).max(), 0.9 * np.abs(v).max()))
 
 
+def opposite(flight: Flight) -> Flight:
+    """An accelerometer whose y axis changes its sign for the last 55 % of the flight."""
+
+    def turned(values: np.ndarray) -> np.ndarray:
+        values[int(0.45 * len(values)) :, 1] *= -1.0
+        return values
+
+    return _imu(flight, "specific_force_B", turned)
+
+
 def said(change: Change, check: str, folder: Path) -> Outcome:
     """Whether the log is refused by this check, or opened with a warning of it."""
     log = save_log(change(flown()), folder / "log.mcap")
@@ -95,6 +105,11 @@ ATTACKS = (
         "a gyroscope at the end of its range",
         "said, with value and count",
         lambda folder: said(flat, "clipped", folder),
+    ),
+    Attack(
+        "an accelerometer whose y axis changes its sign in flight",
+        "refused: accelerometer-scale, with axis, moment and correlations",
+        lambda folder: said(opposite, "accelerometer-scale", folder),
     ),
     Attack(
         "a cut of the training flight as the test, other stamps and precision",

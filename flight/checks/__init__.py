@@ -3,7 +3,8 @@
     channels    roles, sizes that betray a unit, channels without a reading, flat tops, gaps, jitter, clocks
     attitude    IMU against attitude: units, axes, gravity, frames
     gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
-    accelerometer_scale  the size of the specific force against gravity
+    accelerometer_scale  the accelerometer against gravity and the odometry's acceleration
+    sensor_scales  what both compare with the odometry, axis by axis; misread_axes: whether an axis reads another's
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     masking     samples that cannot be true

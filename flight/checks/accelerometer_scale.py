@@ -1,4 +1,7 @@
-"""The size of the specific force: its mean against gravity and the odometry's mean acceleration.
+"""The accelerometer against gravity and the odometry's acceleration: the size of its mean, and axis by axis.
+
+Axis by axis, what changes of R_EB^T (dv/dt + g e_z) is compared with what the axis reads (`sensor_scales`): it may read
+the opposite or another axis, from some moment on or throughout, or have another gain.
 
 Newton: the mean of R_EB f is g e_z plus the mean acceleration. Means are weighted by hats w of half-width h about
 t_k, for which the acceleration is that of three positions alone (a velocity is integrated to one), and add up to the
@@ -18,10 +21,10 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.gyroscope_scale import steady_blocks
 from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
-from wrenchgap.flight.checks.scale_bounds import SCALE
+from wrenchgap.flight.checks.scale_thresholds import SCALE
+from wrenchgap.flight.checks.sensor_scales import sensor_scales, steady_blocks
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated
@@ -38,23 +41,40 @@ class GravityRatio:
 
 
 def accelerometer_scale(flight: Flight, seen: MotionMeans | None, known: Sequence[Check]) -> Iterator[Check]:
-    """Specific force against gravity; nothing where `known` says that either is another quantity."""
+    """Specific force against gravity, and its axes; nothing where `known` says that either is another quantity."""
     if flight.imu is None or any(c.level == "bad" and c.name in BEFORE for c in known):
         return
     ratio = gravity_ratio(flight, seen)
-    if ratio is None:
-        return
+    size = None if ratio is None else _size(flight, ratio, known)
+    axes = _axes(flight) if size is None or size.level != "bad" else None
+    yield from [check for check in (axes or size,) if check is not None]
+
+
+def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
+    """The mean against gravity."""
     said = f"{ratio.value:.3f} +- {ratio.std:.3f} times that of gravity and the odometry's acceleration"
     off = abs(ratio.value - 1.0)
     if off < max(SCALE.said, SCALE.sure * ratio.std):
-        yield Check("accelerometer-scale", "ok", f"The mean specific force is {said}.")
-        return
+        return Check("accelerometer-scale", "ok", f"The mean specific force is {said}.")
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical; calibrate it"
     clipped = any(c.name == "clipped" and c.words.startswith("accelerometer") for c in known)
     mend = None if clipped else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
-    yield Check("accelerometer-scale", "bad" if off > SCALE.stops else "warn", words, mend)
+    return Check("accelerometer-scale", "bad" if off > SCALE.stops else "warn", words, mend)
+
+
+def _axes(flight: Flight) -> Check | None:
+    """Axes that contradict the odometry."""
+    found = {axis: scale.fault() for axis, scale in (sensor_scales(flight, "accelerometer") or {}).items()}
+    wrong = {axis: fault.words for axis, fault in found.items() if fault is not None and fault.size > SCALE.askew}
+    if not wrong:
+        return None
+    said = "; ".join(f"{axis} {words}" for axis, words in wrong.items())
+    words = (
+        f"The accelerometer does not read the odometry's acceleration: {said}. One of the two failed or was set anew"
+    )
+    return Check("accelerometer-scale", "bad", words, f"--unmeasured {','.join(f'force_{axis}' for axis in wrong)}")
 
 
 BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odometry-scale", "clock-unit")

@@ -1,6 +1,6 @@
 """The scale of one signal against another by two bounds, and whether it is one number over time and size.
 
-From sums (3, P) of T^2, T R and R^2 in parts of time (`gyroscope_scale` says of what). Scales of two halves differ
+From sums (3, P) of T^2, T R and R^2 in parts of time (`sensor_scales` says of what). Scales of two halves differ
 where their bounds leave a gap beyond doubt: noise moves bounds apart and never both past the scale. A signal that is
 cut off at some size is so in all parts of a lively flight; there the sizes of T and of R, each sorted by itself, are in
 another proportion among the small than among the large.
@@ -13,54 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.checks.misread_axes import Misread
+from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.flight import Array
-
-
-@dataclass(frozen=True)
-class ScaleThresholds:
-    """How the scale of a gyroscope is estimated, and when it is wrong."""
-
-    windows: tuple[float, float] = (0.15, 0.6)
-    """Windows [s] over which angles are compared: up to 3 Hz and up to 0.8 Hz."""
-    block: float = 8.0
-    """Time [s] from which a bias and its slope are removed."""
-    part: float = 2.0
-    """Parts of a block [s], whose scatter says how sure the scale is."""
-    margin: float = 0.1
-    """Margin at a block's ends [s], for stamps that move."""
-    spacing: float = 0.03
-    """Time between attitudes of which angles are taken [s]: short enough for turns about changing axes to add up."""
-    most_blocks: int = 60
-    """Blocks, evenly spread over the flight, beyond which no more are taken."""
-    fewest_parts: int = 6
-    """Parts below which nothing is said."""
-    loudest: float = 75.0
-    """Percentile of the motion in the parts to which louder ones are turned down: a crash does not decide."""
-    slowest_imu: float = 0.05
-    """Period of an IMU [s] beyond which its integral misses the motion."""
-    said: float = 0.02
-    """How far from one a scale is said: mass and thrust that explain it come out wrong by about as much."""
-    stops: float = 0.05
-    """How far from one a scale stops the log."""
-    sure: float = 4.0
-    """Standard deviations that both bounds lie on one side of one: a chance of 1 % with so few parts (Student, 5)."""
-    steady: float = 0.01
-    """By which bounds and bands may differ."""
-    steady_share: float = 0.25
-    """Or by this share of how far the scale is from one."""
-    known: float = 0.1
-    """Between bounds further apart a scale is not known: twice what stops a log."""
-    shown: float = 0.8
-    """Mean correlation over parts, by their motion, from which on an axis shows the attitude's turns."""
-    unseen: float = 0.3
-    """Mean correlation up to which it does not: twice that of unrelated turns in three parts of 13 windows."""
-    similar: float = 0.5
-    """Share of the other side's motion that the attitude has where an axis is lost; its noise alone has 1 - shown^2."""
-    longest_delay: float = 0.1
-    """Delay [s] between the two beyond which they show no common motion."""
-
-
-SCALE = ScaleThresholds()
 
 
 @dataclass(frozen=True)
@@ -128,12 +83,36 @@ class Lost:
 
 
 @dataclass(frozen=True)
+class Fault:
+    """What is wrong with an axis, in words that follow its name, and by which share its scale is off."""
+
+    words: str
+    size: float
+
+
+@dataclass(frozen=True)
 class Scale:
-    """Of one axis: bounds by band; the halves in which they differ, and when the axis showed no turns any more."""
+    """Of one axis: bounds by band; the halves in which they differ, when it showed no turns, what it read instead."""
 
     bounds: tuple[Bounds, ...]
     halves: Halves | None = None
     lost: Lost | None = None
+    misread: Misread | None = None
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether there is no one scale."""
+        return any(one is not None for one in (self.misread, self.lost, self.halves))
+
+    def fault(self) -> Fault | None:
+        """What is wrong, if anything."""
+        if self.misread is not None:
+            return Fault(f"reads {self.misread.words}", np.inf)
+        if self.lost is not None:
+            return Fault(f"shows nothing of the attitude's turns {self.lost.words}", np.inf)
+        if self.halves is not None:
+            return Fault(f"has the scale {self.halves.words}", 1.0 - min(self.halves.scales) / max(self.halves.scales))
+        return Fault(f"has the scale {self.value:.3f}", abs(self.value - 1.0)) if self.off else None
 
     @property
     def value(self) -> float:

@@ -1,5 +1,6 @@
-"""The size of the specific force against gravity: f_B = R^T (a + g e_z) of a motion in closed form."""
+"""The accelerometer against gravity and the odometry: f_B = R^T (a + g e_z) of a motion in closed form."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
-from wrenchgap.flight.checks.gyroscope_scale import steady_blocks
 from wrenchgap.flight.checks.motion import motion_means
+from wrenchgap.flight.checks.sensor_scales import steady_blocks
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries
 
 G = np.array([0.0, 0.0, 9.80665])
@@ -137,3 +138,69 @@ def test_an_imu_that_ends_in_flight_is_compared_up_to_there_whatever_gaps_the_od
     assert max(stop for _, stop in steady_blocks(odometry, ends)) == pytest.approx(ends.time[-1])
     with np.errstate(all="raise"):
         assert said(replace(flight, imu=ends, odometry=odometry)).level == "bad"
+
+
+def reading(flight, change):
+    """With what its accelerometer reads changed: `change` of time (N,) and specific forces (N, 3)."""
+    imu = flight.imu
+    return replace(flight, imu=replace(imu, specific_force_B=change(imu.time, imu.specific_force_B.copy())))
+
+
+def later(flight, change, since=18.0):
+    """The same from a moment [s] on."""
+    return reading(flight, lambda t, f: np.where((t > since)[:, None], change(f), f))
+
+
+@pytest.mark.parametrize(
+    ("change", "axes", "words"),
+    [
+        (lambda f: f * [-1, 1, 1], "force_x", "x reads the opposite of what it should from (16|18|20) s on"),
+        (lambda f: f * [1, -1, 1], "force_y", "y reads the opposite of what it should from (16|18|20) s on"),
+        (lambda f: f[:, [1, 0, 2]], "force_x,force_y", "x reads what y should from (16|18|20) s on"),
+        (
+            lambda f: f[:, [1, 0, 2]] * [-1, 1, 1],
+            "force_x,force_y",
+            "x reads the opposite of what y should from (16|18|20) s on",
+        ),
+        (lambda f: f * [0.5, 1, 1], "force_x", r"x has the scale 1.0\d in the first half of the flight, 0.5\d"),
+        (
+            lambda f: G + (f - G) * [1, 1, 0.6],
+            "force_z",
+            r"z has the scale 1.0\d in the first half of the flight, 0.6\d",
+        ),
+    ],
+    ids=["x opposite", "y opposite", "swapped", "turned by 90 deg", "x halved", "z pumped down"],
+)
+@pytest.mark.parametrize("velocity", [True, False], ids=["velocity", "positions"])
+def test_an_axis_that_contradicts_the_motion_is_said_with_what_it_reads(change, axes, words, velocity):
+    """Specific force is R^T (a + g e_z) of the motion that is flown, in each axis at all times; then it is not."""
+    flight = flown(seconds=32.0, velocity=velocity, vibration=0.1)
+    assert said(flight).level == "ok"
+    found = said(later(flight, change, 16.0 if "scale" in words else 18.0))
+    assert found.level == "bad"
+    assert re.search(words, found.words)
+    assert found.mend == f"--unmeasured {axes}"
+
+
+def test_an_axis_that_is_opposite_throughout_or_until_a_moment_is_said():
+    flight = flown(seconds=32.0)
+    opposite = said(reading(flight, lambda t, f: f * [1, -1, 1]))
+    assert "y reads the opposite of what it should throughout (correlation -1.00)" in opposite.words
+    first = said(reading(flight, lambda t, f: np.where((t < 12.0)[:, None], f * [-1, 1, 1], f)))
+    assert "x reads the opposite of what it should until 12 s" in first.words
+
+
+@pytest.mark.parametrize("size", [0.0, 0.1])
+def test_an_axis_that_reads_noise_alone_is_not_said_to_read_another(size):
+    """As in a hover, where nothing pushes sideways."""
+    flight = reading(flown(seconds=60.0, tilt=0.02), lambda t, f: np.stack((f[:, 2] * size, f[:, 1], f[:, 2]), axis=1))
+    noise = np.random.default_rng(5).standard_normal(len(flight.imu.time))
+    assert said(reading(flight, lambda t, f: f + np.outer(noise, [0.5, 0, 0]))).level == "ok"
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_sensor_askew_by_fifteen_degrees_has_no_axis_that_lies(axis):
+    """It reads of the other axes too: an effect (`imu_misalignment`)."""
+    mount = Rotation.from_euler(axis, 15.0, degrees=True)
+    assert said(flown(mount=mount, seconds=40.0, tilt=0.1)).level == "ok"
+    assert said(flown(mount=mount, seconds=40.0, tilt=1.0)).level == "ok"

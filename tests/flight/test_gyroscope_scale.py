@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.checks import with_checks
-from wrenchgap.flight.checks.gyroscope_scale import gyroscope_scales
+from wrenchgap.flight.checks.sensor_scales import sensor_scales
 from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
 
 RATE = 1000.0
@@ -115,7 +115,7 @@ def test_a_scale_is_seen_in_spite_of_delay_and_noise(how):
 
 def test_bounds_hold_the_scale_under_noise_on_both():
     """Least squares on noisy angles would say 0.7 and less."""
-    scales = gyroscope_scales(flown(1.0, seed=4, size=0.05, attitude_noise=4e-3))
+    scales = sensor_scales(flown(1.0, seed=4, size=0.05, attitude_noise=4e-3), "gyroscope")
     for scale in scales.values():
         low, high = scale.bounds[0].low, scale.bounds[0].high
         assert low < 0.95
@@ -144,7 +144,7 @@ def test_without_an_attitude_it_says_that_it_could_not_test():
 
 def test_a_crash_does_not_decide():
     """0.8 s of tumbling with another scale, more motion than everything else together."""
-    scales = gyroscope_scales(flown(1.0, seed=6, seconds=32.0, odometry_hz=50.0, tumbling=True))
+    scales = sensor_scales(flown(1.0, seed=6, seconds=32.0, odometry_hz=50.0, tumbling=True), "gyroscope")
     assert [scale.value for scale in scales.values()] == pytest.approx([1.0] * 3, abs=0.02)
 
 
