@@ -21,8 +21,9 @@ is weak, one weak rotor is then preferred to twelve slightly odd ones.
 On axes where commands answer the motion residual and derivatives are taken without what any such answer could explain
 (`learn.data.feedback_regressors`).
 
-Standard deviations have four parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
-honest when residuals are coloured; the width of the prior in directions that the data leave open (of a sparse effect
+Standard deviations have five parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
+honest when residuals are coloured; what gusts add that outlast a block (`learn.data.gauss_markov` of H^-1 g_t); the
+width of the prior in directions that the data leave open (of a sparse effect
 too: that one weak rotor is likelier than twelve odd ones does not show which); `MISFIT` of the value; and for times a
 sample period over sqrt(12), since stamps say no more (docs/decisions/0009-honest-intervals.md).
 Source: Gauss-Newton, Nocedal and Wright, "Numerical Optimization", 2nd ed., 10.3; clustered sandwich, Liang and Zeger,
@@ -105,7 +106,7 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
         problem.find_relevance(point, jacobian, weights)
         point, jacobian, third = problem.minimise(point, jacobian, weights, iterations)
         second += third
-    covariance = problem.covariance(point, jacobian, weights)
+    covariance, dependence = problem.covariance(point, jacobian, weights)
     theta, bias = problem.split(point.x)
     return Fit(
         problem.effects(theta, np.sqrt(np.maximum(np.diag(covariance), 0.0))),
@@ -113,6 +114,7 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
         theta,
         bias,
         covariance,
+        dependence,
         point.residual,
         jacobian,
         problem.scale,

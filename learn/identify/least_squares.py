@@ -11,6 +11,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.gauss_markov import block_means, gauss_markov, pieces
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.plant.effects import Parameter, find, is_air
@@ -27,7 +28,8 @@ together need to cover hidden truths made by other formulas (docs/hidden-effects
 class Fit:
     """Effects with fitted values, and what they leave.
 
-    `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, A) of the accelerometer [m/s^2],
+    `theta` (P,) and `covariance` (P, P) of the effects' parameters, `dependence` (P,) the part of their variances that
+    independent blocks of time would not have; `bias` (flights, A) of the accelerometer [m/s^2],
     with the trim of the flights where they differ (`learn.identify.bias_and_trim`); `residual` (K, 6) on the fitted
     data, without those; `jacobian` (K, 6, P + A flights) of the prediction; `scale` (P + A flights,) the prior's sizes
     and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible
@@ -39,6 +41,7 @@ class Fit:
     theta: Array
     bias: Array
     covariance: Array
+    dependence: Array
     residual: Array
     jacobian: Array
     scale: Array
@@ -270,11 +273,12 @@ class Problem:
             if change < 0.01:
                 return
 
-    def covariance(self, point: Point, jacobian: Array, weights: Array) -> Array:
-        """Covariance (P, P) of the parameters, the biases estimated along with them.
+    def covariance(self, point: Point, jacobian: Array, weights: Array) -> tuple[Array, Array]:
+        """Covariance (P, P) of the parameters, the biases estimated along with them, and `Fit.dependence` in it.
 
-        Block sandwich, plus what the data leave open, which is as wide as the parameters' typical sizes, plus what a
-        form that is nearly right and stamps that are nearly right may be off by.
+        Block sandwich, plus what blocks and flights that are not independent add to the variances, plus what the data
+        leave open, which is as wide as the parameters' typical sizes, plus what a form that is nearly right and stamps
+        that are nearly right may be off by.
         """
         prior = 1.0 / (self.data.independence * self.typical**2)
         A = self.data.unanswered(jacobian) * weights[:, None]
@@ -284,13 +288,14 @@ class Problem:
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)
         whole = np.asarray(count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse, dtype=np.float64)
-        whole = whole + beyond_blocks(self.data, scores, np.asarray(inverse, dtype=np.float64), whole)
+        dependence = beyond_blocks(self.data, scores @ inverse, np.diag(whole))
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
         late = ("commands", "sensor")  # where a time shifts something; elsewhere seconds are what units leave over
         seconds = np.array([p.unit == "s" and find(name).place in late for name, p in self.parameters], dtype=bool)
         dt = max(r.dt for r in self.data.records)
         inexact = (MISFIT * point.x[: self.size]) ** 2 + seconds * dt**2 / 12.0
-        return np.asarray(whole[: self.size, : self.size] + np.diag(inexact))
+        dependence = dependence[: self.size]
+        return np.asarray(whole[: self.size, : self.size] + np.diag(inexact + dependence)), dependence
 
     def at_bound(self, theta: Array) -> tuple[str, ...]:
         """Parameters that are at a plausible limit other than zero, or within half a per cent of the range of it."""
@@ -300,18 +305,21 @@ class Problem:
         return tuple(f"{n}.{p.name}" for (n, p), s in zip(self.parameters, stuck, strict=True) if s)
 
 
-def beyond_blocks(data: Dataset, scores: Array, inverse: Array, within: Array) -> Array:
-    """What the variances of the sandwich over blocks (P, P) lack where flights differ by more than their blocks.
-
-    A diagonal (P, P). `scores` (K, P), `inverse` (P, P) curvature.
-    """
+def beyond_blocks(data: Dataset, influence: Array, within: Array) -> Array:
+    """What the variances of the sandwich over blocks (P,) lack where blocks that follow one another are alike, or
+    flights differ by more than their blocks: (P,) of what each sample adds to the parameters' errors (K, P).
+    """  # noqa: D205
+    stretches = np.split(influence, np.cumsum([len(r) for r in data.records])[:-1])
+    parts = [
+        (part, r.dt_kept) for one, r in zip(stretches, data.records, strict=True) for part in pieces(one, r.dt_kept)
+    ]
+    variance = len(influence) ** 2 * gauss_markov([block_means(part, dt) for part, dt in parts]).variance
     count = int(data.flight.max()) + 1
-    if count < 2:
-        return np.zeros_like(within)
-    flights = np.zeros((count, scores.shape[1]))
-    np.add.at(flights, data.flight, scores)
-    between = count / (count - 1) * inverse @ (flights.T @ flights) @ inverse
-    return np.diag(np.maximum(np.diag(between) - np.diag(within), 0.0))
+    if count > 1:
+        flights = np.zeros((count, influence.shape[1]))
+        np.add.at(flights, data.flight, influence)
+        variance = np.maximum(variance, count / (count - 1) * np.sum(flights**2, axis=0))
+    return np.maximum(variance - within, 0.0)
 
 
 def left_by(data: Dataset, model: Model) -> Array:

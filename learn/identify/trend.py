@@ -206,7 +206,8 @@ def _values(one: OpenFlight, model: Model, names: tuple[str, ...], answering: Se
         found = fit(dataset(one.records, model, answering), model, names)
     except FitError as error:
         raise FitError(f"{one.records[0].flight}: {error}") from None
-    return FlightValues(names, found.theta, found.std, found.at_bound, rms(found.residual))
+    std = np.sqrt(found.std**2 - found.dependence)  # gusts that outlast a block are in the scatter of the flights
+    return FlightValues(names, found.theta, std, found.at_bound, rms(found.residual))
 
 
 def followed_flight(one: OpenFlight) -> FollowedFlight:

@@ -74,7 +74,7 @@ if __name__ == "__main__":
     LONG, SHORT = (1, 60.0), (1, 10.0)
     for name, of, first, knowledge in (
         ("known to 6 %", coverage, 201, (SHORT, (3, 10.0), LONG, (1, 5.5))),
-        ("fitted", fitted_coverage, 301, (SHORT, LONG)),
+        ("fitted", fitted_coverage, 331, (SHORT, LONG)),
     ):
         for k, (flights, seconds) in enumerate(knowledge):
             seeds = range(first + 6 * k, first + 6 * k + 6)
