@@ -62,6 +62,21 @@ def opposite(flight: Flight) -> Flight:
     return _imu(flight, "specific_force_B", turned)
 
 
+def stopped(flight: Flight) -> Flight:
+    """A rotor whose logged command stands still from 60 % of the flight on."""
+    actuators = flight.actuators
+    assert actuators is not None
+    speed = actuators.rotor_speed.copy()
+    first = int(0.6 * len(speed))
+    speed[first:, 2] = speed[first, 2]
+    return replace(flight, actuators=replace(actuators, rotor_speed=speed))
+
+
+def held(flight: Flight) -> Flight:
+    """An accelerometer that is logged twenty times as often as it reads."""
+    return _imu(flight, "specific_force_B", lambda v: np.repeat(v[::20], 20, axis=0)[: len(v)])
+
+
 def said(change: Change, check: str, folder: Path) -> Outcome:
     """Whether the log is refused by this check, or opened with a warning of it."""
     log = save_log(change(flown()), folder / "log.mcap")
@@ -110,6 +125,16 @@ ATTACKS = (
         "an accelerometer whose y axis changes its sign in flight",
         "refused: accelerometer-scale, with axis, moment and correlations",
         lambda folder: said(opposite, "accelerometer-scale", folder),
+    ),
+    Attack(
+        "a rotor whose command stands still until the end of the log",
+        "left out from there on, and said",
+        lambda folder: said(stopped, "frozen", folder),
+    ),
+    Attack(
+        "an accelerometer that repeats each value twenty times",
+        "refused: rate, with the rate at which it reads",
+        lambda folder: said(held, "rate", folder),
     ),
     Attack(
         "a cut of the training flight as the test, other stamps and precision",

@@ -30,6 +30,8 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.units,
     channels.unmeasured,
     channels.clipped,
+    channels.limited,
+    channels.held,
     channels.stamps,
     channels.dropped,
 )

@@ -3,7 +3,10 @@
 A sensor that reached the end of its range reads one value, over and over, while the motion goes on. It is clipped where
 its largest (or smallest) value comes in runs of equal samples while other axes go on, and much more often than the
 values next to it: noise and quantisation repeat those as often, at rest everything stands still, and a sensor that is
-logged faster than it reads repeats every value. What a flight did beyond is not in the log.
+logged faster than it reads repeats every value. What a flight did beyond is not in the log. Nor may it be where the
+commands of several rotors stop at one highest value below full throttle.
+
+A sensor that is logged faster than it reads comes in runs of one length; it is as fast as its runs, and late by half.
 """
 
 import shlex
@@ -90,6 +93,11 @@ def constant(flight: Flight) -> Iterator[Check]:
         columns.append(("rotor speed", flight.actuators.rotor_speed))
     if flight.commanded is not None:
         columns.append(("commanded wrench", flight.commanded.wrench_B))
+    volts = np.zeros(0) if flight.battery is None or flight.battery.none else flight.battery.voltage
+    if len(volts) > 1 and not varying(volts[:, None]).any():
+        words = f"battery voltage: {volts[0]:.4g} V in all {len(volts)} samples, which no battery in flight keeps: "
+        words += "what its fall takes from the thrust is in no prediction, and may be found as another effect."
+        yield Check("constant-channel", "warn", words)
     for name, values in columns:
         flat = [str(i) for i in np.flatnonzero(~varying(values) & ~np.isnan(values[0]))]
         if name == "commanded wrench" and len(flat) > 3:
@@ -165,6 +173,47 @@ def _most_beside(values: Array, top: float) -> int:
     high = np.partition(values, len(values) - count)[len(values) - count :]
     _, often = np.unique(high[high < top], return_counts=True)
     return int(max(often[-CLIPPING.neighbours :], default=0))
+
+
+def limited(flight: Flight) -> Iterator[Check]:
+    """Commands of several rotors that stop at one highest value, which is not full throttle."""
+    speeds = np.zeros((0, 0)) if flight.actuators is None else flight.actuators.rotor_speed
+    top = float(speeds.max(initial=0.0))
+    found = [c for v in speeds.T for c in flat_tops("", v, (speeds,)) if c.value == top != 1.0]
+    if len(found) > 1:
+        share = 100.0 * float(np.mean(np.any(speeds == top, axis=1)))
+        words = (
+            f"the commands of {len(found)} rotors stop at {top:.4g} ({share:.2g} % of the samples): is it their limit, "
+        )
+        words += "or that of what was logged? What the rotors made beyond is in no prediction"
+        yield Check("clipped", "warn", words)
+
+
+def held_for(values: Array, share: float = 0.8) -> int:
+    """How many samples a channel (N,) keeps each value for: the usual length of its runs, 1 where that varies.
+
+    It is usual where the `share` of the samples is in runs of that length: coarse readings make runs of any length.
+    """
+    runs = np.diff(np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1], [True]))))
+    usual = int(np.median(runs)) if len(runs) > 1 else 1
+    return usual if float(np.sum(runs[runs == usual])) > share * len(values) else 1
+
+
+def sensors_held_for(flight: Flight) -> dict[str, int]:
+    """For how many samples the slowest axis of each sensor of the IMU keeps its values."""
+    imu = flight.imu
+    readings = {} if imu is None else {"gyroscope": imu.omega_B, "accelerometer": imu.specific_force_B}
+    return {name: max(map(held_for, values.T)) for name, values in readings.items()}
+
+
+def held(flight: Flight) -> Iterator[Check]:
+    """A sensor of the IMU that comes less often than its stamps say."""
+    for name, count in sensors_held_for(flight).items():
+        if flight.imu is not None and count > 1:
+            period = flight.imu.period
+            words = f"The {name} has each value {count} times: it reads at {1.0 / (count * period):.3g} Hz, not at the "
+            words += f"{1.0 / period:.3g} Hz of its stamps, and is late by {500.0 * (count - 1) * period:.2g} ms"
+            yield Check("rate", "warn", f"{words}: log each reading once, with its own stamp.")
 
 
 STAMP_WORDS = {1e3: "ms", 1e6: "us", 1e9: "ns"}

@@ -5,11 +5,12 @@ is large throughout, and has no spikes. A channel has frozen where one that othe
 itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those, and
 where the ground carries the vehicle), while most of the other channels go on: at rest everything stands still. A sensor
 of the IMU, or the odometry, may also have died, until the end of the log: there the other sensors alone are asked,
-because commands go on where a vehicle has landed. Of an odometry that stands still the IMU is asked in means, which its
-noise at rest does not move.
+because commands go on where a vehicle has landed. A rotor's command has died where it stands still to the end, at no
+limit and with the thrust of flight, while the other rotors', or the IMU, go on. Of an odometry that stands still the
+IMU is asked in means, which its noise at rest does not move.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -77,7 +78,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
             words = f"{role}: {int(bad.sum())} sample(s) are beyond what is physically possible: left out"
             found.append(Check("spikes", "warn", f"{words}."))
     frozen: dict[str, list[tuple[float, float, str]]] = {}
-    for role, start, stop, channel in _frozen(flight):
+    for role, start, stop, channel in (*_frozen(flight), *_dead_rotors(flight)):
         frozen.setdefault(role, []).append((start, stop, channel))
     left: list[TimeLeftOut] = []
     support = _Support(flight)
@@ -177,6 +178,33 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                     yield role, start, stop, name
 
 
+def _dead_rotors(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
+    """The same of rotors whose command stands still to the end; an output that seldom changes is no rotor's."""
+    actuators, imu, support = flight.actuators, flight.imu, _Support(flight)
+    if actuators is None or len(actuators.time) < 4 * MASKING.frozen_samples:
+        return
+    time, speeds = actuators.time, actuators.rotor_speed
+    changes = np.diff(speeds, axis=0) != 0.0
+    for k, column in enumerate(speeds.T):
+        first = int(np.max(np.flatnonzero(changes[:, k]), initial=-1)) + 1
+        start, stop = float(time[first]), float(time[-1])
+        short = len(time) - first <= MASKING.frozen_samples or stop - start < MASKING.frozen_seconds
+        if short or column[-1] in (column.min(), column.max()) or not support.carries(start, stop):
+            continue
+        usual = np.mean(changes[:first], axis=0)
+        others = [(time, speeds[:, j]) for j in range(speeds.shape[1]) if j != k]
+        sensors = [] if imu is None else [(imu.time, v) for v in (*imu.omega_B.T, *imu.specific_force_B.T)]
+        moving = [[_moves(at, values, start, stop) for at, values in group] for group in (others, sensors)]
+        if usual[k] > MASKING.alive * np.median(usual) and any(_most(group) for group in moving):
+            yield "actuators", start, stop, f"rotor_speed {k}"
+
+
+def _most(moving: Sequence[bool | None]) -> bool:
+    """Whether most of the channels that have samples go on."""
+    known = [one for one in moving if one is not None]
+    return bool(known) and float(np.mean(known)) > MASKING.alive
+
+
 class _Support:
     """What carries the vehicle: its thrust, as commanded, or the ground, as the accelerometer shows."""
 
@@ -191,7 +219,11 @@ class _Support:
 
     def flies(self, start: float, stop: float) -> bool:
         """Whether the thrust within, or where it is lost before, is large enough to fly."""
-        return max(_of_usual(self.thrust, a, b) for a, b in ((start, stop), (start - 0.5, start))) > MASKING.flies
+        return self.carries(start, stop) or self.carries(start - 0.5, start)
+
+    def carries(self, start: float, stop: float) -> bool:
+        """Whether the thrust within is large enough to fly."""
+        return _of_usual(self.thrust, start, stop) > MASKING.flies
 
     def by_ground(self, start: float, stop: float) -> bool:
         """Whether the accelerometer reads what this little thrust cannot make."""

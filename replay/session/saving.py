@@ -14,8 +14,11 @@ NAME = re.compile(r"(?!(?:con|prn|aux|nul|com\d|lpt\d)\.)[a-z0-9][a-z0-9._-]{0,9
 def file_name(name: str) -> str:
     """`name`, as a client gave it. Raises UsageError for anything but the plain name of a TOML file."""
     if NAME.fullmatch(name) is None:
+        said = " ".join(
+            re.split(r"([/\\])", name)
+        ).strip()  # spaced: the page shows no folders of a path (`viewer.host`)
         raise UsageError(
-            f"{quoted(name) or 'no name'}: expected a file name that ends in .toml, of letters, digits and ._-, at "
+            f"{quoted(said) or 'no name'}: expected a file name that ends in .toml, of letters, digits and ._-, at "
             "most 100 before it; the page names no folders"
         )
     return name

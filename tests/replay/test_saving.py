@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.session.saving import SaveFolder, file_name
+from wrenchgap.viewer.host import error_text
 
 
 @pytest.mark.parametrize("name", ["fitted.toml", "2026-11-24.v2.toml", "A_b.TOML"])
@@ -39,6 +40,14 @@ def is_plain(name):
 def test_devices_and_odd_names_do_not(name):
     with pytest.raises(UsageError, match=r"expected a file name that ends in \.toml"):
         file_name(name)
+
+
+@pytest.mark.parametrize("name", ["/tmp/elsewhere/z.toml", "../y.toml", "sub/x.toml", "C:\\models\\z.toml"])
+def test_a_refused_name_is_shown_as_it_was_given_folders_and_all(name):
+    """The page takes the folders of a path out of what it shows (`viewer.host`), and this was the last part alone."""
+    with pytest.raises(UsageError) as refused:
+        file_name(name)
+    assert error_text(refused.value).partition(": expected")[0].replace(" ", "") == name
 
 
 def test_what_the_page_wrote_it_may_replace(tmp_path):

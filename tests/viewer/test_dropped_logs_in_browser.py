@@ -86,6 +86,17 @@ def pilot(browser, eventually):
     assert found.errors == []
 
 
+def test_a_file_that_is_refused_is_not_called_uploaded(pilot, tmp_path):
+    """viser's own notice said so once all bytes had come."""
+    for name, refusal in (("odd<name.mcap", "whose name is no plain one"), ("no_log.mcap", "no_log.mcap: not a log")):
+        path = tmp_path / name
+        path.write_bytes(b"abc" * 1000)
+        pilot.box.set_input_files(path)
+        pilot.sees(refusal)
+        assert "uploaded" not in pilot.text()
+        pilot.box.wait_for()
+
+
 @pytest.fixture
 def written(once, tmp_path):
     """A log of a kind, with a hidden centre of mass."""

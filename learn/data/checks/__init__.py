@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.channels import sensors_held_for
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.commands_and_motion import commands_and_motion
@@ -72,7 +73,9 @@ def rates(
     motion = "imu" if "imu" in played else "odometry"
     sent = ("commanded", *(("actuators",) if rotors or "commanded" not in played else ()))
     asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, *sent) if role in played]
-    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < faster * cutoff_hz]
+    repeated = max(sensors_held_for(flight).values(), default=1)
+    each = {role: 1.0 / s.period / (repeated if role == "imu" else 1) for role, s in asked}
+    slow = [(role, s, each[role]) for role, s in asked if each[role] < faster * cutoff_hz]
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])

@@ -1,0 +1,100 @@
+"""Channels that say less than they seem to: held readings, one voltage, rotors that stop at one value, or for good."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.channels import held_for
+from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries
+
+TIME = np.arange(0.0, 24.0, 0.01)
+UP = np.array([0.0, 0.0, 9.80665])
+
+
+def flown(*, speeds=None, volts=None, held=(1, 1), landed=24.0):
+    """A hover whose four rotors answer gusts, with a battery that falls; landed, motors off, from `landed` on."""
+    rng = np.random.default_rng(4)
+    waves = np.stack([np.sin(2 * np.pi * f * TIME + 7 * f) for f in (0.3, 0.8, 1.7, 2.9)], axis=1)
+    flies = (landed > TIME)[:, None]
+    rotor = np.where(flies, 600.0 + 40.0 * waves + rng.standard_normal(waves.shape), 0.0)
+    readings = flies * waves[:, :3] + 0.05 * rng.standard_normal((len(TIME), 3))
+    gyro, accel = (
+        np.repeat(v[::k], k, axis=0)[: len(TIME)] for v, k in zip((readings, readings + UP), held, strict=True)
+    )
+    volts = 16.0 - 0.02 * TIME + 0.01 * rng.standard_normal(len(TIME)) if volts is None else np.full(len(TIME), volts)
+    rotor = rotor if speeds is None else speeds(rotor)
+    actuators = ActuatorSeries("/motors", TIME, np.zeros((len(TIME), 0)), rotor)
+    battery = BatterySeries("/battery", TIME, volts)
+    return Flight(
+        "f", "f.mcap", "0" * 64, 0, imu=ImuSeries("/imu", TIME, gyro, accel), actuators=actuators, battery=battery
+    )
+
+
+def said(flight):
+    return {check.name: check for check in with_checks(flight).checks if check.level != "ok" and check.name != "roles"}
+
+
+def test_a_healthy_hover_with_a_landing_says_nothing_of_these():
+    assert not said(flown()).keys() - {"roles", "no-odometry"}
+    assert not said(flown(landed=18.0)).keys()
+
+
+@pytest.mark.parametrize(("held", "name", "rate"), [((1, 20), "accelerometer", "5 Hz"), ((4, 1), "gyroscope", "25 Hz")])
+def test_readings_that_are_held_have_the_rate_at_which_they_change(held, name, rate):
+    found = said(flown(held=held))["rate"]
+    assert found.words.startswith(f"The {name} has each value {max(held)} times: it reads at {rate}, not at the 100 Hz")
+    late = 0.5 * (max(held) - 1) * 10.0  # ms: the mean age of a value that is held for so long
+    assert f"late by {late:.2g} ms" in found.words
+
+
+def test_coarse_readings_and_rest_are_not_held():
+    rng = np.random.default_rng(1)
+    wander = np.cumsum(rng.standard_normal(5000))
+    assert held_for(np.round(wander / 5.0)) == 1
+    assert held_for(np.concatenate((np.zeros(4000), wander))) == 1
+    assert held_for(np.zeros(100)) == 1
+    assert held_for(np.repeat(wander, 3)) == 3
+
+
+def test_a_battery_of_one_voltage_is_said():
+    assert "15.9 V in all 2400 samples" in said(flown(volts=15.9))["constant-channel"].words
+
+
+def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
+    found = said(flown(speeds=lambda v: np.minimum(v, 630.0)))["clipped"]
+    assert found.words.startswith("the commands of 4 rotors stop at 630 (")
+    assert "clipped" not in said(flown(speeds=lambda v: np.minimum(v / 630.0, 1.0)))
+    one = said(flown(speeds=lambda v: np.stack((np.minimum(v[:, 0], 630.0), *v.T[1:]), axis=1)))
+    assert "clipped" not in one
+
+
+def stopped(columns, since=15.0):
+    def change(speeds):
+        out = speeds.copy()
+        rows = np.flatnonzero(since < TIME)
+        out[np.ix_(rows, columns)] = out[rows[0], columns]
+        return out
+
+    return change
+
+
+@pytest.mark.parametrize("columns", [[2], [0, 3], [0, 1, 2, 3]], ids=["one", "two", "all"])
+def test_rotors_whose_commands_stand_still_to_the_end_of_a_flight_are_left_out_from_there_on(columns):
+    flight = with_checks(flown(speeds=stopped(columns)))
+    found = said(replace(flown(speeds=stopped(columns)), checks=None))["frozen"]
+    assert "to the end of the log" in found.words
+    assert "in mid-flight: left out" in found.words
+    assert all(f"rotor_speed {k}" in found.words for k in columns)
+    assert flight.actuators.time[-1] == pytest.approx(15.0, abs=0.05)
+
+
+def test_rotors_that_rest_at_a_limit_or_on_the_ground_or_hardly_ever_change_are_not():
+    assert "frozen" not in said(flown(speeds=stopped([2]), landed=14.0))
+    top = said(flown(speeds=lambda v: np.where((TIME > 15.0)[:, None] & [True, False, False, False], 700.0, v)))
+    assert "frozen" not in top
+    switch = said(
+        flown(speeds=lambda v: np.stack((*v.T, np.where(TIME > 5.0, 600.0, np.where(TIME > 2.0, 500.0, 700.0))), 1))
+    )
+    assert "frozen" not in switch
