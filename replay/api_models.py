@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.budget import Budget
-from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.checks import usable_cutoff
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Flights, listed
@@ -23,7 +23,7 @@ from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Ask, Given, answers, draft_of_source, parameters_of, with_spins
 from wrenchgap.plant.effectiveness import Effectiveness
 from wrenchgap.plant.effectiveness import effectiveness as effectiveness_of
-from wrenchgap.plant.targets.written import Written, written
+from wrenchgap.plant.targets.written import SIMULATORS, Written, written
 
 
 @check_arguments
@@ -147,10 +147,14 @@ def export_model(
     ModelError
         For a model without rotors, rotors that the target cannot have, and nothing identified for an autopilot.
     UsageError
-        For an unknown target.
+        For an unknown target, and for parameters of a simulator, which has none.
     LogError
         For a log that cannot be read.
     """
+    if parameters is not None and target in SIMULATORS:
+        raise UsageError(
+            f"--to {target}: is a simulator and takes no parameters of an autopilot; leave --parameters out"
+        )
     if isinstance(parameters, str | Path):
         parameters = parameters_of(Path(parameters), budget)
     mine = model_of(model)

@@ -212,15 +212,20 @@ def ready(
 
 
 def _check_conditions(payload: float, wind: float, voltage: float | None) -> None:
-    for name, value, most in (("--payload", payload, 1e4), ("--wind", wind, 50.0), ("--voltage", voltage, 1e3)):
-        if value is not None and not 0.0 <= value <= most:
-            raise UsageError(f"{name} {value:g}: expected 0 to {most:g}")
+    ranges = (("--payload", payload, 0.0, 1e4), ("--wind", wind, 0.0, 50.0), ("--voltage", voltage, 1.0, 1e3))
+    for name, value, least, most in ranges:
+        if value is not None and not least <= value <= most:
+            raise UsageError(f"{name} {value:g}: expected {least:g} to {most:g}")
 
 
 def _voltage(flights: Sequence[OpenFlight], model: Model, given: float | None) -> tuple[float | None, bool]:
     """The voltage [V] of the flight to come, by default the lowest of these but for a twentieth of their time; and
-    whether the model depends on it. Raises UsageError where it does and none is known.
+    whether the model depends on it. Raises UsageError where it does and none is known, and for that of a single cell.
     """  # noqa: D205
+    nominal = None if model.command is None or model.command.voltage is None else model.command.voltage[0]
+    if given is not None and nominal is not None and not 0.5 <= given / nominal <= 2.0:
+        words = f"that of the whole battery, {0.5 * nominal:.3g} to {2.0 * nominal:.3g}"
+        raise UsageError(f"--voltage {given:g}: {model.name} is for a battery of {nominal:g} V; expected {words}")
     depends = [e.name for e in model.effects if e.effect.needs_voltage]
     depends += ["thrust"] if model.command is not None and model.command.uses_voltage else []
     if given is not None or not depends:

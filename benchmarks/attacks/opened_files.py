@@ -85,6 +85,29 @@ def described(folder: Path) -> Outcome:
     return Outcome(refused == len(lines) == len(texts), f"{refused} of {len(texts)} refused in one line")
 
 
+def parameters(folder: Path) -> Outcome:
+    """A file of RotorPy's parameters with code in it, given to `model new --from`."""
+    ways = ["__import__('os').system('touch ran')", "open('ran', 'w').write('x')", "[open('ran', 'w') for _ in 'a'][0]"]
+    ways += [
+        "(lambda: open('ran', 'w'))()",
+        "f\"{open('ran', 'w')}\"",
+        "9**9**9**9",
+        "'a' * 10**10",
+        "np.fromfile('ran')",
+    ]
+    texts = [f"import numpy as np\nquad_params = {{'mass': {way}}}" for way in ways]
+    texts += [
+        "import os\nos.system('touch ran')\nquad_params = {}",
+        "def f(a=open('ran', 'w')): pass\nquad_params = {}",
+    ]
+    texts += ["class A:\n    open('ran', 'w')\nquad_params = {}", "quad_params = " + "-" * 60000 + "1"]
+    imports = "import pathlib\nfrom wrenchgap.plant.drafts.rotorpy import from_rotorpy\npath = pathlib.Path('m.py')"
+    lines = told(folder, imports, "path.write_text(line); from_rotorpy(path)", texts)
+    refused, ran = sum(line.startswith("refused: ") for line in lines), (folder / "ran").exists()
+    words = f"{refused} of {len(texts)} refused in one line; code in the file {'run' if ran else 'not run'}"
+    return Outcome(refused == len(lines) == len(texts) and not ran, words)
+
+
 def listed(folder: Path) -> Outcome:
     """A list of logs with addresses that stand for others: an index of fsspec may name any other."""
     code = "{{ cycler.__init__.__globals__.os.system('touch pwned') }}"
@@ -109,6 +132,11 @@ ATTACKS = (
         "an MJCF that includes or names files outside its folder, or hides that in a DOCTYPE; `model new --from`",
         "refused in one line, nothing outside is opened",
         described,
+    ),
+    Attack(
+        "a file of RotorPy's parameters (.py) with calls, functions, classes, endless numbers; `model new --from`",
+        "refused in one line, nothing of it is run",
+        parameters,
     ),
     Attack(
         "a list of logs with chained addresses of fsspec (`reference://::index.json`); `batch`",

@@ -28,6 +28,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.diagnose.disturbance_process import Left
 from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
 from wrenchgap.plant import model_file
+from wrenchgap.plant.command_curve import CommandCurve, Polynomial
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay import readiness
 from wrenchgap.replay.loop_margins import Gains
@@ -241,13 +242,21 @@ def test_margins_of_ardupilot_are_said_with_its_notches(ardupilot):
     [
         ({"payload": -1.0}, "--payload -1: expected 0 to"),
         ({"wind": np.nan}, "--wind nan: expected 0 to 50"),
-        ({"voltage": 1e9}, "--voltage 1e[+]09: expected 0 to"),
+        ({"voltage": 1e9}, "--voltage 1e[+]09: expected 1 to"),
         ({"trajectory": "nowhere"}, "no trajectory is called 'nowhere'"),
     ],
 )
 def test_conditions_that_nobody_flies_in_are_refused(still, how, words):
     with pytest.raises(UsageError, match=words):
         wg.ready(still, MODEL, **{"trajectory": "hover", **how})
+
+
+def test_the_voltage_of_a_cell_is_none_of_the_battery(still):
+    curve = CommandCurve("normalised", "thrust", Polynomial(np.array([0.0, 0.0, 9.0])), voltage=(15.2, 2.0))
+    with pytest.raises(
+        UsageError, match=r"for a battery of 15\.2 V; expected that of the whole battery, 7\.6 to 30\.4"
+    ):
+        wg.ready(still, replace(MODEL, command=curve), "hover", voltage=3.8)
 
 
 def test_wind_without_drag_and_a_voltage_that_no_log_has_are_said(still):

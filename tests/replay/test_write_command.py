@@ -55,6 +55,15 @@ def test_what_a_package_gets_reads_back(result_of, fitted, target, name):
     np.testing.assert_allclose(lag.theta, 0.03, rtol=1e-6)
 
 
+def test_without_a_file_the_text_is_shown(run, refused, fitted):
+    said = run("write", "fitted.toml", "--to", "rotorpy").output
+    assert "'tau_m': 0.03," in said
+    assert "'tau_m'" not in run("write", "fitted.toml", "--to", "rotorpy", "-o", "out.py").output
+    assert "is a simulator and takes no parameters" in refused(
+        "write", "fitted.toml", "--to", "sdf", "--parameters", "set.params"
+    )
+
+
 def test_effectiveness_is_printed_drawn_and_written(result_of, run, refused, fitted):
     said = result_of("effectiveness", "fitted.toml", "--figure", "e.png", "--csv", "e.csv")
     np.testing.assert_allclose(np.array(said["matrix"])[2], 1.05)  # the scale of thrust

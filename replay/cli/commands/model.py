@@ -240,6 +240,9 @@ def write(
     run.result(made)
     if output is not None:
         write_text(output, made.text)
+    elif not made.parameters:  # of an autopilot the table has it all
+        for line in ("", *made.text.splitlines()):
+            run.line(line)
     run.write("write", made.to_json(), **{target.value: output})
 
 
