@@ -9,7 +9,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.changed.varying import means_by_flight
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.learn.posterior.kernels import bounded
 from wrenchgap.learn.posterior.spectrum import transformed
@@ -33,9 +33,8 @@ def rows_by_flight(
 ) -> list[FlightRow]:
     """A row for each flight of the pool."""
     left = np.where(pool.data.measured_axes, pool.given, np.nan)
-    means = means_by_flight(pool.data, left)
-    sizes = np.sqrt(means_by_flight(pool.data, left**2))
-    return [FlightRow(*row) for row in zip(pool.names, roles, means, sizes, values, strict=True)]
+    means, squares = (means_by(pool.data.flight, x) for x in (left, left**2))
+    return [FlightRow(*row) for row in zip(pool.names, roles, means, np.sqrt(squares), values, strict=True)]
 
 
 def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Array:

@@ -34,12 +34,12 @@ from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.search import ODDS, Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.changed.varying import means_by_flight, scatter_between
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of, unfollowed_axes
-from wrenchgap.learn.identify.bias_and_trim import typical_trim
+from wrenchgap.learn.identify.bias_and_trim import scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
@@ -292,7 +292,7 @@ def compared(
         values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, prior)]
     scatter = pool.scatter
     if pool.deviations:  # all that the means differ by, also where parameters say it
-        scatter = scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical_trim(pool.model))
+        scatter = scatter_between(means_by(pool.data.flight, pool.given)[list(good)], typical_trim(pool.model))
     roles = ["suspect" if f in mine else "healthy" for f in range(len(pool.names))]
     return Changed(
         verdict,

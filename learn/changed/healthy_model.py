@@ -19,9 +19,9 @@ from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, lineari
 from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated, within_bounds
 from wrenchgap.learn.changed.search import worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.changed.varying import means_by_flight
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.identify.bias_and_trim import typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.score import Scored, Scorer
@@ -97,7 +97,7 @@ def _effects(pool: PooledFlights, theta: Array) -> tuple[ModelEffect, ...]:
     """Those of the model, at their new values, and those that show on some axis beside what is left of all."""
     found = {e.name: e for e in pool.model.effects}
     left = pool.unexplained(theta)
-    least = SHOWS * np.sqrt(np.mean((left - means_by_flight(pool.data, left)[pool.data.flight]) ** 2, axis=0))
+    least = SHOWS * np.sqrt(np.mean((left - means_by(pool.data.flight, left)[pool.data.flight]) ** 2, axis=0))
     for one in pool.shared_laws:
         values = pool.shared_values(theta, one.name)
         adds = np.sqrt(np.mean((one.line.jacobian @ values) ** 2, axis=0))

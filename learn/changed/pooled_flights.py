@@ -16,16 +16,14 @@ from wrenchgap.learn.changed.varying import (
     LEFT,
     Varying,
     columns,
-    means_by_flight,
-    noise_of_means,
     renewed,
-    scatter_between,
     seeming,
     share_of_day,
     varying,
 )
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
+from wrenchgap.learn.data.errors import means_by
+from wrenchgap.learn.identify.bias_and_trim import means_of_flights, scatter_between, trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.kernels import bounded
 from wrenchgap.learn.posterior.linear_problem import quadratic
@@ -188,7 +186,7 @@ def calibrated(pool: PooledFlights, healthy: Collection[int]) -> PooledFlights:
             own = slice(at - flights * sum(len(v.scale) for v in alone.varying), at)
             scales = renewed(alone.varying, theta[own], np.diag(covariance)[own], flights, pool.model)
     left = alone.unexplained(theta)
-    scatter = scatter_between(means_by_flight(alone.data, left), usual, noise_of_means(alone.data, left))
+    scatter = scatter_between(means_by(alone.data.flight, left), usual, means_of_flights(alone.data, left)[1])
     return replace(pool, scatter=scatter, sizes=sizes, deviations=scales)
 
 

@@ -150,32 +150,3 @@ def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: in
             out[v.name] = np.sqrt((mine + WORTH * usual) / (flights + WORTH))
         at += size
     return out
-
-
-def means_by_flight(data: Dataset, left: Array) -> Array:
-    """Signed means (F, 6) of a residual (K, 6) by flight."""
-    count = np.bincount(data.flight)
-    return np.stack([np.bincount(data.flight, weights=r) / count for r in left.T], axis=1)
-
-
-def noise_of_means(data: Dataset, left: Array) -> Array:
-    """Variance (6,) that the mean of a residual (K, 6) over a flight has from what wanders within it, by blocks of
-    time; the mean over flights.
-    """  # noqa: D205
-    out = []
-    for f in np.unique(data.flight):
-        mine = data.flight == f
-        _, block = np.unique(data.block[mine], return_inverse=True)
-        means = np.stack([np.bincount(block, weights=r) / np.bincount(block) for r in left[mine].T], axis=1)
-        out.append(means.var(axis=0, ddof=1) / len(means) if len(means) > 1 else np.zeros(6))
-    return np.asarray(np.mean(out, axis=0))
-
-
-def scatter_between(means: Array, usual: Array, noise: Array | float = 0.0) -> Array:
-    """Standard deviation (6,) [N, Nm] between flights, of the means (F, 6) of healthy ones, which have the variance
-    `noise` (6,) themselves; `usual` (6,) is the typical one.
-    """  # noqa: D205
-    count = len(means)
-    spread = np.sum((means - means.mean(axis=0)) ** 2, axis=0)
-    more = np.maximum(spread - (count - 1) * np.asarray(noise), 0.0)
-    return np.asarray(np.sqrt((more + WORTH * usual**2) / (count - 1 + WORTH)))

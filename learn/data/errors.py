@@ -13,15 +13,30 @@ axes stays so.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 
 
 def rms(residual: Array) -> Array:
     """Root mean square over samples: (L,) of (K, L)."""
     return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
+
+
+def sums_by(label: Indices, values: NDArray[Any], labels: int = 0) -> Array:
+    """Sums (labels, L) of values (K, L) with these labels (K,): blocks of time, flights, bands of frequency."""
+    count = max(labels, int(label.max(initial=-1)) + 1)
+    columns = [np.bincount(label, weights=column, minlength=count) for column in values.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+
+def means_by(label: Indices, values: NDArray[Any], labels: int = 0) -> Array:
+    """Means (labels, L) of values (K, L) with these labels (K,); zero where a label has none."""
+    count = np.bincount(label, minlength=labels)
+    return np.asarray(sums_by(label, values, labels) / np.maximum(count, 1)[:, None])
 
 
 def reduction(before: Array, after: Array) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import filtered
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.data.input_errors import EDGES, by_band, density, sensors_by_band
 from wrenchgap.learn.data.measurement import Record
 
@@ -121,21 +122,14 @@ def partly(signals: Array) -> Answerable:
 
 def within_blocks(signals: Array, block: NDArray[np.intp]) -> Array:
     """Signals (K, A) without their means over the blocks (K,) of time."""
-    return signals - means(signals, block)[block]
+    return np.asarray(signals - means_by(block, signals)[block])
 
 
 def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Answerable:
     """How the commands' means over blocks (K,) of time differ within a flight (K,)."""
     sent = np.concatenate([r.commanded for r in records])
-    moved = means(sent, block)[block] - means(sent, flight)[flight]
+    moved = means_by(block, sent)[block] - means_by(flight, sent)[flight]
     return wholly(np.where(np.abs(moved).max(axis=0) > ROUNDING * np.abs(sent).max(axis=0), moved, 0.0))
-
-
-def means(signals: Array, part: NDArray[np.intp]) -> Array:
-    """Means (parts, A) of signals (K, A) over the parts (K,) that samples belong to."""
-    count = np.bincount(part)
-    sums = [np.bincount(part, weights=s, minlength=len(count)) for s in signals.T]
-    return np.stack(sums, axis=1) / count[:, None] if sums else np.zeros((len(count), 0))
 
 
 def spanned(signals: Array) -> Array:

@@ -37,7 +37,7 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import length, weighted
+from wrenchgap.learn.data.errors import length, means_by, weighted
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
 
@@ -197,12 +197,7 @@ def _binned(data: Dataset, residual: Array, bins: _Bins) -> Binned:
     count, edge = len(bins.low) + rest, np.full(rest, np.nan)
     samples = np.bincount(bins.index, minlength=count)
     noise = np.concatenate([np.broadcast_to(r.noise**2, (len(r), 6)) for r in data.records])
-
-    def mean_of(values: Array) -> Array:
-        columns = [np.bincount(bins.index, weights=c, minlength=count) for c in values.T]
-        return np.asarray(np.stack(columns, axis=1) / samples[:, None])
-
-    mean, square, floor = mean_of(residual), mean_of(residual**2), mean_of(noise)
+    mean, square, floor = (means_by(bins.index, values, count) for values in (residual, residual**2, noise))
     scale = data.weights**2
     excess = np.maximum(samples[:, None] * (square - floor), 0.0)
     whole = np.maximum(samples * weighted(square - floor, scale).sum(axis=1), 0.0)

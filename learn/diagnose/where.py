@@ -25,10 +25,10 @@ import numpy as np
 from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, paired_t
+from wrenchgap.learn.data.blocks import SIGNIFICANCE, paired_t
 from wrenchgap.learn.data.comparison import Stretch, compare
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.errors import weighted
+from wrenchgap.learn.data.errors import means_by, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.failure_map import FailureMap, failure_map
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
@@ -86,7 +86,7 @@ def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, so
     if process is not None:
         better = np.mean((left - process) ** 2, axis=0)
         least = 0.0 if source is Source.GIVEN else SIGNIFICANCE.large
-        t = paired_t(np.stack([by_block(data.block, c) for c in (left**2 - (left - process) ** 2).T], axis=1))
+        t = paired_t(means_by(data.block, left**2 - (left - process) ** 2))
         believed = (better < after) & (t > least)
         after = np.where(believed, better, after)
     else:

@@ -14,6 +14,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.dataset import Dataset, length_scale
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -95,13 +96,21 @@ def between_flights(data: Dataset, left: Array, model: Model, different: float =
     count = int(data.flight.max()) + 1
     if count < 2:
         return None
-    means, noise = _means(data, left)
+    means, noise = means_of_flights(data, left)
     known = data.measured_axes
-    spread = np.sum((means - np.mean(means, axis=0)) ** 2, axis=0)
-    if float(np.mean(spread[known] / (count - 1) / np.maximum(noise[known], 1e-30))) < different:
+    if float(np.mean(means.var(axis=0, ddof=1)[known] / np.maximum(noise[known], 1e-30))) < different:
         return None
-    pooled = (spread + WORTH * typical_trim(model) ** 2) / (count - 1 + WORTH)
-    return np.where(known, np.sqrt(pooled * (1.0 + 1.0 / count)), 0.0)
+    return np.where(known, scatter_between(means, typical_trim(model)) * np.sqrt(1.0 + 1.0 / count), 0.0)
+
+
+def scatter_between(means: Array, usual: Array, noise: Array | float = 0.0) -> Array:
+    """Standard deviation (6,) [N, Nm] between flights, of their means (F, 6), which have the variance `noise` (6,)
+    themselves; `usual` (6,) is the typical one.
+    """  # noqa: D205
+    count = len(means)
+    spread = np.sum((means - means.mean(axis=0)) ** 2, axis=0)
+    more = np.maximum(spread - (count - 1) * np.asarray(noise), 0.0)
+    return np.asarray(np.sqrt((more + WORTH * usual**2) / (count - 1 + WORTH)))
 
 
 @dataclass(frozen=True)
@@ -123,7 +132,7 @@ def flights_apart(
     """
     if int(data.flight.max()) < 1:
         return ()
-    means, noise = _means(data, left)
+    means, noise = means_of_flights(data, left)
     typical = typical_trim(model) if model.between_flights is None else np.array(model.between_flights)
     apart = np.std(means, axis=0, ddof=1) / np.maximum(np.maximum(different * np.sqrt(noise), usual * typical), 1e-30)
     names = tuple(dict.fromkeys(r.flight for r in data.records))
@@ -131,14 +140,11 @@ def flights_apart(
     return tuple(FlightsApart(k, names, means[:, k]) for k in axes)
 
 
-def _means(data: Dataset, left: Array) -> tuple[Array, Array]:
-    """Means (flights, 6) of what is left (K, 6), and the variance (6,) of such a mean by its blocks of time."""
-    each = [_mean(data.block[data.flight == f], left[data.flight == f]) for f in range(int(data.flight.max()) + 1)]
-    means, variances = zip(*each, strict=True)
-    return np.array(means), np.mean(variances, axis=0)
-
-
-def _mean(block: Indices, left: Array) -> tuple[Array, Array]:
-    """Mean (6,) over the blocks of one flight and its variance (6,)."""
-    blocks = np.array([left[block == b].mean(axis=0) for b in np.unique(block)])
-    return blocks.mean(axis=0), blocks.var(axis=0) / max(len(blocks) - 1, 1)
+def means_of_flights(data: Dataset, left: Array) -> tuple[Array, Array]:
+    """Means (F, 6) over the blocks of time of each flight, of what is left (K, 6), and the variance (6,) that such a
+    mean has from what wanders within a flight: the mean over flights.
+    """  # noqa: D205
+    blocks, flight = means_by(data.block, left), data.flight[np.unique(data.block, return_index=True)[1]]
+    each = [blocks[flight == f] for f in range(int(flight.max()) + 1)]
+    variances = [own.var(axis=0) / max(len(own) - 1, 1) for own in each]
+    return np.array([own.mean(axis=0) for own in each]), np.mean(variances, axis=0)

@@ -15,11 +15,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.posterior import WeighedSets
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
-from wrenchgap.learn.posterior.spectrum import Spectrum, mean_squares, transformed
+from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
 
 LITTLE = 0.05
 """Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
@@ -59,7 +60,7 @@ def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array, Ar
     apart = np.concatenate([STAMPS * r.dt * np.gradient(r.commanded, r.dt_kept, axis=0) for r in records])
     commanded = transformed(records, sent, on.settings.block, without_mean=True)[0]
     shifted = transformed(records, apart[:, space.axes, None], on.settings.block)[0]
-    squares = [mean_squares(each[:, :, 0], space.band) for each in (commanded, shifted)]
+    squares = [means_by(space.band, each[:, :, 0] ** 2) for each in (commanded, shifted)]
     return space.sensor, space.products[:, :, 0, 0], squares[0], squares[1]
 
 

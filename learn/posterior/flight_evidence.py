@@ -26,6 +26,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import sums_by
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.sensor_noise import coefficient_shapes
@@ -35,7 +36,7 @@ from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.posterior.columns import Column, away_from_zero, given_values, linearised
 from wrenchgap.learn.posterior.single_effects import uncertain
-from wrenchgap.learn.posterior.spectrum import Spectrum, sums_by, transformed
+from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
 from wrenchgap.plant.effects import acting_effects, catalogue, find
 from wrenchgap.plant.model import Model
 

@@ -14,7 +14,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from scipy.fft import dct
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import means_by, sums_by
 from wrenchgap.learn.data.feedback_regressors import (
     REGRESSORS,
     Answerable,
@@ -94,7 +94,7 @@ class Spectrum(LinearProblem):
         self.silent = data.untrusted[np.digitize(hertz, EDGES)][:, self.axes] & (hertz > 0.0)[:, None]
         self.count = self.counted()
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
-        self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes, settings.leak)
+        self.leak = leaking(means_by(self.band, self.coefficients[:, :, 0] ** 2), self.axes, settings.leak)
         self._silence(data)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
@@ -296,16 +296,6 @@ def input_errors(data: Dataset, axes: NDArray[np.intp], hertz: Array, seconds: f
     return np.asarray(shares[record, np.digitize(hertz, EDGES)][:, axes] * squares)
 
 
-def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:
-    """By band and axis (bands, axes), of coefficients (K, axes) in these bands (K,)."""
-    return sums_by(band, coefficients**2) / np.bincount(band)[:, None]
-
-
-def sums_by(label: NDArray[np.intp], values: NDArray[Any], labels: int = 0) -> Array:
-    """Sums (labels, X) of values (K, X) with these labels (K,): bands of frequency, blocks of time, flights."""
-    return np.stack([np.bincount(label, weights=v, minlength=labels) for v in values.T], axis=1)
-
-
 def leaking(power: Array, axes: NDArray[np.intp], share: float) -> Array:
     """`Spectrum.leak` (bands, axes): this share of what the model leaves, of which these are the mean squares."""
     forces = axes < len(AXES) // 2
@@ -319,4 +309,4 @@ def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Arra
     """Variance (bands, 6) of a coefficient from sensors alone (`coefficient_shapes`)."""
     shapes = np.repeat(coefficient_shapes(hertz, band, data.records[0].cutoff_hz), 3, axis=1)
     shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)
-    return np.maximum(sums_by(band, shapes) / np.bincount(band)[:, None], 1e-30)
+    return np.maximum(means_by(band, shapes), 1e-30)

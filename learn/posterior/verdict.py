@@ -37,14 +37,14 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import energy, force_and_torque, rms, weighted
+from wrenchgap.learn.data.errors import energy, force_and_torque, means_by, rms, weighted
 from wrenchgap.learn.data.input_errors import EDGES
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation, one_rotor, oscillation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.posterior import WeighedSets
 from wrenchgap.learn.posterior.single_effects import ModelResidual
-from wrenchgap.learn.posterior.spectrum import leaking, sensor_spectrum, sums_by, transformed
+from wrenchgap.learn.posterior.spectrum import leaking, sensor_spectrum, transformed
 
 
 class Verdict(StrEnum):
@@ -152,7 +152,8 @@ def unexplained_bands(on: ModelResidual, found: WeighedSets, left: Array) -> tup
     present, band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
     noise = sensor_spectrum(on.data, hertz, band)[:, axes]
     cells = (int(block.max()) + 1) * len(present)
-    each = _mean_squares(coefficients[:, :, 1], block * len(present) + band, cells).reshape(-1, len(present), len(axes))
+    each = means_by(block * len(present) + band, coefficients[:, :, 1] ** 2, cells)
+    each = each.reshape(-1, len(present), len(axes))
     loudness = np.sum((each / noise)[:, present > 0] * np.bincount(band)[present > 0, None], axis=(1, 2))
     aside = np.argsort(loudness)[-1 - math.floor(UNUSUAL * len(loudness)) :]
     usual = ~np.isin(block, aside)
@@ -161,7 +162,7 @@ def unexplained_bands(on: ModelResidual, found: WeighedSets, left: Array) -> tup
         return ()
     coefficients, band = coefficients[usual], band[usual]
     given, remains = coefficients[:, :, 0], coefficients[:, :, 1]
-    before, after, adds = (_mean_squares(x, band, len(present)) for x in (given, remains, given - remains))
+    before, after, adds = (means_by(band, x**2, len(present)) for x in (given, remains, given - remains))
     inexact = found.best.scored_set.scored.inexact
     anywhere = np.average(inexact, axis=0, weights=kept)
     there = np.maximum(before - noise, 0.0)
@@ -178,12 +179,6 @@ def unexplained_bands(on: ModelResidual, found: WeighedSets, left: Array) -> tup
         for k, j in zip(*np.nonzero(loud), strict=True)
     ]
     return tuple(sorted(rows, key=lambda b: -b.over_noise))
-
-
-def _mean_squares(coefficients: Array, cell: NDArray[np.intp], cells: int) -> Array:
-    """By cell and axis (cells, axes), of coefficients (K, axes) in these cells (K,); zero where one has none."""
-    count = np.bincount(cell, minlength=cells)
-    return np.asarray(sums_by(cell, coefficients**2, cells) / np.maximum(count, 1)[:, None])
 
 
 def decide(

@@ -35,6 +35,7 @@ from typing import Self
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Indices, Mask
+from wrenchgap.learn.data.errors import sums_by
 
 Predict = Callable[[Mask, Indices], tuple[Array, ...]]
 """(which samples may be used (M,), indices of those asked for (K,)) -> what is said of them, (K, L) each."""
@@ -139,7 +140,7 @@ class Support:
 def support(held: HeldOut) -> Support:
     """The gain of each output; see the module."""
     z, m = held.actual, held.predicted
-    cross, square = _sums(held.block, z * m), _sums(held.block, m * m)
+    cross, square = sums_by(held.block, z * m), sums_by(held.block, m * m)
     total = np.maximum(square.sum(axis=0), 1e-300)
     estimate = cross.sum(axis=0) / total
     error = _spread(cross - estimate * square) / total
@@ -159,16 +160,11 @@ def reduction(held: HeldOut, gain: Array) -> Array:
 
 def _left(held: HeldOut, gain: Array) -> tuple[Array, Array]:
     """Share of the energy (L,) that is left with these gains, and its standard error."""
-    after = _sums(held.block, (held.actual - gain * held.predicted) ** 2)
-    before = _sums(held.block, held.actual**2)
+    after = sums_by(held.block, (held.actual - gain * held.predicted) ** 2)
+    before = sums_by(held.block, held.actual**2)
     total = np.maximum(before.sum(axis=0), 1e-300)
     left = after.sum(axis=0) / total
     return left, _spread(after - left * before) / total
-
-
-def _sums(block: Indices, values: Array) -> Array:
-    """Sums (B, L) of values (K, L) over blocks."""
-    return np.stack([np.bincount(block, weights=column) for column in values.T], axis=1)
 
 
 def _spread(differences: Array) -> Array:

@@ -18,19 +18,12 @@ from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import MOST, change_prior, damaged, read
 from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.search import changed_model, relinearised
-from wrenchgap.learn.changed.varying import (
-    Varying,
-    means_by_flight,
-    noise_of_means,
-    renewed,
-    scatter_between,
-    seeming,
-    typical_of,
-)
+from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.quantities import Quantity
 from wrenchgap.learn.diagnose.timing import unfollowed_axes
-from wrenchgap.learn.identify.bias_and_trim import WORTH, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
 
@@ -191,7 +184,7 @@ def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
     forces that healthy flights show are 1 / 1.05 of its own, and pass through the origin.
     """
     healthy = pool.only([0, 1, 2])
-    within = [x - means_by_flight(healthy.data, x)[healthy.data.flight] for x in (healthy.given, healthy.left)]
+    within = [x - means_by(healthy.data.flight, x)[healthy.data.flight] for x in (healthy.given, healthy.left)]
     before, after = (np.sqrt(np.mean(x**2, axis=0)) for x in within)
     assert np.all(after < (0.1, 0.1, 0.1, 0.5, 0.5, 0.5) * before)  # the arms' inertia is not among what is tried
     commanded = np.median(healthy.data.commanded[:, 2])
@@ -365,7 +358,7 @@ def test_noise_of_a_mean_is_that_of_its_blocks(plain):
     """White noise of variance v leaves means of n samples with v / n, however it is cut into blocks."""
     left = np.random.default_rng(2).normal(size=(len(plain.measured), 6))
     count = len(plain.measured) / len(np.unique(plain.flight))
-    np.testing.assert_allclose(np.mean(noise_of_means(plain, left)) * count, 1.0, rtol=0.5)
+    np.testing.assert_allclose(np.mean(means_of_flights(plain, left)[1]) * count, 1.0, rtol=0.5)
 
 
 def test_a_cut_propeller_loses_drag_torque_too(hexarotor):
@@ -407,7 +400,7 @@ def test_a_law_seems_to_change_by_its_slack_on_suspect_flights():
 
 def test_means_by_flight_are_signed(plain):
     left = np.full((len(plain.measured), 6), -2.0)
-    np.testing.assert_allclose(means_by_flight(plain, left), [[-2.0] * 6])
+    np.testing.assert_allclose(means_by(plain.flight, left), [[-2.0] * 6])
 
 
 @pytest.mark.parametrize(("x", "y", "side"), [(1, 0, "front"), (-1, 0, "back"), (0, 1, "left"), (1, 1, "front left")])
