@@ -1,8 +1,8 @@
 """Checked reading of files that people write: known keys, valid values, the first error in one line.
 
 A file's shape is a `Table` (pydantic) whose fields are of the kinds below; a table that is nothing but the fields of
-a dataclass needs no class of its own (`values_of`). An error names the key with the tables that it is in, what was
-found and what is expected: `vehicle.arms[2].rotors[0].c_f: got -1.0, expected a positive number`.
+a dataclass needs no class of its own (`stored`, `values_of`). An error names the key with the tables that it is in,
+what was found and what is expected: `vehicle.arms[2].rotors[0].c_f: got -1.0, expected a positive number`.
 docs/decisions/0014-validating-reader.md says why.
 """
 
@@ -22,11 +22,13 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    TypeAdapter,
     ValidationError,
     ValidatorFunctionWrapHandler,
     WrapValidator,
     create_model,
     model_validator,
+    with_config,
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
@@ -104,9 +106,10 @@ Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers, of a size up to 1e12")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]
 Direction = Annotated[Vector, AfterValidator(_direction)]
-_Nan = Annotated[float, Field(strict=True)]
+Real = Annotated[float, Field(strict=True)]
+"""Any number, also none: what is only said, and never computed with."""
 SixMeasured = Annotated[
-    tuple[_Nan, _Nan, _Nan, _Nan, _Nan, _Nan], expected("six numbers, nan for what was not measured")
+    tuple[Real, Real, Real, Real, Real, Real], expected("six numbers, nan for what was not measured")
 ]
 
 _KINDS: dict[Any, Any] = {
@@ -137,8 +140,9 @@ class Table(BaseModel):
         return values
 
 
-AnyTable = TypeVar("AnyTable", bound=Table)
 T = TypeVar("T")
+stored = with_config(ConfigDict(extra="forbid"))
+"""Decorates a dataclass whose annotations are the kinds above, and which `read` makes: of its keys, and no others."""
 
 
 def partial(table: type[Table]) -> type[Table]:
@@ -152,11 +156,13 @@ def partial(table: type[Table]) -> type[Table]:
 
 
 def read(
-    table: type[AnyTable], values: Any, *, where: str = "", page: str = "", error: type[WrenchgapError] = ModelError
-) -> AnyTable:
-    """`values` as that table; raises `error` in one line. `where` is the key of the table, `page` explains its keys."""
+    table: type[T], values: Any, *, where: str = "", page: str = "", error: type[WrenchgapError] = ModelError
+) -> T:
+    """`values` as that `Table`, or `stored` dataclass; raises `error` in one line. `where` is the key of the table,
+    `page` explains its keys.
+    """  # noqa: D205
     try:
-        return table.model_validate(values)
+        return TypeAdapter(table).validate_python(values)
     except ValidationError as found:
         raise error(_line(found.errors(include_url=False)[0], where, page)) from None
 
@@ -283,9 +289,12 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
         path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
     if kind in ("unknown", "rule"):
         return f"{path}: {found['msg']}" if path else found["msg"]
+    if kind == "unexpected_keyword_argument":
+        return f"{path}: is not a known key"
     if kind == "missing":
         return f"{path}: is missing{f'; see {page}' if page else ''}"
-    shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
+    shapes = dict.fromkeys(("model_type", "dict_type", "dataclass_type"), f"a table [{path}]")
+    shapes["tuple_type"] = f"tables [[{path}]]"
     wanted = f"expected {shapes[kind]}" if kind in shapes else found["msg"]
     return f"{path}: got {quoted(repr(found['input']))}, {wanted}"
 

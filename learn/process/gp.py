@@ -39,6 +39,7 @@ from wrenchgap.learn.process.subsample import JITTER, Method, Scale
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.mismatch import Expansion, MismatchModel, output_indices
+from wrenchgap.plant.reader import Names, NotNegative, Positive, Real, stored
 from wrenchgap.plant.state import State
 
 MeanKind = Literal["zero", "constant", "linear", "physics"]
@@ -46,6 +47,7 @@ Inference = Literal["exact", "sparse"]
 Search = Literal["closed-form", "gpy"]
 
 
+@stored
 @dataclass(frozen=True)
 class LogSource:
     """A log that went into a fit: its name and the SHA-256 of its content."""
@@ -63,18 +65,20 @@ class CautionKind(StrEnum):
     SAID = "said"  # `text` of a file that an older version wrote
 
 
+@stored
 @dataclass(frozen=True)
 class Caution:
     """One of them: axes with their rms on unseen flights before and after, or the smallest `eigenvalue`."""
 
     kind: CautionKind
-    axes: tuple[str, ...] = ()
-    before: tuple[float, ...] = ()
-    after: tuple[float, ...] = ()
-    eigenvalue: float | None = None
+    axes: Names = ()
+    before: tuple[Real, ...] = ()
+    after: tuple[Real, ...] = ()
+    eigenvalue: Real | None = None
     text: str = ""
 
 
+@stored
 @dataclass(frozen=True)
 class Provenance:
     """Where a fitted model comes from, and what `learn` found of it.
@@ -96,20 +100,20 @@ class Provenance:
     vehicle: str = ""
     model_hash: str = ""
     physics: str = "nominal"
-    cutoff_hz: float | None = None
+    cutoff_hz: Positive | None = None
     logs: tuple[LogSource, ...] = ()
     version: str = ""
     date: str = ""
     warnings: tuple[Caution, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
-    lags: tuple[float, ...] = ()
-    margin: float | None = None
-    observer_hz: float | None = None
-    observer_lag: float = 0.0
-    observer_peak: float | None = None
-    observer_left: float | None = None
-    loop_lag: float = 0.0
-    loop_delay: float = 0.0
+    lags: tuple[NotNegative, ...] = ()
+    margin: Real | None = None
+    observer_hz: Positive | None = None
+    observer_lag: NotNegative = 0.0
+    observer_peak: Real | None = None
+    observer_left: Real | None = None
+    loop_lag: NotNegative = 0.0
+    loop_delay: NotNegative = 0.0
     gains: str = ""
 
 

@@ -30,12 +30,14 @@ not worth a risk.
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
+from pydantic import Field
 
 from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.errors import sums_by
+from wrenchgap.plant.reader import Number, Real, expected, stored
 
 Predict = Callable[[Mask, Indices], tuple[Array, ...]]
 """(which samples may be used (M,), indices of those asked for (K,)) -> what is said of them, (K, L) each."""
@@ -193,6 +195,7 @@ class Reason(StrEnum):
     LONGER = "longer"  # the flights are too short to hold time out
 
 
+@stored
 @dataclass(frozen=True)
 class Verdict:
     """Of one output.
@@ -205,5 +208,5 @@ class Verdict:
     output: str
     decision: Decision
     reason: Reason
-    gain: float
-    reduction: tuple[float, ...]
+    gain: Annotated[Number, Field(ge=0.0, le=1.0), expected("a number from 0 to 1")]
+    reduction: tuple[Real, ...]

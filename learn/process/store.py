@@ -8,20 +8,18 @@ The same GP always gives the same bytes. `numpy.load` opens the arrays too.
 
 import json
 import zipfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
-from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
-from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
-from wrenchgap.plant.reader import Integer, Names, NotNegative, Number, Positive, Table, Text, expected, read, values_of
+from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, Provenance
+from wrenchgap.plant.reader import Integer, Names, Table, Text, expected, read
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 4
@@ -106,55 +104,7 @@ def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     return metadata
 
 
-Real = Annotated[float, Field(strict=True)]
-"""Any number, also none: what is only said, and never computed with."""
-
-
 Parts = Annotated[dict[str, Any], expected("a table")]
-
-
-class StoredVerdict(Table):
-    """Of one output."""
-
-    output: Text
-    decision: Text
-    reason: Text
-    gain: Annotated[Number, Field(ge=0.0, le=1.0), expected("a number from 0 to 1")]
-    reduction: tuple[Real, ...]
-
-
-class StoredCaution(Table):
-    """One of the warnings."""
-
-    kind: Text
-    axes: Names
-    before: tuple[Real, ...]
-    after: tuple[Real, ...]
-    eigenvalue: Real | None = None
-    text: Text = ""
-
-
-class StoredProvenance(Table):
-    """What a file says of where its process comes from; older ones say less."""
-
-    vehicle: Text = ""
-    model_hash: Text = ""
-    physics: Text = "nominal"
-    cutoff_hz: Positive | None = None
-    logs: tuple[Any, ...]
-    version: Text = ""
-    date: Text = ""
-    warnings: tuple[StoredCaution | Text, ...] = ()
-    verdicts: tuple[StoredVerdict, ...] = ()
-    lags: tuple[NotNegative, ...] = ()
-    margin: Real | None = None
-    observer_hz: Positive | None = None
-    observer_lag: NotNegative = 0.0
-    observer_peak: Real | None = None
-    observer_left: Real | None = None
-    loop_lag: NotNegative = 0.0
-    loop_delay: NotNegative = 0.0
-    gains: Text = ""
 
 
 class StoredProcess(Table):
@@ -168,27 +118,9 @@ class StoredProcess(Table):
 
 
 def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenance:
-    checked = read(StoredProvenance, entries, where="provenance", error=FitError)
-    if len(checked.lags) not in (0, outputs):
-        raise FitError(f"provenance.lags: got {len(checked.lags)}, expected one for each of {outputs} outputs")
-    logs = [values_of(LogSource, log, where="provenance.logs", error=FitError) for log in checked.logs]
-    found: dict[str, Any] = {"logs": tuple(LogSource(**log) for log in logs), "lags": checked.lags}
-    found |= {
-        name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
-    }
-    if version < 4:  # the bandwidth of the observer did not keep the margin of the whole loop: it is forgotten
-        found["observer_hz"] = None
-    return Provenance(**{**entries, **found})
-
-
-def _verdict(entry: dict[str, Any]) -> Verdict:
-    kinds = {"decision": Decision(entry["decision"]), "reason": Reason(entry["reason"])}
-    return Verdict(**{**entry, **kinds, "reduction": tuple(entry["reduction"])})
-
-
-def _caution(entry: str | dict[str, Any]) -> Caution:
-    """A caution; older files hold sentences."""
-    if isinstance(entry, str):
-        return Caution(CautionKind.SAID, text=entry)
-    lists = {name: tuple(entry[name]) for name in ("axes", "before", "after")}
-    return Caution(**{**entry, **lists, "kind": CautionKind(entry["kind"])})
+    said = [asdict(Caution(CautionKind.SAID, text=w)) if isinstance(w, str) else w for w in entries.get("warnings", ())]
+    found = read(Provenance, {**entries, "warnings": said}, where="provenance", error=FitError)
+    if len(found.lags) not in (0, outputs):
+        raise FitError(f"provenance.lags: got {len(found.lags)}, expected one for each of {outputs} outputs")
+    # before version 4 the bandwidth of the observer did not keep the margin of the whole loop: it is forgotten
+    return found if version >= 4 else replace(found, observer_hz=None)
