@@ -21,6 +21,10 @@ WIDER: dict[Any, Any] = {float: Real, int: Integral, bool: bool | np.bool_, Path
 """What stands for a type as well: numbers of numpy, and whatever is a path."""
 
 
+def silent(fraction: float, words: str) -> None:
+    """Progress that nobody looks at."""
+
+
 def check_arguments(function: F) -> F:
     """The same function, which raises UsageError for an argument that does not fit its annotation."""
     signature = inspect.signature(function)

@@ -62,9 +62,7 @@ def with_values(model: Model, texts: Sequence[str]) -> Model:
     source = Provenance(
         fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method="set by hand"
     )
-    new = [replace(effect_of_text(model, text), provenance=source) for text in texts]
-    names = {e.name for e in new}
-    return model.with_effects((*(e for e in model.effects if e.name not in names), *new))
+    return model.with_replaced(replace(effect_of_text(model, text), provenance=source) for text in texts)
 
 
 def with_hidden(model: Model, texts: Sequence[str]) -> Model:
@@ -72,10 +70,7 @@ def with_hidden(model: Model, texts: Sequence[str]) -> Model:
     truth = replace(model, history=())
     for text in texts:
         new = effect_of_text(model, text)
-        old = truth.effect(new.name)
-        if old is not None:
-            new = replace(new, theta=old.theta + new.theta)
-        truth = truth.with_effects((*(e for e in truth.effects if e.name != new.name), new))
+        truth = truth.with_replaced([replace(new, theta=truth.theta(new.name) + new.theta)])
     return truth
 
 

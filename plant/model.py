@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.command_curve import CommandCurve
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effects import find
@@ -90,6 +91,11 @@ class Model:
         """The effect of this name, None if the model does not have it."""
         return next((e for e in self.effects if e.name == name), None)
 
+    def theta(self, name: str) -> Array:
+        """Parameters (P,) of an effect, in the order of `Effect.parameters`; zero where the model lacks it."""
+        own = self.effect(name)
+        return np.zeros(len(find(name).parameters(self.vehicle))) if own is None else own.theta
+
     @property
     def snapshot(self) -> tuple[Snapshot, ...]:
         """The effects as plain values."""
@@ -107,6 +113,12 @@ class Model:
             if first.name == second.name:
                 raise ModelError(f"effect {first.name}: it is in the model twice; remove one")
         return replace(self, effects=tuple(listed))
+
+    def with_replaced(self, effects: Iterable[ModelEffect]) -> Self:
+        """A copy with these effects, in place of its own of the same names."""
+        new = tuple(effects)
+        names = {e.name for e in new}
+        return self.with_effects((*(e for e in self.effects if e.name not in names), *new))
 
     def without(self, names: Iterable[str]) -> Self:
         """A copy without these effects; raises ModelError if the model lacks one."""

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
-from wrenchgap.flight.arguments import Progress, check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments, silent
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.checks import usable_cutoff
@@ -83,7 +83,7 @@ def calibrate(
     rotor, put into these flights, would be found with that and not with the calibrated one.
     """
     found = calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)
-    return refused_where_hidden(found, progress)
+    return refused_where_hidden(found, progress or silent)
 
 
 @check_arguments

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import LogError, ModelError, UsageError, so3
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, OpenFlight
@@ -122,7 +122,7 @@ def open_loop(
     horizon, UsageError for horizons that are no positive numbers or shorter than a sample, ModelError for a motion that
     grows beyond all.
     """
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     asked = np.unique(np.asarray(horizons, dtype=float))
     if not len(asked) or not (np.isfinite(asked).all() and asked[0] > 0.0):
         raise UsageError(f"--horizon {','.join(f'{h:g}' for h in horizons)}: expected positive numbers of seconds")

@@ -21,7 +21,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.arguments import Progress, check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments, silent
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
@@ -172,7 +172,7 @@ def ready(
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
     loaded, rng = _loaded(model, payload), np.random.default_rng(0)
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     report(0.1, "what these flights leave")
     records = [r for f in flights for r in f.records]
     process = disturbance_process([_left(r, model) for r in records])

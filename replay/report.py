@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
-from wrenchgap.flight.arguments import Progress, check_arguments
+from wrenchgap.flight.arguments import Progress, check_arguments, silent
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
@@ -140,7 +140,7 @@ def report(
     or on top of other effects.
     """
     flights, model, validation = listed(flights), model_of(model), listed(validate)
-    tell = progress or (lambda fraction, words: None)
+    tell = progress or silent
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)

@@ -12,7 +12,7 @@ change.
     nothing   else
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.autopilot import other_vehicle
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -49,7 +50,6 @@ from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
-Progress = Callable[[float, str], None]
 Kind = tuple[tuple[str, ...], tuple[int, ...], tuple[bool, ...]]
 """What healthy flights are compared in: laws, axes on which commands answer the motion, axes that were measured."""
 
@@ -162,12 +162,12 @@ class Baseline:
 
     def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None, injections: int = 0) -> Changed:
         """What changed on these flights; options and errors as for `changed`."""
-        tell = progress or (lambda fraction, words: None)
+        tell = progress or silent
 
         def firm_with(one: Injection) -> Sequence[str]:
             tell(0.9, f"with {one.effect} injected")
             flights = [replace(f, records=one.into(f.records, self.model)) for f in suspects]
-            return self._against(flights, lambda fraction, words: None, limits_of=()).firm
+            return self._against(flights, silent, limits_of=()).firm
 
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are
             found = self._against(suspects, tell)

@@ -23,7 +23,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import Point, Problem
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column, given_values
+from wrenchgap.learn.posterior.columns import LEAST_SIZE, Column
 from wrenchgap.learn.posterior.columns import linearised as column_at
 from wrenchgap.plant.effects import find, is_air
 from wrenchgap.plant.model import Model
@@ -178,7 +178,7 @@ def linearised_effect(data: Dataset, model: Model, name: str) -> LinearisedEffec
     nothing.
     """  # noqa: D205
     parameters = find(name).parameters(model.vehicle)
-    origin = given_values(model, (name,))
+    origin = model.theta(name)
     if not any(p.start != 0.0 for p in parameters):
         line = linearised(data, model, name, origin, origin)
         blind = ~np.any(line.jacobian, axis=(0, 1))

@@ -79,11 +79,7 @@ class Varying:
 
     def column(self, rows: NDArray[np.bool_], share: float = 1.0) -> Column:
         """On some rows, `share` of its scatter."""
-        nothing, size = np.zeros(len(self.scale)), share * self.scale + 1e-12
-        flat = np.zeros(len(size), dtype=bool)
-        jacobian = self.jacobian * rows[:, None, None]
-        empty = np.zeros(jacobian.shape[:2])
-        return Column((), nothing, nothing, empty, jacobian, -FAR * size, FAR * size, size, flat, 0.0)
+        return Column.straight((), self.jacobian * rows[:, None, None], share * self.scale + 1e-12, FAR)
 
 
 def varying(

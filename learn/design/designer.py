@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
@@ -101,7 +101,7 @@ def design(
         raise UsageError("design: expected at least two different effects to separate")
     if not SEARCH.shortest <= duration <= SEARCH.longest:
         raise UsageError(f"--duration {duration:g}: expected {SEARCH.shortest:g} to {SEARCH.longest:g} s")
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     records = tuple(r for f in flights for r in f.records)
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
         found = _Search(tuple(dict.fromkeys(names)), model, records, limits, duration, also, seed, report).run()

@@ -22,7 +22,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, paired_t
@@ -174,7 +174,7 @@ def examine(
     progress: Progress | None = None,
 ) -> Where:
     """Where `model` (and `gp` on top of it) fails on flights that were opened for it; deterministic."""
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     cutoff = flights[0].records[0].cutoff_hz
     found, notes = predictors(model, (), gp, cutoff)
     remarks: list[object] = [*notes]

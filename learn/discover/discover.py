@@ -9,10 +9,11 @@ fitted       the laws as effects of their own, with what was named, as `add` fit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -23,8 +24,6 @@ from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.posterior.explain import SEARCH_SECONDS, Explanation, explain
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant.model import Model
-
-Progress = Callable[[float, str], None]
 
 
 class Outcome(StrEnum):
@@ -77,7 +76,7 @@ def discover(
     `validation` flights are not fitted; the laws are tested on them, else on quarters of the time in turn.
     `explanation` is that of these flights, where it is known. Raises as `explain` does.
     """
-    tell = progress or (lambda fraction, words: None)
+    tell = progress or silent
     if explanation is None:
         part = lambda fraction, words: tell(0.6 * fraction, words)  # noqa: E731
         explanation = explain(flights, model, validation=validation, jobs=jobs, progress=part)

@@ -167,7 +167,8 @@ class Whitening:
 
     def __call__(self, block: Array) -> Array:
         """Of columns (K, 6, P): (rows, P)."""
-        spectrum = Spectrum(self.data, self.left, [_column(block)], self.trim, self.named)
+        columns = Column.straight(("law",), block, np.ones(block.shape[2]), 1e6)
+        spectrum = Spectrum(self.data, self.left, [columns], self.trim, self.named)
         out = self._flat(spectrum.coefficients[:, :, 1 : 1 + block.shape[2]])
         return np.asarray(out - self.basis @ (self.basis.T @ out))
 
@@ -192,24 +193,6 @@ def _chunked(parts: Iterator[Array], atoms: Sequence[Atom], most: int = 60) -> I
 def _slices(atoms: Sequence[Atom]) -> tuple[slice, ...]:
     ends = np.cumsum([0, *(len(a.terms) for a in atoms)])
     return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
-
-
-def _column(block: Array) -> Column:
-    """Any columns (K, 6, P) as the parameters of one candidate."""
-    size = block.shape[2]
-    one = np.ones(size)
-    return Column(
-        ("law",),
-        0.0 * one,
-        0.0 * one,
-        np.zeros(block.shape[:2]),
-        block,
-        -1e6 * one,
-        1e6 * one,
-        one,
-        np.zeros(size, dtype=bool),
-        0.0,
-    )
 
 
 def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Array:

@@ -24,7 +24,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
@@ -141,7 +141,7 @@ def calibrate(
     Effects of `TRIMMED` that the model has already are fitted anew, others stay as they are. Raises FitError where the
     flights are too short to hold anything out, LogError where a flight is fitted and tested on.
     """
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     refuse_seen([f.flight for f in flights], [f.flight for f in unseen])
     report(0.0, "timing of the topics")
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)

@@ -173,5 +173,4 @@ def held_out(
 
 def with_fit(model: Model, fitted: Fit) -> Model:
     """The model with the fitted effects in place of its own of the same names."""
-    names = {e.name for e in fitted.effects}
-    return model.with_effects((*(e for e in model.effects if e.name not in names), *fitted.effects))
+    return model.with_replaced(fitted.effects)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigh
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
@@ -60,7 +60,7 @@ def guarded_process(
     outputs: tuple[str, ...],
     settings: FitSettings,
     provenance: Provenance,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Guarded:
     """Learn what `base` leaves; with `settings.guarded` no more of it than held-out time and stability support."""
     if not settings.guarded:
@@ -126,7 +126,7 @@ def _attempt(
     settings: FitSettings,
     provenance: Provenance,
     late: Array,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[Guarded, Support | None]:
     data = samples(records, base, settings.inputs, late)
     gp, held = _fitted(data, outputs, settings, provenance, progress)
@@ -140,7 +140,7 @@ def _attempt(
 
 
 def _fitted(
-    data: Samples, outputs: tuple[str, ...], settings: FitSettings, provenance: Provenance, progress: Progress | None
+    data: Samples, outputs: tuple[str, ...], settings: FitSettings, provenance: Provenance, progress: Progress
 ) -> tuple[GaussianProcess, HeldOut | None]:
     targets = data.outputs[:, output_indices(outputs)]
     return fit_held_out(data.inputs, targets, outputs, settings, provenance=provenance, progress=progress)

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.repeats import refuse_seen
@@ -207,7 +207,7 @@ def learn_process(
     flown = attitude_gains(flights, model)
     provenance = replace(provenance, gains=origin(model) if flown is None else "log")
     looped = base if flown is None else replace(base, controller=flown.into(base.controller))
-    made = guarded_process(records, looped, outputs, settings, provenance, progress)
+    made = guarded_process(records, looped, outputs, settings, provenance, progress or silent)
     gp, data = made.gp, made.data
     nominal = model.nominal
     every, rows = samples(records, nominal), output_indices(outputs)

@@ -12,7 +12,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
@@ -165,7 +165,7 @@ def trend(
     if parts and names:
         raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
     flights = _by_date(flights) if parts else flights
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     chosen, alike, left_out = _effects(flights, model, names, parts=parts)
     answering = unfollowed_axes([timing_of(one, model) for one in flights])
     fits = []

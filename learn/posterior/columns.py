@@ -50,6 +50,12 @@ class Column:
     price: float = 0.0
     per_place: int = 1
 
+    @classmethod
+    def straight(cls, names: tuple[str, ...], jacobian: Array, scale: Array, far: float) -> Column:
+        """What is exactly linear, of sizes `scale` (P,) and up to `far` times those, counted from zero."""
+        zero, flat, most = np.zeros(len(scale)), np.zeros(len(scale), dtype=bool), far * scale
+        return cls(names, zero, zero, np.zeros(jacobian.shape[:2]), jacobian, -most, most, scale, flat, 0.0)
+
     @property
     def key(self) -> str:
         """What the candidate is called in a set."""
@@ -90,8 +96,7 @@ def linearised(problem: Problem, origin: Array, before: Array, point: Point, der
 
 def given_values(model: Model, names: Sequence[str]) -> Array:
     """Parameters (P,) of these effects as the model has them, zero where it lacks an effect."""
-    own = {e.name: e.theta for e in model.effects}
-    return np.concatenate([own.get(n, np.zeros(len(find(n).parameters(model.vehicle)))) for n in names])
+    return np.concatenate([model.theta(n) for n in names])
 
 
 def by_effect(values: Array, names: Sequence[str], vehicle: Vehicle) -> dict[str, Array]:

@@ -281,10 +281,8 @@ class Injection:
         """The records with what it adds to the prediction of `model` in what they measured; commands and motion are as
         they were.
         """  # noqa: D205
-        own = next((e.theta for e in model.effects if e.name == self.effect), np.zeros(len(self.change)))
-        changed = ModelEffect(find(self.effect), own + self.change)
-        others = tuple(e for e in model.effects if e.name != self.effect)
-        models = model.with_effects((*others, changed)).wrench_model, model.wrench_model
+        changed = ModelEffect(find(self.effect), model.theta(self.effect) + self.change)
+        models = model.with_replaced([changed]).wrench_model, model.wrench_model
         out = []
         for record in records:
             more, given = map(Evaluator(record), models)

@@ -24,12 +24,13 @@ Two measures, both on held-out blocks:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arguments import Progress, silent
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
@@ -38,8 +39,6 @@ from wrenchgap.learn.data.comparison import Validation, validate
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.relevance import Relevance
-from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.bias_and_trim import FlightsApart, flights_apart
@@ -60,13 +59,9 @@ from wrenchgap.learn.posterior.single_effects import (
     model_residual,
     single_effects,
 )
-from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide, residual_structure
+from wrenchgap.learn.posterior.verdict import ResidualStructure, Verdict, decide, residual_structure
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
-
-Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
-
 
 SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
@@ -92,7 +87,7 @@ def explain(
     ModelError for unknown names, FitError where the flights are too short, LogError where a flight is fitted and tested
     on.
     """
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
     refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     report(0.0, "timing of the topics")
     timing = tuple(timing_of(f, model) for f in flights)
@@ -133,7 +128,7 @@ def search_dataset(
 
     `limits_of` are the effects whose detection limits are wanted, by default all: they take most of the time.
     """
-    tell = progress or (lambda fraction, words: None)
+    tell = progress or silent
     some = spread_out(data.records, SEARCH_SECONDS)
     part = data if some is data.records else dataset(some, model, data.answering)
     on, tried, found = weighed_sets(model_residual(part, model, settings), chosen.tried, jobs, tell)
@@ -145,11 +140,10 @@ def search_dataset(
     data = data if on.data.answering else replace(data, answering=())
     every = on if some is data.records else model_residual(data, model)
     whole = best if every is on else fitted(every, [m.name for m in members], best.fit)
-    given = {e.name: e.theta for e in model.effects}
-    found = found.at({e.name: e.theta - given.get(e.name, 0.0) for e in whole.fit.effects})
+    found = found.at({e.name: e.theta - model.theta(e.name) for e in whole.fit.effects})
     named = {m.name for m in members}
     keys = tuple(k for k in found.best.scored_set.keys if set(found.scorer.spectrum.columns[k].names) & named)
-    silent = rest.open & (verdict is Verdict.UNKNOWN)
+    unsure = rest.open & (verdict is Verdict.UNKNOWN)
     return Explanation(
         verdict=verdict,
         members=members,
@@ -163,7 +157,7 @@ def search_dataset(
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
         apart=flights_apart(data, left_by(data, with_fit(model, whole.fit)), model),
-        limits=detection_limits(found.scorer, keys, model.vehicle, silent=silent, of=limits_of),
+        limits=detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of),
         **vars(rest),
     )
 
@@ -192,17 +186,12 @@ def weighed_sets(
 
 
 @dataclass(frozen=True, repr=False)
-class Explanation(Result):
+class Explanation(ResidualStructure, Result):
     """What is missing, according to the logs. `rms_*` are (6,) held-out; `noise` (6,) is the sensor noise.
 
     `effects` are the members' names, that with the largest share of the error first; `ranking` has every candidate by
-    itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left, `bands` the frequencies at
-    which what is named leaves some. `oscillation` is one found in the residual, `one_rotor` the rotor in whose
-    direction it pushes; `depends` says on what it depends, where axes are open; `concentrated` is the share of the
-    residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
-    and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
-    some were given; `answering` are the axes on which commands answered a disturbance. `named_there` says that what
-    is named pushes where `one_rotor` pushes: the mean of what comes and goes, whose name is open.
+    itself. `posterior` weighs the sets. `timing` is that of each of `flights`; `validation` the test on flights that
+    were not fitted, where some were given; `answering` are the axes on which commands answered a disturbance.
     `limits` say what these flights could have shown beside what is named, `recoveries` what was found again of it.
     `apart` are axes on which the flights do not agree on a constant, the farthest first.
     """
@@ -217,18 +206,10 @@ class Explanation(Result):
     rms_after: Array
     noise: Array
     untried: tuple[Untried, ...]
-    open: NDArray[np.bool_]
-    oscillation: Oscillation | None
-    one_rotor: OneRotor | None
-    depends: Relevance | None
-    concentrated: float
-    left: float
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
     validation: Validation | None = None
     answering: tuple[int, ...] = ()
-    bands: tuple[OpenBand, ...] = ()
-    named_there: bool = False
     limits: tuple[DetectionLimit, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
     apart: tuple[FlightsApart, ...] = ()

@@ -224,7 +224,7 @@ class FittedSet:
     def left(self, products: Array, flight: int, weights: Array) -> Array:
         """Sums of squares (bands, L) that weights (R,) leave of one flight, its own trim taken out."""
         trims = self.rows.trims.of(flight=flight)
-        likeliest = trims.likeliest(self.g[0, trims.axes], weights, trims.scale)
+        likeliest = trims.likeliest(self.g[0, trims.axes], weights)
         return np.maximum(trims.added_to(quadratic(products, weights), likeliest, weights, np.ones_like(self.g)), 0.0)
 
     def log_likelihood(self, left: Array, count: Array) -> float:
@@ -235,7 +235,7 @@ class FittedSet:
         """Weights (R,) of the quantities that all other flights give."""
         trims = self.rows.trims.of(flight=flight)
         own = np.tensordot(self.g, products, axes=([0, 1], [0, 1]))
-        theirs = self.whole - trims.eliminated_from(own, self.g[0, trims.axes], trims.scale)
+        theirs = self.whole - trims.eliminated_from(own, self.g[0, trims.axes])
         size, out = len(self.sizes), self.weights.copy()
         A, b = np.ascontiguousarray(theirs[:size, :size]), theirs[:size, size:] @ out[size:]
         out[:size] = -kernels.bounded(A, b, self.rows.low, self.rows.high, self.sizes)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.data.dataset import dataset
@@ -17,7 +18,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.calibrate import Calibration, Fate, HiddenRotor
 from wrenchgap.learn.posterior.detection_limits import Injection, injection
-from wrenchgap.learn.posterior.explain import Explanation, Progress, search_dataset
+from wrenchgap.learn.posterior.explain import Explanation, search_dataset
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 
@@ -28,10 +29,9 @@ tests/independent/test_calibrate.py are judged alike; with double, the loss is s
 it, too, and is not refused."""
 
 
-def refused_where_hidden(found: Calibration, progress: Progress | None = None) -> Calibration:
+def refused_where_hidden(found: Calibration, progress: Progress = silent) -> Calibration:
     """The calibration, or the model as it was where a weak rotor would not be found any more."""
-    if progress:
-        progress(0.95, "whether a weak rotor would still be found")
+    progress(0.95, "whether a weak rotor would still be found")
     hidden = None if found.added is None else hidden_rotor(found.flights, found.given, found.model)
     if hidden is None:
         return found

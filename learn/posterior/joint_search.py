@@ -9,11 +9,12 @@ names             sets by what they name, and the classes that they form       `
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column, compatible, confused
 from wrenchgap.learn.posterior.posterior import (
@@ -67,10 +68,9 @@ class Round:
 
 
 def joint_search(
-    on: ModelResidual, columns: Sequence[Column], *, jobs: int = 1, tell: Callable[[float, str], None] | None = None
+    on: ModelResidual, columns: Sequence[Column], *, jobs: int = 1, tell: Progress = silent
 ) -> WeighedSets:
     """Search and weigh the sets of these columns."""
-    tell = tell or (lambda fraction, words: None)
     tell(0.0, "weighing sets of effects")
     linear = searched(spectrum_of(on, columns), jobs)
     last = Round({}, {}, (), (), (), tuple(sets_to_relinearise(linear, ordered(linear))))

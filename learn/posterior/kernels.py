@@ -103,26 +103,6 @@ def further_places(theta: Array, scale: Array, place: Array, sizes: Rows) -> flo
 
 
 @njit(cache=True, nogil=True)
-def variances(U: Array, wanted: Flags) -> Array:
-    """The diagonal (P,) of the inverse of U' U where it is wanted, else zero."""
-    n = U.shape[0]
-    out = np.zeros(n)
-    column = np.zeros(n)
-    for j in range(n):
-        if not wanted[j]:
-            continue
-        column[j:] = 0.0
-        column[j] = 1.0
-        for k in range(j, n):
-            column[k] /= U[k, k]
-            out[j] += column[k] ** 2
-            row, value = U[k], column[k]
-            for i in range(k + 1, n):
-                column[i] -= row[i] * value
-    return out
-
-
-@njit(cache=True, nogil=True)
 def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Flags, typical: Array) -> Array:
     """Sizes (P,) of the parameters' priors: those given, and of `sparse` ones those that the evidence makes likely.
 
@@ -132,18 +112,18 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
     """
     if not np.any(sparse):
         return scale
-    scale = scale.copy()
+    scale, one = scale.copy(), np.zeros(len(scale))
     for _ in range(8):
         U = factor(scaled(A, scale))
         theta = solve(U, b * scale) * scale
-        spread = variances(U, sparse) * scale**2
         most = 0.0
-        for i in range(len(scale)):
-            if sparse[i]:
-                value = min(max(theta[i], low[i]), high[i])
-                size = max(math.sqrt(value**2 + spread[i]), 1e-2 * typical[i])
-                most = max(most, abs(math.log(size / scale[i])))
-                scale[i] = size
+        for i in np.flatnonzero(sparse):
+            one[:] = 0.0
+            one[i] = scale[i]
+            variance = solve(U, one)[i] * scale[i]
+            size = max(math.sqrt(min(max(theta[i], low[i]), high[i]) ** 2 + variance), 1e-2 * typical[i])
+            most = max(most, abs(math.log(size / scale[i])))
+            scale[i] = size
         if most < 0.1:
             break
     return scale
@@ -155,40 +135,25 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
 
     Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
     """
-    n = len(scale)
     H, g, lower, upper = scaled(A, scale), b * scale, low / scale, high / scale
-    x, free = np.zeros(n), np.ones(n, dtype=np.bool_)
+    x, free, push = np.zeros(len(scale)), np.ones(len(scale), dtype=np.bool_), g
     for _ in range(40):
-        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
-        part = np.empty((len(inner), len(inner)))
-        right = np.empty(len(inner))
-        for i in range(len(inner)):
-            right[i] = g[inner[i]]
-            for held in outer:
-                right[i] -= H[inner[i], held] * x[held]
-            for j in range(len(inner)):
-                part[i, j] = H[inner[i], inner[j]]
-        new = x.copy()
-        solved = solve(factor(part), right)
-        for i in range(len(inner)):
-            new[inner[i]] = solved[i]
-        crossed = False
-        for own in inner:
-            if new[own] < lower[own] - 1e-12 or new[own] > upper[own] + 1e-12:
-                free[own] = False
-                crossed = True
-        if crossed:
-            x = np.minimum(np.maximum(new, lower), upper)
-            continue
-        x = new
+        inner, crossed = np.flatnonzero(free), False
+        step = solve(factor(H[inner][:, inner]), push[inner])
+        for k in range(len(inner)):
+            i = inner[k]
+            x[i] += step[k]
+            if x[i] < lower[i] - 1e-12 or x[i] > upper[i] + 1e-12:
+                x[i] = min(max(x[i], lower[i]), upper[i])
+                free[i], crossed = False, True
         push = g - H @ x
+        if crossed:
+            continue
         worst, most = -1, 0.0
-        for i in range(n):
-            if free[i]:
-                continue
+        for i in np.flatnonzero(~free):
             back = (x[i] <= lower[i] and push[i] > 1e-9) or (x[i] >= upper[i] and push[i] < -1e-9)
             if back and abs(push[i]) > most:
-                worst, most = i, abs(push[i])
+                worst, most = int(i), abs(push[i])
         if worst < 0:
             break
         free[worst] = True
@@ -196,20 +161,14 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(whole: Array, unknown: Rows, fixed: Rows) -> tuple[Array, Array]:
-    """Curvature (P, P) and gradient (P,) of a set with these `unknown` rows (P,) of `whole` (Q, Q); of the `fixed` rows
-    the first is what is to be explained, and the others are taken off it.
+def normal_equations(whole: Array, unknown: Rows, fixed: Rows) -> tuple[Array, Array, Array]:
+    """Curvature (P, P) and gradient (P,) of a set with these `unknown` rows (P,) of `whole` (Q, Q), and the weights
+    (1 + members,) of the `fixed` rows: the first is what is to be explained, and the others are taken off it.
     """  # noqa: D205
-    n = len(unknown)
-    A, b = np.empty((n, n)), np.empty(n)
-    for i in range(n):
-        row = whole[unknown[i]]
-        for j in range(n):
-            A[i, j] = row[unknown[j]]
-        b[i] = row[fixed[0]]
-        for m in range(1, len(fixed)):
-            b[i] -= row[fixed[m]]
-    return A, b
+    weights = -np.ones(len(fixed))
+    weights[0] = 1.0
+    rows = whole[unknown]
+    return rows[:, unknown], rows[:, fixed] @ weights, weights
 
 
 @njit(cache=True, nogil=True)
@@ -230,25 +189,17 @@ def score(
     uses, `sizes` and `accuracy` (members,) the parameters of each and the share to which its law is known; the rest is
     (P,), of the unknowns.
     """
-    members = len(sizes)
-    A, b = normal_equations(whole, unknown, fixed)
+    A, b, weights = normal_equations(whole, unknown, fixed)
     scale = relevant(A, b, low, high, typical, place > 0.0, typical)
     theta = bounded(A, b, low, high, scale)
-    c = 0.0
-    for m in range(members + 1):
-        for k in range(members + 1):
-            sign = 1.0 if (m == 0) == (k == 0) else -1.0
-            c += sign * whole[fixed[m], fixed[k]]
-    fitted = -0.5 * (c - 2.0 * np.sum(theta * b) + np.sum(theta * (A @ theta)) - whole[0, 0])
+    given = weights @ normal_equations(whole, fixed, fixed)[1]
+    fitted = -0.5 * (given - 2.0 * theta @ b + theta @ (A @ theta) - whole[0, 0])
     total, at = 0.0, 0
-    for m in range(members):
-        offset = fixed[1 + m]
-        own = whole[offset, offset]
-        for i in range(at, at + sizes[m]):
-            own += 2.0 * theta[i] * whole[unknown[i], offset]
-            for j in range(at, at + sizes[m]):
-                own += theta[i] * theta[j] * A[i, j]
-        total += accuracy[m] * math.sqrt(max(own, 0.0))
+    for m in range(len(sizes)):
+        offset, own = fixed[1 + m : 2 + m], theta[at : at + sizes[m]]
+        curvature, slope, _ = normal_equations(whole, unknown[at : at + sizes[m]], offset)
+        square = own @ (curvature @ own) + 2.0 * own @ slope + whole[offset[0], offset[0]]
+        total += accuracy[m] * math.sqrt(max(square, 0.0))
         at += sizes[m]
     return fitted - 0.5 * total**2, occam(A, theta, scale), further_places(theta, scale, place, sizes)
 
@@ -260,48 +211,18 @@ def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, sc
     `unknown` and `fixed` are the set's, as in `score`; candidate k has the rows `rows[starts[k]:starts[k + 1]]` of
     `whole` (Q, Q), its offset last. `scale` (Q,) are typical sizes.
     """
-    n = len(unknown)
-    total = len(rows)
-    A, answer = normal_equations(whole, unknown, fixed)
-    right = np.empty((n, total))
-    for i in range(n):
-        A[i, i] += scale[unknown[i]] ** -2.0
-        for j in range(total):
-            right[i, j] = whole[unknown[i], rows[j]]
-    size = np.empty(n)
-    for i in range(n):
-        size[i] = 1.0 / math.sqrt(max(A[i, i], TINY))
-    unit = scaled(A, size)
-    for i in range(n):
-        unit[i, i] -= 1.0
-    U = factor(unit)
-    done = solve(U, answer * size) * size
-    across = np.empty((n, total))
-    for j in range(total):
-        column = solve(U, right[:, j] * size)
-        for i in range(n):
-            across[i, j] = column[i] * size[i]
-    left = np.empty(total)
-    for j in range(total):
-        left[j] = whole[rows[j], fixed[0]]
-        for m in range(1, len(fixed)):
-            left[j] -= whole[rows[j], fixed[m]]
-        for i in range(n):
-            left[j] -= right[i, j] * done[i]
+    A, b, _ = normal_equations(whole, unknown, fixed)
+    usual = scale[unknown]
+    U = factor(scaled(A, usual))
     out = np.empty(len(starts) - 1)
-    for k in range(len(starts) - 1):
-        first, last = starts[k], starts[k + 1]
-        count = last - first
-        H = np.empty((count, count))
-        own = np.ones(count)
-        for i in range(count - 1):
-            own[i] = scale[rows[first + i]]
-        for i in range(count):
-            for j in range(count):
-                value = whole[rows[first + i], rows[first + j]]
-                for p in range(n):
-                    value -= right[p, first + i] * across[p, first + j]
-                H[i, j] = value
-        part = left[first:last] * own
-        out[k] = np.sum(part * solve(factor(scaled(H, own)), part))
+    for k in range(len(out)):
+        own = rows[starts[k] : starts[k + 1]]
+        H, left, _ = normal_equations(whole, own, fixed)
+        shared = whole[own][:, unknown]
+        for j in range(len(own)):
+            known = solve(U, shared[j] * usual) * usual
+            left[j] -= known @ b
+            H[j] -= shared @ known
+        left *= scale[own]
+        out[k] = left @ solve(factor(scaled(H, scale[own])), left)
     return out

@@ -20,7 +20,7 @@ deviations) are not enforced then.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,25 +47,25 @@ class Trims:
         sums = self.sums[some] if rows is None else self.sums[some][:, :, rows]
         return Trims(sums, self.squares[some], self.axes, self.scale)
 
-    def precision(self, g: Array, scale: Array) -> Array:
+    def precision(self, g: Array) -> Array:
         """Of the trims (F, A), at precisions (A,) of a coefficient."""
-        return np.asarray(g * self.squares + scale**-2.0)
+        return np.asarray(g * self.squares + self.scale**-2.0)
 
-    def likeliest(self, g: Array, weights: Array, scale: Array) -> Array:
+    def likeliest(self, g: Array, weights: Array) -> Array:
         """Trims (F, A) at these weights (Q,), in the sign in which they add to what is left."""
-        return np.asarray(-g * (self.sums @ weights) / self.precision(g, scale))
+        return np.asarray(-g * (self.sums @ weights) / self.precision(g))
 
-    def eliminated_from(self, whole: Array, g: Array, scale: Array) -> Array:
+    def eliminated_from(self, whole: Array, g: Array) -> Array:
         """Products (Q, Q) that g weighs, without what trims take off them."""
         if not self.axes.size:
             return whole
         flights, axes, q = self.sums.shape
-        rows = (self.sums * (g / np.sqrt(self.precision(g, scale)))[:, :, None]).reshape(flights * axes, q)
+        rows = (self.sums * (g / np.sqrt(self.precision(g)))[:, :, None]).reshape(flights * axes, q)
         return np.asarray(whole - rows.T @ rows)
 
-    def occam(self, g: Array, scale: Array) -> float:
+    def occam(self, g: Array) -> float:
         """Log of what the integral over them adds, without the prior at the likeliest ones."""
-        return -0.5 * float(np.sum(np.log1p(g * self.squares * scale**2)))
+        return -0.5 * float(np.sum(np.log1p(g * self.squares * self.scale**2)))
 
     def squares_left(self, trims: Array, weights: Array) -> Array:
         """What trims (F, A) add to the sums of squares of what is left, by flight and axis (F, A)."""
@@ -160,7 +160,7 @@ class LinearProblem:
         (Q,) of the quantities that leave it.
         """  # noqa: D205
         unknown = np.concatenate([*self.parameters.values(), self.always]).astype(np.intp)
-        trims, left = self.trims, self.products[:, :, 0, 0]
+        trims, left = replace(self.trims, scale=0.5 * self.trims.scale), self.products[:, :, 0, 0]
         weights = np.zeros(self.scale.size)
         weights[0] = 1.0
         narrow = np.diag((0.5 * self.scale[unknown]) ** -2.0)
@@ -168,9 +168,9 @@ class LinearProblem:
             variance = np.maximum(left, self.sensor)
             g = (1.0 / variance)[0, trims.axes]
             whole = np.tensordot(self.count / variance, self.products, axes=([0, 1], [0, 1]))
-            whole = trims.eliminated_from(whole, g, 0.5 * trims.scale)
+            whole = trims.eliminated_from(whole, g)
             weights[unknown] = -np.linalg.solve(whole[np.ix_(unknown, unknown)] + narrow, whole[unknown, 0])
-            t = trims.likeliest(g, weights, 0.5 * trims.scale)
+            t = trims.likeliest(g, weights)
             left = np.maximum(trims.added_to(quadratic(self.products, weights), t, weights, self.count), 0.0)
         return left, weights
 

@@ -129,10 +129,8 @@ def needed_members(
 
 def material(fitted: Fit, model: Model, name: str) -> bool:
     """Whether any parameter of the effect, or its change from what the model has, is worth a name."""
-    own = {e.name: e.theta for e in model.effects}
     rows = [(v, p) for (owner, p), v in zip(fitted.parameters, fitted.theta, strict=True) if owner == name]
-    origin = own.get(name, np.zeros(len(rows)))
-    return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in zip(rows, origin, strict=True))
+    return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in zip(rows, model.theta(name), strict=True))
 
 
 def members(on: ModelResidual, names: Sequence[str], best: Fitted, jobs: int = 1) -> tuple[Member, ...]:

@@ -55,8 +55,7 @@ class NamedSet:
 
     def theta(self, model: Model) -> dict[str, Array]:
         """The same as they are in all."""
-        own = {e.name: e.theta for e in model.effects}
-        return {name: change + own.get(name, 0.0) for name, change in self.changes(model.vehicle).items()}
+        return {name: change + model.theta(name) for name, change in self.changes(model.vehicle).items()}
 
     def values(self, vehicle: Vehicle) -> dict[str, dict[str, float]]:
         """`changes` by effect and name."""

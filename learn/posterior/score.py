@@ -31,10 +31,9 @@ Stat. Soc. B 63, 2001.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +106,7 @@ class Scorer:
         """Products (Q, Q) of all quantities over the variance (bands, axes) of the noise, trims eliminated."""
         trims = self.spectrum.trims
         whole = np.tensordot(self.count / variance, self.spectrum.products, axes=([0, 1], [0, 1]))
-        return trims.eliminated_from(whole, (self.share / variance)[0, trims.axes], trims.scale)
+        return trims.eliminated_from(whole, (self.share / variance)[0, trims.axes])
 
     def eliminated(self, variance: Array) -> Array:
         """`weighed`, what is always there eliminated as well."""
@@ -169,11 +168,11 @@ class Scorer:
             A, b = np.ascontiguousarray(whole[:size, :size]), whole[:size, size:] @ own.fixed
             sizes = kernels.relevant(A, b, own.low, own.high, sizes, own.sparse, own.typical)
             theta = kernels.bounded(A, b, own.low, own.high, sizes)
-            trim = trims.likeliest(g, own.weights(theta), trims.scale)
+            trim = trims.likeliest(g, own.weights(theta))
         left, inexact = own.mean_squares(theta, trim)
         variance = self.pooled(left + doubt**2 * inexact)
         likelihood = -0.5 * float(np.sum(counts * np.log(variance)))
-        width = kernels.occam(A, theta, sizes) + trims.occam(g, trims.scale)
+        width = kernels.occam(A, theta, sizes) + trims.occam(g)
         further = kernels.further_places(theta, sizes, own.place, own.sizes)
         prior = width - 0.5 * float(np.sum((trim / trims.scale) ** 2)) + self.prior_of(own.keys, further)
         weights = np.zeros(self.spectrum.scale.size)
@@ -241,7 +240,7 @@ class SetRows:
 
     def weighed(self, count: Array, g: Array) -> Array:
         """Products (R, R), mean ones weighed by `count` (bands, L), trims at precisions `g` (A,) eliminated."""
-        return self.trims.eliminated_from(self.products.weighed(count), g, self.trims.scale)
+        return self.trims.eliminated_from(self.products.weighed(count), g)
 
     def by_column(self, theta: Array) -> dict[str, Array]:
         """Parameters by key."""
@@ -249,7 +248,7 @@ class SetRows:
 
 
 class Products:
-    """Products of some of the stacked quantities, those of every pair once: by band and axis they are symmetric.
+    """Products of some of the stacked quantities, by band and axis.
 
     `rows` (R,) are which of all (bands, axes, Q, Q). `laws` are, of each candidate, which rows are its own, their
     products as far as an error of its law is none of a trim (`LinearProblem.inexact`), and to what share it is known.
@@ -262,36 +261,18 @@ class Products:
         laws: Sequence[tuple[NDArray[np.intp], Array, float]],
     ) -> None:
         self.shape, every = products.shape[:2], products.shape[2]
-        self.pairs = _pairs(len(rows))
-        places = rows[self.pairs.one] * every + rows[self.pairs.other]
-        self.values = products.reshape(-1, every * every).take(places, axis=1)
+        places = rows[:, None] * every + rows
+        self.values = products.reshape(-1, every * every).take(places.ravel(), axis=1)
         self.laws = laws
 
     def mean_squares(self, weights: Array) -> tuple[Array, Array]:
         """By band and axis: what these weights leave, and what the laws of the members may be off by at most."""
-        both = weights[self.pairs.one] * weights[self.pairs.other] * self.pairs.times
-        sizes = np.zeros(self.shape)
+        left, sizes = self.values @ np.outer(weights, weights).ravel(), np.zeros(self.shape)
         for m, own, share in self.laws:
             sizes += share * np.sqrt(np.maximum(quadratic(own, weights[m]), 0.0))
-        return np.maximum((self.values @ both).reshape(self.shape), 0.0), sizes**2
+        return np.maximum(left.reshape(self.shape), 0.0), sizes**2
 
     def weighed(self, over: Array) -> Array:
         """The sum (R, R) of the products times these factors (bands, axes)."""
-        return np.asarray((over.ravel() @ self.values)[self.pairs.place])
-
-
-class _Pairs(NamedTuple):
-    """`one` and `other` of each pair (P,), how many times it counts, and where it stands (R, R)."""
-
-    one: NDArray[np.intp]
-    other: NDArray[np.intp]
-    times: Array
-    place: NDArray[np.intp]
-
-
-@lru_cache(maxsize=16)
-def _pairs(size: int) -> _Pairs:
-    one, other = np.tril_indices(size)
-    place = np.empty((size, size), dtype=np.intp)
-    place[one, other] = place[other, one] = np.arange(len(one))
-    return _Pairs(one, other, np.where(one == other, 1.0, 2.0), place)
+        whole = over.ravel() @ self.values
+        return np.asarray(whole.reshape(2 * (math.isqrt(whole.size),)))

@@ -1,10 +1,11 @@
 """Every candidate by itself on top of the model: the table that a user reads, and the columns that sets are made of."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import empty_on_disk, let_go
@@ -21,8 +22,6 @@ from wrenchgap.plant.effects import acting_effects, find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -89,22 +88,9 @@ def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
     """What an effect of the model may be off by: its derivatives, and its standard deviations in place of sizes."""
     problem = Problem(data, model, (effect.name,))
     size = problem.size
-    point = problem.start(None)
-    spread = np.maximum(
-        np.nan_to_num(np.zeros(size) if effect.std is None else effect.std), 1e-3 * problem.scale[:size]
-    )
-    return Column(
-        (effect.name,),
-        effect.theta,
-        np.zeros(size),
-        np.zeros_like(point.residual),
-        problem.jacobian(point)[:, :, :size],
-        np.full(size, -1e3) * spread,
-        np.full(size, 1e3) * spread,
-        spread,
-        np.zeros(size, dtype=bool),
-        effect.effect.accuracy,
-    )
+    std = np.zeros(size) if effect.std is None else np.nan_to_num(effect.std)
+    spread = np.maximum(std, 1e-3 * problem.scale[:size])
+    return Column.straight((effect.name,), problem.jacobian(problem.start(None))[:, :, :size], spread, 1e3)
 
 
 @dataclass(frozen=True)
@@ -117,7 +103,7 @@ class SingleEffects:
 
 
 def single_effects(
-    on: ModelResidual, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None, twice: bool = False
+    on: ModelResidual, names: Sequence[str], *, jobs: int = 1, progress: Progress = silent, twice: bool = False
 ) -> SingleEffects:
     """Try every effect of `names` by itself, air that moves together with each drag that it acts through. `twice` says
     that the same is asked of these data and of those `unanswering`: fits begin where the other's did.
@@ -145,8 +131,7 @@ def single_effects(
     failed: dict[str, str] = {}
     shared = (on.data.root, on.model)
     for k, (name, found) in enumerate(zip(wanted, each(attempt, wanted, jobs, shared), strict=True)):
-        if progress is not None:
-            progress(k / max(len(wanted), 1), f"trying {name}")
+        progress(k / max(len(wanted), 1), f"trying {name}")
         if isinstance(found, str):
             failed[name] = found
             continue

@@ -85,9 +85,16 @@ class OpenBand:
     over_noise: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ResidualStructure:
-    """What the named set leaves: fields of `learn.posterior.explain.Explanation`."""
+    """What the named set leaves.
+
+    `open` are axes (6,) on which structure is left, `bands` the frequencies at which the set leaves some. `oscillation`
+    is one found in the residual, `one_rotor` the rotor in whose direction it pushes; `named_there` says that what is
+    named pushes there too: the mean of what comes and goes, whose name is open. `depends` says on what it depends,
+    where axes are open; `concentrated` is the share of the residual that sits in the worst tenth of the time; `left` is
+    its rms over that of the noise, the worse of force and torque.
+    """
 
     open: NDArray[np.bool_]
     oscillation: Oscillation | None

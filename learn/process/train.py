@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.parallel import few_threads
@@ -64,7 +64,7 @@ def fit(
     settings: FitSettings | None = None,
     *,
     provenance: Provenance | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> GaussianProcess:
     """GP of `outputs` (M, L) [N or Nm] named `names` over commands `inputs` (M, D), consecutive samples.
 
@@ -84,7 +84,7 @@ def fit_held_out(
     settings: FitSettings,
     *,
     provenance: Provenance | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> tuple[GaussianProcess, HeldOut | None]:
     """As `fit`, not calibrated, and the samples that were left out in turn; None where they are too few."""
     posterior, gp = _fit(inputs, outputs, names, settings, provenance, progress)
@@ -92,10 +92,10 @@ def fit_held_out(
     gp = replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
     held = None
     if gp.settings.calibrate and len(index) >= CALIBRATION.fewest:
-        (progress or _silent)(1.0, "calibrating sigma")
+        progress(1.0, "calibrating sigma")
         mean, std = left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
         held = HeldOut(outputs[index], mean, std, CALIBRATION.block(len(inputs))[index])
-    (progress or _silent)(1.0, "done")
+    progress(1.0, "done")
     return gp, held
 
 
@@ -114,7 +114,7 @@ def left_out_errors(
     Hyperparameters are those of all samples; otherwise as `fit`. What is `found` for the same samples is used, and what
     is new put in.
     """
-    posterior, gp = _fit(inputs, outputs, names, settings, None, None, found)
+    posterior, gp = _fit(inputs, outputs, names, settings, None, silent, found)
     index, _ = _seen(inputs, settings)
     if len(index) < CALIBRATION.fewest:
         return None
@@ -134,19 +134,18 @@ def _fit(
     names: tuple[str, ...],
     settings: FitSettings,
     provenance: Provenance | None,
-    progress: Progress | None,
+    progress: Progress,
     found: Found | None = None,
 ) -> tuple[_Posterior, GaussianProcess]:
     """The process, not calibrated and without `sigma_training`, and what it was made of."""
     _check(inputs, outputs, names, settings)
-    report = progress or _silent
     input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
     x = (inputs - input_mean) / input_scale
     looks = _looks(x, settings)
     coefficients, output_scale = _mean_function(x, outputs, settings.mean, looks)
     residuals = outputs / output_scale - _affine(x, coefficients)
 
-    report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
+    progress(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
     how = {name: getattr(settings, name) for name in ("method", "seed", "pre_thin", "scale")}
     key, found = replace(settings, inference="exact"), {} if found is None else found
     if key not in found:
@@ -155,7 +154,7 @@ def _fit(
     kept, exact = found[key]
     posterior = _Posterior(x, residuals, kept, seen, settings, exact)
     for index, name in enumerate(names):
-        report((1 + index) / (1 + len(names)), f"fitting {name}")
+        progress((1 + index) / (1 + len(names)), f"fitting {name}")
         posterior.fit(index)
     gp = GaussianProcess(
         outputs=tuple(names),
@@ -171,10 +170,6 @@ def _fit(
         **posterior.content(np.ones(len(inputs), dtype=bool)),
     )
     return posterior, gp
-
-
-def _silent(fraction: float, message: str) -> None:
-    """Progress that nobody looks at."""
 
 
 @dataclass

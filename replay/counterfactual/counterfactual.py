@@ -22,7 +22,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.compensate import Combined, Compensator
 from wrenchgap.compensate.lbfgs import NotCompiled
-from wrenchgap.flight.arguments import Progress
+from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import check_effects
@@ -195,7 +195,7 @@ def counterfactual(
 ) -> Counterfactual:
     """Infer, fly the null run, and re-simulate with the change."""
     change = change or Change()
-    report = progress or (lambda fraction, words: None)
+    report = progress or silent
 
     def stage(begin: float, end: float, words: str) -> Callable[[float], None]:
         return lambda fraction: report(begin + (end - begin) * fraction, words)

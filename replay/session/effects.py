@@ -96,7 +96,7 @@ class SessionEffects:
             theta = old.theta.copy()
             theta[k] = value
             new = replace(old, theta=theta, std=None, provenance=provenance(BY_HAND))
-            model = working.model.with_effects((*(e for e in working.model.effects if e.name != effect), new))
+            model = working.model.with_replaced([new])
             model.wrench_model.body  # noqa: B018 - raises where no body can be like that
             words = f"set {effect} by hand"
             working.change(Revision(model, words, working.order), instead=working.undoable == words)

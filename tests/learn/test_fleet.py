@@ -162,7 +162,7 @@ def test_a_held_out_flight_is_predicted_by_the_fit_of_the_others(parts, merged):
         products = others.products[:, :, rows[:, None], rows] * others.count[:, :, None, None]
         trims = others.trims.of(rows)
         A = np.tensordot(g, products, axes=([0, 1], [0, 1]))
-        A = trims.eliminated_from(A, g[0, trims.axes], trims.scale)
+        A = trims.eliminated_from(A, g[0, trims.axes])
         n = len(fitted.sizes)
         theta = np.linalg.solve(A[:n, :n] + np.diag(fitted.sizes**-2.0), A[:n, n:] @ fitted.weights[n:])
         moved = np.concatenate((-theta, fitted.weights[n:]))
@@ -178,7 +178,7 @@ def test_a_trim_is_what_least_squares_gives(merged):
     best = ordered(merged)[0]
     weights, trims = best.weights, space.trims
     g = (merged.share / best.variance)[0, trims.axes]
-    likeliest = trims.likeliest(g, weights, trims.scale)
+    likeliest = trims.likeliest(g, weights)
 
     def cost(t):
         return np.sum(g * trims.squares_left(t, weights) + (t / trims.scale) ** 2)
