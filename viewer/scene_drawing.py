@@ -11,12 +11,13 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant.reader import Flag, Positive, Text, expected, stored
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
 from wrenchgap.viewer.session import Motion, Scene
@@ -25,6 +26,7 @@ from wrenchgap.viewer.vehicle_nodes import KINDS, Arrows, Scale, VehicleShape, s
 NOTHING = "nothing"
 
 
+@stored
 @dataclass(frozen=True)
 class Shown:
     """Switches of the page for the parts of the scene. `hidden` are names of wrenches.
@@ -33,20 +35,20 @@ class Shown:
     `factors` multiply the lengths of forces, torques and thrusts.
     """
 
-    force: bool = True
-    torque: bool = True
-    hidden: frozenset[str] = frozenset()
-    frames: bool = False
-    thrust: bool = True
-    uncertainty: bool = True
-    reference: bool = True
-    path: bool = True
-    ahead: bool = False
-    shadows: bool = False
-    along: str = NOTHING
-    spacing: float = 0.5
-    follow: bool = True
-    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    force: Flag = True
+    torque: Flag = True
+    hidden: Annotated[frozenset[Text], expected("a list of names")] = frozenset()
+    frames: Flag = False
+    thrust: Flag = True
+    uncertainty: Flag = True
+    reference: Flag = True
+    path: Flag = True
+    ahead: Flag = False
+    shadows: Flag = False
+    along: Text = NOTHING
+    spacing: Positive = 0.5
+    follow: Flag = True
+    factors: Annotated[tuple[Positive, Positive, Positive], expected("three positive numbers")] = (1.0, 1.0, 1.0)
 
     def arrows(self, wrenches: tuple[str, ...]) -> frozenset[tuple[str, str]]:
         """Kinds and names of the arrows to be seen, for `Arrows.show`."""

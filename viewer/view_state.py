@@ -11,39 +11,62 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, create_model
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import Flag, Number, Positive, Table, Text, Vector, expected, quoted, text_of
-from wrenchgap.plant.reader import read as read_table
+from wrenchgap.plant.reader import Flag, Number, Text, Vector, expected, quoted, stored, text_of
+from wrenchgap.plant.reader import read as read_document
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
 MOST_CHANNELS = 100
 """Channels that are plotted at once, at most: each is a chart in every browser."""
-Point = tuple[float, float, float]
 
 
+def _of_a_and_b(marks: Mapping[str, float]) -> Mapping[str, float]:
+    if not marks.keys() <= {"A", "B"}:
+        raise ValueError
+    return marks
+
+
+def _two_points(said: Any) -> Any:
+    """A camera of a document, whose two points differ, as they are kept."""
+    if said is None:
+        return None
+    if not isinstance(said, dict) or said.keys() != {"position", "look_at"} or said["position"] == said["look_at"]:
+        raise ValueError
+    return said["position"], said["look_at"]
+
+
+@stored
 @dataclass(frozen=True)
 class ViewState:
     """The page holds one and replaces it; `time` and `camera` are filled in when it is saved. None is "as it is"."""
 
-    flight: str | None = None
-    time: float | None = None
-    marks: Mapping[str, float] = field(default_factory=dict)
-    loop: bool = False
-    zoom: str | None = None
-    speed: str | None = None
+    flight: Text | None = None
+    time: Annotated[Number | None, expected("a number")] = None
+    marks: Annotated[Mapping[str, Number], AfterValidator(_of_a_and_b), expected("numbers for A and B")] = field(
+        default_factory=dict
+    )
+    loop: Flag = False
+    zoom: Text | None = None
+    speed: Text | None = None
     shown: Shown = field(default_factory=Shown)
-    channels: tuple[str, ...] = ()
-    ghost: str = NOTHING
-    ghost_shift: float = 0.0
-    camera: tuple[Point, Point] | None = None
+    channels: Annotated[
+        tuple[Text, ...], Field(max_length=MOST_CHANNELS), expected(f"a list of at most {MOST_CHANNELS} texts")
+    ] = ()
+    ghost: Text = NOTHING
+    ghost_shift: Annotated[Number, expected("a number")] = 0.0
+    camera: Annotated[
+        tuple[Vector, Vector] | None,
+        BeforeValidator(_two_points),
+        expected("position and look_at, three numbers each"),
+    ] = None
 
     def to_text(self) -> str:
         """As JSON on one line."""
@@ -70,57 +93,8 @@ def parse(text: str, where: str = "saved view") -> ViewState:
         raise UsageError(
             f"{where}: schema is {quoted(repr(found))}, expected {SCHEMA!r}; expected what `Save view` wrote"
         )
-    del content["schema"]
+    given = {name: value for name, value in content.items() if name != "schema" and value is not None}
     try:
-        found = read_table(_Document, content, error=UsageError)
+        return read_document(ViewState, given, error=UsageError)
     except UsageError as error:
         raise UsageError(f"{where}: {error}") from None
-    given = {name: value for name, value in found if value is not None}
-    return ViewState(**given | {"shown": Shown(**dict(found.shown))})
-
-
-_SomeNumber = Annotated[Number | None, expected("a number")]
-_KINDS: dict[type, Any] = {bool: Flag, str: Text, float: Positive}
-_OWN_KINDS = {
-    "hidden": Annotated[frozenset[Text], expected("a list of names")],
-    "factors": Annotated[tuple[Positive, Positive, Positive], expected("three positive numbers")],
-}
-
-
-def _different(camera: _Camera) -> tuple[Point, Point]:
-    if camera.position == camera.look_at:
-        raise ValueError
-    return camera.position, camera.look_at
-
-
-class _Camera(Table):
-    """Where a camera is, and at what it looks."""
-
-    position: Vector
-    look_at: Vector
-
-
-class _Document(Table):
-    """The entries; `shown` are the fields of `Shown`. What is absent or null stays as it is."""
-
-    flight: Text | None = None
-    time: _SomeNumber = None
-    marks: Annotated[dict[Literal["A", "B"], Number] | None, expected("numbers for A and B")] = None
-    loop: Flag = False
-    zoom: Text | None = None
-    speed: Text | None = None
-    shown: create_model(  # type: ignore[valid-type]
-        "_Shown",
-        __base__=Table,
-        **{f.name: (_OWN_KINDS.get(f.name) or _KINDS[get_type_hints(Shown)[f.name]], f.default) for f in fields(Shown)},
-    ) = Field(default_factory=Shown)
-    channels: Annotated[
-        tuple[Text, ...] | None, Field(max_length=MOST_CHANNELS), expected(f"a list of at most {MOST_CHANNELS} texts")
-    ] = None
-    ghost: Text | None = None
-    ghost_shift: _SomeNumber = None
-    camera: Annotated[
-        _Camera | None,
-        AfterValidator(lambda found: found and _different(found)),
-        expected("position and look_at, three numbers each"),
-    ] = None
