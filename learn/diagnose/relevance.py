@@ -41,7 +41,7 @@ from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
-from wrenchgap.learn.process.subsample import subsample
+from wrenchgap.learn.process.subsample import Kernel, subsample
 
 
 @dataclass(frozen=True)
@@ -132,14 +132,10 @@ def features(values: Array, seed: int = 0) -> Array:
     x = (values - values.mean(axis=0)) / np.where(spread > 1e-12, spread, 1.0)
     dims = x.shape[1]
     centres = x[subsample(x, 8 if dims == 1 else min(RELEVANCE.centres, 8 + 8 * dims), pre_thin=1000, seed=seed)]
-    gram = _squared_exponential(centres, centres) + 1e-6 * np.eye(len(centres))
-    smooth = np.linalg.solve(np.linalg.cholesky(gram), _squared_exponential(centres, x)).T
+    kernel = Kernel(np.full(dims, np.sqrt(dims)), 1.0, 0.0)
+    gram = kernel(centres, centres) + 1e-6 * np.eye(len(centres))
+    smooth = np.linalg.solve(np.linalg.cholesky(gram), kernel(centres, x)).T
     return np.column_stack((x / np.sqrt(dims), smooth))
-
-
-def _squared_exponential(a: Array, b: Array) -> Array:
-    distance = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
-    return np.asarray(np.exp(-0.5 * np.maximum(distance, 0.0) / a.shape[1]))
 
 
 @dataclass(frozen=True)

@@ -74,11 +74,16 @@ class Evidence:
 
     def after(self, atom: int, left: Array, whitening: Whitening, seed: int) -> Evidence:
         """The same when one atom is a law, and `left` (K, 6) is what it leaves in time."""
-        u, s, _ = np.linalg.svd(self.columns([atom]), full_matrices=False)
-        basis = u[:, s > 1e-6 * s.max()]
         nulls = whitening(surrogate_residuals(whitening.data, left, SETTINGS.nulls, seed))
-        X, y, nulls = (m - basis @ (basis.T @ m) for m in (self.X, self.y, nulls))
+        X, y, nulls = projected_out(self.columns([atom]), self.X, self.y, nulls)
         return distinct(replace(self, X=X.astype(np.float32), y=y, nulls=nulls))
+
+
+def projected_out(columns: Array, *others: Array) -> list[Array]:
+    """Columns (rows, P) taken out of others, each (rows,) or (rows, Q)."""
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = u[:, s > 1e-6 * s.max()]
+    return [m - basis @ (basis.T @ m) for m in others]
 
 
 def responses(data: Dataset, model: Model, atoms: Sequence[Atom], numbers: dict[str, str]) -> Iterator[Array]:

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3, work_files
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import cosine
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.errors import means_by, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import RELEVANCE, shifted
 from wrenchgap.learn.discover import law_file
@@ -324,11 +323,8 @@ def _compared(data: Dataset, before: Array, after: Array, where: str) -> HeldOut
 
 def _centred(data: Dataset, left: Array) -> Array:
     """A residual (K, 6) without the mean of each flight, which a constant takes off, and without commands' answers."""
-    out = np.nan_to_num(left)
-    for f in np.unique(data.flight):
-        rows: NDArray[np.bool_] = data.flight == f
-        out[rows] -= out[rows].mean(axis=0)
-    return np.asarray(data.remaining(out))
+    known = np.nan_to_num(left)
+    return np.asarray(data.remaining(known - means_by(data.flight, known)[data.flight]))
 
 
 def _power(data: Dataset, made: Array, com_B: Array) -> Array:

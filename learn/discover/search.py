@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.discover.atoms import Atom
-from wrenchgap.learn.discover.evidence import Evidence
+from wrenchgap.learn.discover.evidence import Evidence, projected_out
 from wrenchgap.learn.discover.settings import SETTINGS
 
 
@@ -69,11 +69,7 @@ class Step:
 
 def gain_beside(on: Evidence, X: Array, others: Sequence[int]) -> float:
     """What the columns (rows, P) of one law gain when other atoms are there, without its price."""
-    y = on.y
-    if others:
-        u, s, _ = np.linalg.svd(on.columns(others), full_matrices=False)
-        basis = u[:, s > 1e-6 * s.max()]
-        X, y = (m - basis @ (basis.T @ m) for m in (X, y))
+    X, y = projected_out(on.columns(others), X, on.y) if others else (X, on.y)
     alone = replace(on, atoms=(Atom("", "", ()),), of=(slice(0, X.shape[1]),), X=X)
     return float(gains_of(alone, y[:, None])[0][0, 0])
 

@@ -97,7 +97,8 @@ class Bound:
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
         """Its value and its gradient, as those of `LogLikelihood`."""
         noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
-        Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
+        Kzz, Kzx = kernel(self.inducing, self.inducing), kernel(self.inducing, self.x, self.K)
+        A, W = self.A, self.W
         L = _factor(Kzz, JITTER.noise)
         np.copyto(A, Kzx)
         dtrsm(noise**-0.5, L, A.T, side=1, lower=1, trans_a=1, overwrite_b=1)  # A^T L^T = K_xz / s_n
@@ -125,17 +126,6 @@ class Bound:
         lengths = _by_lengthscale(W, self.inducing, self.x, kernel)
         lengths += _by_lengthscale(V, self.inducing, self.inducing, kernel)
         return float(value), np.concatenate(([by_signal], lengths, [by_noise]))
-
-    def _kernel(self, kernel: Kernel) -> Array:
-        """k(Z, x) (M, N): -1/2 |p - q|^2 as one product, of p and q with their own squares beside them."""
-        p, q = self.inducing / kernel.lengthscales, self.x / kernel.lengthscales
-        left = np.column_stack((p, -0.5 * np.sum(p * p, axis=1), np.ones(len(p))))
-        right = np.column_stack((q, np.ones(len(q)), -0.5 * np.sum(q * q, axis=1)))
-        np.matmul(left, right.T, out=self.K)
-        np.minimum(self.K, 0.0, out=self.K)
-        np.exp(self.K, out=self.K)
-        self.K *= kernel.signal_variance
-        return self.K
 
 
 def maximise(

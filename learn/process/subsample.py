@@ -230,16 +230,18 @@ class Kernel:
     signal_variance: float
     noise_variance: float
 
-    def __call__(self, a: Array, b: Array) -> Array:
-        """k(a, b) (N, M)."""
+    def __call__(self, a: Array, b: Array, out: Array | None = None) -> Array:
+        """k(a, b) (N, M), into `out` where it is given: -1/2 |p - q|^2 as one product, of p and q with their own
+        squares beside them.
+        """  # noqa: D205
         p, q = a / self.lengthscales, b / self.lengthscales
-        square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1)
-        square -= 2.0 * p @ q.T
-        np.maximum(square, 0.0, out=square)
-        square *= -0.5
-        np.exp(square, out=square)
-        square *= self.signal_variance
-        return np.asarray(square)
+        left = np.column_stack((p, -0.5 * np.sum(p * p, axis=1), np.ones(len(p))))
+        right = np.column_stack((q, np.ones(len(q)), -0.5 * np.sum(q * q, axis=1)))
+        out = np.matmul(left, right.T, out=out)
+        np.minimum(out, 0.0, out=out)
+        np.exp(out, out=out)
+        out *= self.signal_variance
+        return np.asarray(out)
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:
