@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate import kernels
 from wrenchgap.compensate.generated.views import opened
@@ -21,7 +20,7 @@ from wrenchgap.compensate.physics import PhysicsMismatch, PhysicsPrograms, trace
 from wrenchgap.compensate.reach import Reach, no_reach
 from wrenchgap.compensate.tables import IMPLAUSIBLE, STATE, Compensation, Gate, Process, Tape, looked_at, state_row
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.plant.mismatch import (
     Expands,
     Expansion,
@@ -282,7 +281,7 @@ class Stepper:
         kernels.end(self._compensation, memory, self._room, out, expects)
 
 
-def _refused(rows: Array) -> NDArray[np.bool_]:
+def _refused(rows: Array) -> Mask:
     """Which results (K, 24 + 2 L) are those of a state that is none (`kernels.refuse`): no model was evaluated."""
     return np.asarray(np.isnan(rows[:, COST]) & (rows[:, EVALUATIONS] == 0.0))
 

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 
 import nlopt
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.plant.mismatch import Linearises, MismatchModel, output_indices
 
 TORQUES = np.array([axis.startswith("torque") for axis in AXES])
@@ -60,7 +59,7 @@ class _Search:
     good; the best point seen is then the answer.
     """
 
-    def __init__(self, model: MismatchModel, wrench_des: Array, rows: NDArray[np.intp], regulariser: float) -> None:
+    def __init__(self, model: MismatchModel, wrench_des: Array, rows: Indices, regulariser: float) -> None:
         self.linearise = linearisation(model)
         self.wrench_des = wrench_des
         self.rows = rows

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wrenchgap.compensate.compensator import Compensator
 from wrenchgap.compensate.kernels import EXPECTED, LIMITED
 from wrenchgap.compensate.tables import STATE, rows_of
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.state import State
 
 BLOCK = 128
@@ -32,8 +32,8 @@ class Run:
     beta: Array
     cost: Array
     iterations: NDArray[np.int64]
-    accepted: NDArray[np.bool_]
-    limited: NDArray[np.bool_]
+    accepted: Mask
+    limited: Mask
     before: Array
     after: Array
     solve_time: Array

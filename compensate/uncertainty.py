@@ -15,10 +15,9 @@ sigma (infinitely far away), and kappa = 9.2 / gap makes beta go from 1 % to 99 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel
 
 LOGIT_99 = 2.0 * float(np.log(99.0))
@@ -34,7 +33,7 @@ class UncertaintyFilter:
     filters), `decay` is a.
     """
 
-    watched: NDArray[np.bool_]
+    watched: Mask
     offset: Array
     scale: Array
     threshold: float

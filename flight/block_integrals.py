@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 
 Complex = NDArray[np.complex128]
 
@@ -112,8 +112,8 @@ def _integrals(
     time: Array,
     values: Array,
     starts: Array,
-    first: NDArray[np.intp],
-    last: NDArray[np.intp],
+    first: Indices,
+    last: Indices,
     length: float,
     lowest: int,
     out: Complex,

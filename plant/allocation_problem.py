@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.effectiveness import RANK, linear_matrix, makeable, spread
 from wrenchgap.plant.model import Model
@@ -73,7 +73,7 @@ class AllocationProblem:
     low: Array
     high: Array
     arm: NDArray[np.int64]
-    tilts: NDArray[np.bool_]
+    tilts: Mask
     group: NDArray[np.int64]
     share: Array
 

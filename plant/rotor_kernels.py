@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Indices
+
 Array = NDArray[np.float64]
 
 
@@ -63,7 +65,7 @@ def cosines_and_sines(angles: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def rotor_wrench(
-    arm: NDArray[np.intp], thrust: Array, turn: Array, drag: Array, normal: Array, lateral: Array, place: Array
+    arm: Indices, thrust: Array, turn: Array, drag: Array, normal: Array, lateral: Array, place: Array
 ) -> Array:
     """Wrench (N, 6) about O of thrusts (N, R) on arms `arm` (R,) at `place` (A, 3), of which `turn` (N, 2A) are cosines
     and sines; `drag` (R,) is spin kappa; thrust directions are cos `normal` + sin `lateral` (A, 3).

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
 from wrenchgap.learn.identify.guard import GUARD, loop_of
@@ -96,7 +95,7 @@ def _rotor_inertia(model: Model, least: float = 0.0) -> float:
 
 
 def _loops(
-    model: Model, models: Sequence[WrenchModel], loop: Callable[[Model], Array], axes: NDArray[np.bool_]
+    model: Model, models: Sequence[WrenchModel], loop: Callable[[Model], Array], axes: Mask
 ) -> tuple[LoopMargins, ...]:
     """Margins of a model's `loop` L (3, F), about those `axes` (3,) of the body that the vehicle can turn about."""
     nominal = loop(replace(model, effects=tuple(e for e in model.effects if e.name == ROTOR_INERTIA)))

@@ -19,11 +19,10 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.arguments import Progress, check_arguments, silent
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Range
 from wrenchgap.learn.data.measurement import Record
@@ -275,7 +274,7 @@ def _authorities(
     bounded = np.maximum(arms.tilt_max, -arms.tilt_min) < 1e4  # rad: a model without stops has 1e9 degrees
     found: list[tuple[Authority, Array]] = []
 
-    def add(part: str, used: str, most: Array, nominal: float, enough: NDArray[np.bool_]) -> None:
+    def add(part: str, used: str, most: Array, nominal: float, enough: Mask) -> None:
         probability = min(float(np.mean(enough & pushes)), DEFAULT.certain)
         found.append((Authority(part, used, np.percentile(most, WITHIN), nominal, probability), most))
 
@@ -293,7 +292,7 @@ def _authorities(
     return tuple(one for one, _ in found), found[0][1]
 
 
-def _pushes(model: Model, needed: Demand) -> NDArray[np.bool_]:
+def _pushes(model: Model, needed: Demand) -> Mask:
     """In which draws (D,) no rotor has to push less than it can."""
     _, rotors = model.vehicle.geometry()
     least = (rotors.speed_min / rotors.speed_max) ** 2

@@ -20,6 +20,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from wrenchgap.flight.budget import LIMITS, Account
+from wrenchgap.flight.flight import Indices
 from wrenchgap.flight.formats.message_layouts import Packer
 from wrenchgap.flight.formats.message_walk import DTYPES as DTYPES
 from wrenchgap.flight.formats.message_walk import Definitions, Layout, Uneven, Walk
@@ -136,7 +137,7 @@ class Decoder:
     channel: Channel
     definitions: Definitions
     account: Account = field(default_factory=lambda: Account(Path()))
-    parts: list[tuple[NDArray[np.intp], Columns]] = field(default_factory=list)
+    parts: list[tuple[Indices, Columns]] = field(default_factory=list)
     count: int = 0
     malformed: int = 0
     _packer: Packer = field(init=False)
@@ -160,7 +161,7 @@ class Decoder:
             payloads, number = payloads.taken(rest).payloads(), rest + first
         self._walk(payloads, np.arange(first, self.count) if number is None else number, known)
 
-    def _walk(self, payloads: list[bytes], number: NDArray[np.intp], definitions: Definitions) -> None:
+    def _walk(self, payloads: list[bytes], number: Indices, definitions: Definitions) -> None:
         """Read messages of every length one field after another."""
         lengths = np.fromiter(map(len, payloads), dtype=np.intp, count=len(payloads))
         for length in np.unique(lengths):
@@ -174,7 +175,7 @@ class Decoder:
                 del self.parts[known[0] :]
                 self.malformed = known[1] + len(index)
 
-    def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8], definitions: Definitions) -> None:
+    def _add_rows(self, index: Indices, rows: NDArray[np.uint8], definitions: Definitions) -> None:
         try:
             for order, part in _by_byte_order(rows, self.channel.encoding):
                 walk = Walk(rows[part], definitions, self.channel.encoding, order, self.account)
@@ -201,7 +202,7 @@ class Decoder:
         return joined(self.parts, self.count, self.account, f"the column {{name}} of {self.count} messages")
 
 
-def _by_byte_order(rows: NDArray[np.uint8], encoding: str) -> list[tuple[str, NDArray[np.intp]]]:
+def _by_byte_order(rows: NDArray[np.uint8], encoding: str) -> list[tuple[str, Indices]]:
     """Rows of each byte order; CDR's header names it: 0 big-endian, 1 little-endian."""
     every = np.arange(len(rows))
     if encoding != "cdr":

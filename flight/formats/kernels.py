@@ -14,6 +14,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Mask
+
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
@@ -37,9 +39,7 @@ def _number(data: Bytes, place: Any, size: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def walked(
-    data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Ints, count: int
-) -> tuple[int, int, int]:
+def walked(data: Bytes, start: int, stop: int, passed: Mask, places: Ints, count: int) -> tuple[int, int, int]:
     """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
 
     A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
@@ -197,7 +197,7 @@ def copied(
     fixed: Ints,
     expected: Bytes,
     ranges: Ints,
-    fits: NDArray[np.bool_],
+    fits: Mask,
     rows: Bytes,
     used: int,
 ) -> int:

@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account
+from wrenchgap.flight.flight import Indices
 from wrenchgap.flight.formats.kernels import copied
 from wrenchgap.flight.formats.message_walk import Definitions, UndecodableError, Walk
 from wrenchgap.flight.formats.reader import Places
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.memory import empty_on_disk
 
-NONE: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+NONE: Indices = np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +106,10 @@ class Rows:
     blocks: list[NDArray[np.uint8]] = field(default_factory=list)
     used: int = 0  # rows of the last block
     count: int = 0
-    index: list[range | NDArray[np.intp]] = field(default_factory=list)
+    index: list[range | Indices] = field(default_factory=list)
     account: Account = field(default_factory=lambda: Account(Path()))
 
-    def take(self, places: Places, asked: NDArray[np.intp] | None, first: int) -> NDArray[np.intp]:
+    def take(self, places: Places, asked: Indices | None, first: int) -> Indices:
         """Copy those of the messages that fit, of all or of the `asked` (K,); gives the others.
 
         The first of all has the number `first`.
@@ -183,7 +184,7 @@ class Packer:
     found: dict[int, list[Rows]] = field(default_factory=dict)
     tried: Counter[int] = field(default_factory=Counter)
 
-    def add(self, places: Places, first: int, definitions: Definitions) -> NDArray[np.intp]:
+    def add(self, places: Places, first: int, definitions: Definitions) -> Indices:
         """Take the messages that fit a layout, the first of which has the number `first`; gives the others (K,)."""
         key = id(definitions)  # which live as long as the channels
         known = self.found.setdefault(key, [])
@@ -205,12 +206,12 @@ class Packer:
                 left = known[-1].take(places, left, first)
         return np.concatenate((unfit, left))
 
-    def parts(self) -> list[tuple[NDArray[np.intp], Columns]]:
+    def parts(self) -> list[tuple[Indices, Columns]]:
         """Numbers of messages and their columns, by layout; what was gathered is given away."""
         made = [rows for several in self.found.values() for rows in several]
         self.found = {}
         return [(_numbers(rows.index), rows.columns()) for rows in made]
 
 
-def _numbers(index: list[range | NDArray[np.intp]]) -> NDArray[np.intp]:
+def _numbers(index: list[range | Indices]) -> Indices:
     return np.concatenate([np.arange(i.start, i.stop) if isinstance(i, range) else i for i in index])

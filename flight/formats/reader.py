@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import Indices
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -57,7 +58,7 @@ class Places:
     def __len__(self) -> int:
         return len(self.starts)
 
-    def taken(self, rows: NDArray[np.intp]) -> Places:
+    def taken(self, rows: Indices) -> Places:
         """Some of them."""
         return Places(self.data, self.starts[rows], self.lengths[rows])
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import Account
+from wrenchgap.flight.flight import Indices
 
 Columns = dict[str, NDArray[Any]]
 
@@ -33,7 +34,7 @@ class Table:
         return len(self.log_time_ns)
 
 
-def in_order(stamps: NDArray[np.int64], what: str, notes: list[str]) -> NDArray[np.intp]:
+def in_order(stamps: NDArray[np.int64], what: str, notes: list[str]) -> Indices:
     """The order of N rows by their stamps [ns]; the notes are told where they were in another."""
     if moved := int((stamps[1:] < stamps[:-1]).sum()):
         notes.append(f"{what}: time goes back {moved} time(s); the rows were put in order.")

@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.changed.priors import ROTOR_THRUST, change_prior, damaged, without_drag_torque
 from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.dataset import Dataset
@@ -51,7 +50,7 @@ class LinearisedEffect:
     bent: Column
     torque: Array | None = None
 
-    def change(self, rows: NDArray[np.bool_]) -> Column:
+    def change(self, rows: Mask) -> Column:
         """Its change on some `rows` (K,), with the prior of changes."""
         prior = change_prior(self.name)
         line = self.bent if self.torque is None else damaged(self.bent, self.torque)
@@ -68,7 +67,7 @@ class LinearisedEffect:
             price=prior.price,
         )
 
-    def rows(self, kept: NDArray[np.bool_]) -> LinearisedEffect:
+    def rows(self, kept: Mask) -> LinearisedEffect:
         """The law on some of its rows (K,)."""
         line, bent = (replace(c, offset=c.offset[kept], jacobian=c.jacobian[kept]) for c in (self.line, self.bent))
         return replace(self, line=line, bent=bent, torque=None if self.torque is None else self.torque[kept])
@@ -121,7 +120,7 @@ def over_both_sides(
     names: Sequence[str],
     suspect: Dataset,
     model: Model,
-    axes: NDArray[np.bool_],
+    axes: Mask,
     jobs: int = 1,
 ) -> tuple[LinearisedEffect, ...]:
     """Those of the `healthy` laws that are among `names`, over healthy flights and then the suspect ones, linearised
@@ -147,9 +146,7 @@ def over_both_sides(
     return tuple(found)
 
 
-def _stacked(
-    one: LinearisedEffect, line: Column, bent: Column, torque: Array | None, axes: NDArray[np.bool_]
-) -> LinearisedEffect:
+def _stacked(one: LinearisedEffect, line: Column, bent: Column, torque: Array | None, axes: Mask) -> LinearisedEffect:
     """A law with more rows at its end, and nothing on axes that one side did not measure."""
 
     def both(first: Array, second: Array) -> Array:

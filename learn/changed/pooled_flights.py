@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import (
@@ -65,7 +64,7 @@ class PooledFlights:
         """Flights by their number."""
         return tuple(dict.fromkeys(r.flight for r in self.data.records))
 
-    def rows(self, flights: Collection[int]) -> NDArray[np.bool_]:
+    def rows(self, flights: Collection[int]) -> Mask:
         """Samples (K,) of some flights."""
         return np.isin(self.data.flight, list(flights))
 

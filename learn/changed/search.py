@@ -14,10 +14,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, beyond, linearised, relinearised_at
 from wrenchgap.learn.changed.pooled_flights import PooledFlights
 from wrenchgap.learn.changed.priors import read
@@ -228,7 +227,7 @@ def _offsets(mine: PooledFlights, found: Mapping[str, Column], changes: Mapping[
     return out
 
 
-def _with(one: LinearisedEffect, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> LinearisedEffect:
+def _with(one: LinearisedEffect, new: Column, rows: Mask, offset: Array | None) -> LinearisedEffect:
     """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`.
 
     What it is in all flights has the same derivatives there: lines from two points, one against the other, would be a

@@ -11,9 +11,8 @@ What leaks from axis to axis is no concern here: healthy flights leak alike.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
@@ -36,7 +35,7 @@ class ChangeSpectrum(Spectrum):
         self.count, self.flight_of_block = self.counted(), data.flight[self.starts]
         self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)])
 
-    def inexact(self, rows: NDArray[np.intp]) -> Array:
+    def inexact(self, rows: Indices) -> Array:
         """The same without the mean over a flight: what a law is off by there is a constant wrench, a trim."""
         out = super().inexact(rows).copy()
         lines = self.coefficients[self.starts[:, None], :, rows].transpose(0, 2, 1)

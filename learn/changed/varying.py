@@ -26,9 +26,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.changed.linearised_effects import LinearisedEffect
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.data.dataset import Dataset
@@ -77,7 +76,7 @@ class Varying:
     jacobian: Array
     scale: Array
 
-    def column(self, rows: NDArray[np.bool_], share: float = 1.0) -> Column:
+    def column(self, rows: Mask, share: float = 1.0) -> Column:
         """On some rows, `share` of its scatter."""
         return Column.straight((), self.jacobian * rows[:, None, None], share * self.scale + 1e-12, FAR)
 
@@ -119,7 +118,7 @@ def blowing(data: Dataset) -> Array:
     return out
 
 
-def columns(parts: Sequence[Varying], flight: NDArray[np.intp], suspects: Collection[int]) -> tuple[Column, ...]:
+def columns(parts: Sequence[Varying], flight: Indices, suspects: Collection[int]) -> tuple[Column, ...]:
     """For every flight what it differs by; several suspects differ by some of it together, as on one day."""
     known = [v.column(flight == f) for f in range(int(flight.max()) + 1) for v in parts]
     if len(suspects) > 1:

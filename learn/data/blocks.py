@@ -22,9 +22,8 @@ distribution instead, `SIGNIFICANCE.level` is the probability of a false alarm.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms, weighted
 
@@ -77,7 +76,7 @@ def needed(t: float, evidence: float) -> bool:
     return t > SIGNIFICANCE.unsteady if evidence > SIGNIFICANCE.overwhelming else beyond_chance(t, evidence)
 
 
-def by_block(block: NDArray[np.intp], values: Array) -> Array:
+def by_block(block: Indices, values: Array) -> Array:
     """Means (B,) of values (K,) over blocks numbered from zero."""
     return np.asarray(np.bincount(block, weights=values) / np.bincount(block))
 
@@ -116,7 +115,7 @@ class Contrast:
         return self.difference / max(float(np.hypot(self.spread, SIGNIFICANCE.discrepancy * self.excess)), 1e-30)
 
 
-def contrast(data: Dataset, worse: Array, better: Array, *, axes: NDArray[np.bool_] | None = None) -> Contrast:
+def contrast(data: Dataset, worse: Array, better: Array, *, axes: Mask | None = None) -> Contrast:
     """Compare two held-out residuals (K, 6); `Contrast` of nothing where there are fewer than three blocks.
 
     On `axes` (6,), all that were measured unless they are given.

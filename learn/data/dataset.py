@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.flight.memory import trim
 from wrenchgap.learn.data import feedback_regressors as feedback
 from wrenchgap.learn.data.input_errors import EDGES, untrusted
@@ -35,8 +35,8 @@ class Dataset:
     records: tuple[Record, ...]
     measured: Array
     commanded: Array
-    block: NDArray[np.intp]
-    flight: NDArray[np.intp]
+    block: Indices
+    flight: Indices
     weights: Array
     independence: float
     answering: tuple[int, ...] = ()
@@ -145,7 +145,7 @@ class Dataset:
         return np.asarray(self.remaining(given) - self.unanswered(given - left))
 
     @cached_property
-    def untrusted(self) -> NDArray[np.bool_]:
+    def untrusted(self) -> Mask:
         """Bands of frequency and axes (bands, 6) in which commands say nothing (`learn.data.input_errors`)."""
         return untrusted(self.records)
 
@@ -177,7 +177,7 @@ class Dataset:
         return out
 
     @property
-    def measured_axes(self) -> NDArray[np.bool_]:
+    def measured_axes(self) -> Mask:
         """Which axes (6,) all records measured."""
         return np.asarray(self.weights > 0.0)
 
@@ -205,7 +205,7 @@ def dataset(
     """
     if not records:
         raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
-    blocks: list[NDArray[np.intp]] = []
+    blocks: list[Indices] = []
     count = 0
     durations = [float(r.time[-1] - r.time[0]) for r in records]
     length = min(seconds, max(sum(durations) / fewest, 4.0 / records[0].cutoff_hz))

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import filtered
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.data.input_errors import EDGES, by_band, density, sensors_by_band
 from wrenchgap.learn.data.measurement import Record
@@ -41,7 +40,7 @@ ROUNDING = 1e-9
 """Share of a command's size below which a change of it is one of rounding."""
 
 
-def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> tuple[Array, NDArray[np.intp]]:
+def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> tuple[Array, Indices]:
     """All commands that change, behind first-order lags and later by `shifts`: (K, A), and the axis (A,) of each."""
     size = np.max([np.abs(r.commanded).max(axis=0) for r in records], axis=0)
     moving = np.flatnonzero(np.max([np.std(r.commanded, axis=0) for r in records], axis=0) > ROUNDING * size)
@@ -120,12 +119,12 @@ def partly(signals: Array) -> Answerable:
     return Answerable(basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
 
-def within_blocks(signals: Array, block: NDArray[np.intp]) -> Array:
+def within_blocks(signals: Array, block: Indices) -> Array:
     """Signals (K, A) without their means over the blocks (K,) of time."""
     return np.asarray(signals - means_by(block, signals)[block])
 
 
-def slowly_answerable(records: Sequence[Record], block: NDArray[np.intp], flight: NDArray[np.intp]) -> Answerable:
+def slowly_answerable(records: Sequence[Record], block: Indices, flight: Indices) -> Answerable:
     """How the commands' means over blocks (K,) of time differ within a flight (K,)."""
     sent = np.concatenate([r.commanded for r in records])
     moved = means_by(block, sent)[block] - means_by(flight, sent)[flight]

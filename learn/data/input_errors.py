@@ -22,9 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, ActuatorSeries, Array, Flight
+from wrenchgap.flight.flight import AXES, ActuatorSeries, Array, Flight, Mask
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.learn.data.sensor_noise import noise_shapes
 from wrenchgap.plant.vehicle import Vehicle
@@ -130,7 +129,7 @@ def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record
     return replace(record, input_error=share_of_error(sent, series.period, record.measured, left, seen))
 
 
-def untrusted(records: Sequence[Record]) -> NDArray[np.bool_]:
+def untrusted(records: Sequence[Record]) -> Mask:
     """Bands and axes (bands, 6) in which the commands of any of these records say nothing."""
     shares = [r.input_error for r in records if r.input_error is not None]
     nothing = np.zeros((len(EDGES) + 1, 6), dtype=bool)

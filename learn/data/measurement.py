@@ -20,11 +20,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.filters import forward_backward, low_pass_section, response
-from wrenchgap.flight.flight import AXES, Array, ImuSeries, Samples
+from wrenchgap.flight.flight import AXES, Array, ImuSeries, Mask, Samples
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.sensor_noise import white_noise
@@ -78,7 +77,7 @@ class Record:
         return len(self.time)
 
     @property
-    def measured_axes(self) -> NDArray[np.bool_]:
+    def measured_axes(self) -> Mask:
         """Which axes (6,) were measured: those that have a noise."""
         return np.asarray(np.isfinite(self.noise))
 
@@ -293,7 +292,7 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     return np.sqrt(np.concatenate(variance))
 
 
-def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str], rounding: float = 1e-9) -> NDArray[np.bool_]:
+def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str], rounding: float = 1e-9) -> Mask:
     """The axes (6,) of the measured wrench that depend on no sensor axis in `unmeasured` (`flight.unmeasured`).
 
     A change of an axis, relative to its size, is `rounding` up to this.
@@ -328,6 +327,6 @@ def felt_at_origin(force: Array, omega: Array, omega_dot: Array, imu_position_B:
     return out
 
 
-def names_of(mask: NDArray[np.bool_]) -> tuple[str, ...]:
+def names_of(mask: Mask) -> tuple[str, ...]:
     """Names of the axes that a mask (6,) leaves out."""
     return tuple(axis for axis, known in zip(AXES, mask, strict=True) if not known)

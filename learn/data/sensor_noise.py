@@ -23,10 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import hann
-from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.flight.flight import Array, ImuSeries, Indices, Samples
 from wrenchgap.flight.resample import anti_alias
 
 
@@ -175,7 +174,7 @@ def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
     return np.stack((low_pass, low_pass * hertz**2), axis=1)
 
 
-def coefficient_shapes(hertz: Array, band: NDArray[np.intp], cutoff_hz: float) -> Array:
+def coefficient_shapes(hertz: Array, band: Indices, cutoff_hz: float) -> Array:
     """`noise_shapes` (K, 2) of the cosine coefficients of blocks of time, each in a band of frequencies (K,).
 
     What is differentiated has no power at zero frequency, but no mean over a block is of that alone. In a band with

@@ -21,9 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record, thinned
 from wrenchgap.learn.discover.atoms import Atom, Term
@@ -54,9 +53,9 @@ class Evidence:
     X: Array
     y: Array
     nulls: Array
-    cell: NDArray[np.intp]
-    moment: NDArray[np.intp]
-    flight: NDArray[np.intp]
+    cell: Indices
+    moment: Indices
+    flight: Indices
     count: Array
     floor: Array
     same: Mapping[str, tuple[Atom, ...]] = field(default_factory=dict)
@@ -65,7 +64,7 @@ class Evidence:
         """Those of some atoms, side by side (rows, P)."""
         return np.concatenate([self.X[:, self.of[k]] for k in some], axis=1).astype(np.float64)
 
-    def rows(self, keep: NDArray[np.bool_]) -> Evidence:
+    def rows(self, keep: Mask) -> Evidence:
         """Some of the rows, without nulls."""
         cells = len(self.count)
         share = np.bincount(self.cell[keep], minlength=cells) / np.maximum(np.bincount(self.cell, minlength=cells), 1)

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.discover.atoms import Atom
 from wrenchgap.learn.discover.evidence import Evidence, projected_out
 from wrenchgap.learn.discover.settings import SETTINGS
@@ -83,13 +82,13 @@ def step(on: Evidence, equivalent: float) -> Step:
     return Step(int(order[0]), float(gains[order[0]]), null_gains, near)
 
 
-def best_on(on: Evidence, keep: NDArray[np.bool_]) -> int:
+def best_on(on: Evidence, keep: Mask) -> int:
     """The atom that gains most on some of the rows."""
     part = on.rows(keep)
     return int(np.argmax(gains_of(part, part.y[:, None])[0][:, 0]))
 
 
-def coefficients(X: Array, y: Array, moment: NDArray[np.intp]) -> tuple[Array, Array]:
+def coefficients(X: Array, y: Array, moment: Indices) -> tuple[Array, Array]:
     """Weights (P,) of columns (rows, P) and their covariance, by the sandwich over pairs of blocks of time.
 
     Source: clustered sandwich, Liang and Zeger, Biometrika 1986.

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.memory import let_go, on_disk
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import MANY, Fit
@@ -45,7 +44,7 @@ class Column:
     low: Array
     high: Array
     scale: Array
-    sparse: NDArray[np.bool_]
+    sparse: Mask
     accuracy: float
     price: float = 0.0
     per_place: int = 1

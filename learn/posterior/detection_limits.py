@@ -22,9 +22,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Evaluator
@@ -75,7 +74,7 @@ def detection_limits(
     named: Keys,
     vehicle: Vehicle,
     rule: Rule = GROWTH,
-    silent: NDArray[np.bool_] | None = None,
+    silent: Mask | None = None,
     of: Sequence[str] | None = None,
 ) -> tuple[DetectionLimit, ...]:
     """Of every effect, or of those in `of`, that stands alone as a candidate and is not `named` already, in any of its
@@ -135,7 +134,7 @@ class Injections:
         key: str,
         index: int,
         found: Keys,
-        silent: NDArray[np.bool_] | None,
+        silent: Mask | None,
         vehicle: Vehicle,
     ) -> None:
         """Of the parameter `index` of the candidate `key`; the rest as for `detection_limits`.
@@ -231,7 +230,7 @@ class Injections:
         """Effects of candidates."""
         return tuple(n for k in keys for n in self.search.space.columns[k].names)
 
-    def not_needed(self, scorer: Scorer, silent: NDArray[np.bool_]) -> list[str]:
+    def not_needed(self, scorer: Scorer, silent: Mask) -> list[str]:
         """Members without which blocks of time are left no worse, beyond chance; the effect itself where its evidence
         is on `silent` axes.
         """  # noqa: D205

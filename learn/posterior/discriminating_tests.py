@@ -12,9 +12,8 @@ from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.posterior.bench_tests import NO_CHECK, TRIALS, Setup, Trial
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import make_effect
@@ -24,7 +23,6 @@ EffectSet = tuple[str, ...]
 Values = Mapping[str, Mapping[str, float]]
 """Fitted values of a set where they are known: {effect: {parameter: value}}."""
 Group = tuple[int, ...]
-Flags = NDArray[np.bool_]
 
 MOST = 4
 """Bench checks that are worth a reader's time."""
@@ -78,7 +76,7 @@ class _Candidate:
     setup: Setup
     outcomes: dict[int, _Outcome]
     groups: tuple[Group, ...]
-    apart: Flags
+    apart: Mask
 
 
 def discriminating_tests(
@@ -198,7 +196,7 @@ def _groups(setup: Setup, outcomes: Mapping[int, _Outcome], found: Sequence[_Exp
     return max((connected(members) for members in (list(outcomes), sized)), key=worth)
 
 
-def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
+def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Mask:
     """Which outcomes (n, n) the check does not tell apart; one of unknown size is unlike the model's reading only."""
     nominal = setup.predict({})
     unknown = np.array([o.value is None for o in outcomes], dtype=bool)
@@ -276,7 +274,7 @@ def _sentence(candidate: _Candidate, found: Sequence[_Explanation]) -> str:
     return f"{setup.action}: {'; '.join(sides)}."
 
 
-def _open(left: Flags, found: Sequence[_Explanation]) -> Group:
+def _open(left: Mask, found: Sequence[_Explanation]) -> Group:
     """The likeliest pair that the bench leaves together, `left` (n, n), and what it leaves with them; `LISTED` at most.
 
     Where it leaves none: the heaviest.

@@ -7,10 +7,9 @@ are eliminated (`learn.posterior.linear_problem`).
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.learn.posterior.flight_evidence import BANDS, Evidence
 from wrenchgap.learn.posterior.linear_problem import LinearProblem, Trims
 from wrenchgap.learn.posterior.spectrum import leaking
@@ -79,12 +78,12 @@ class FleetSpectrum(LinearProblem):
         return [int(a) for a in one.axes[one.trim_axes] if a in self.axes]
 
 
-def chosen_axes(one: Evidence, axes: NDArray[np.intp]) -> NDArray[np.intp]:
+def chosen_axes(one: Evidence, axes: Indices) -> Indices:
     """Where a flight has these axes."""
     return np.array([list(one.axes).index(a) for a in axes], dtype=np.intp)
 
 
-def chosen_rows(one: Evidence, keys: Sequence[str]) -> NDArray[np.intp]:
+def chosen_rows(one: Evidence, keys: Sequence[str]) -> Indices:
     """Rows of a flight's quantities: what is left, the columns of `keys` with their offsets, what is known."""
     at, start = 1, {}
     for c in one.columns:
@@ -94,7 +93,7 @@ def chosen_rows(one: Evidence, keys: Sequence[str]) -> NDArray[np.intp]:
     return np.concatenate([np.zeros(1, dtype=np.intp), *(start[k] for k in keys), known]).astype(np.intp)
 
 
-def products_of(one: Evidence, rows: NDArray[np.intp], axes: NDArray[np.intp]) -> Array:
+def products_of(one: Evidence, rows: Indices, axes: Indices) -> Array:
     """Sums of products (bands, L, Q, Q) of a flight's quantities `rows` (Q,) on its `axes` (L,)."""
     out = np.zeros((BANDS, len(axes), len(rows), len(rows)))
     ends = np.cumsum([0, *one.rows])

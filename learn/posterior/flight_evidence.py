@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -67,11 +66,11 @@ class Evidence:
     flight: str
     seconds: float
     blocks: int
-    axes: NDArray[np.intp]
+    axes: Indices
     columns: tuple[Column, ...]
     known: tuple[Column, ...]
     roots: Array
-    rows: NDArray[np.intp]
+    rows: Indices
     count: Array
     usable: Array
     power: Array
@@ -80,7 +79,7 @@ class Evidence:
     noise: Array
     trimmed: Array
     trims: Array
-    trim_axes: NDArray[np.intp]
+    trim_axes: Indices
     trim_scale: Array
     calmed: int
     answering: tuple[int, ...]

@@ -8,12 +8,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
-
-Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
+from wrenchgap.flight.flight import Array, Indices, Mask
 
 TINY = 1e-14
 """Least pivot of a factorisation: what is smaller is rounding."""
@@ -83,7 +79,7 @@ def occam(A: Array, theta: Array, scale: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def further_places(theta: Array, scale: Array, place: Array, sizes: Rows) -> float:
+def further_places(theta: Array, scale: Array, place: Array, sizes: Indices) -> float:
     """How many more places than one sparse effects are at, of members with so many parameters (members,).
 
     `place` (P,) is what each parameter counts for: 1 where it is a place's only one, 0 of an effect that is not sparse.
@@ -103,7 +99,7 @@ def further_places(theta: Array, scale: Array, place: Array, sizes: Rows) -> flo
 
 
 @njit(cache=True, nogil=True)
-def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Flags, typical: Array) -> Array:
+def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Mask, typical: Array) -> Array:
     """Sizes (P,) of the parameters' priors: those given, and of `sparse` ones those that the evidence makes likely.
 
     s^2 <- theta^2 + var(theta), theta within the limits, at least a hundredth of the `typical` sizes; at most eight
@@ -161,7 +157,7 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(whole: Array, unknown: Rows, fixed: Rows) -> tuple[Array, Array, Array]:
+def normal_equations(whole: Array, unknown: Indices, fixed: Indices) -> tuple[Array, Array, Array]:
     """Curvature (P, P) and gradient (P,) of a set with these `unknown` rows (P,) of `whole` (Q, Q), and the weights
     (1 + members,) of the `fixed` rows: the first is what is to be explained, and the others are taken off it.
     """  # noqa: D205
@@ -174,9 +170,9 @@ def normal_equations(whole: Array, unknown: Rows, fixed: Rows) -> tuple[Array, A
 @njit(cache=True, nogil=True)
 def score(
     whole: Array,
-    unknown: Rows,
-    fixed: Rows,
-    sizes: Rows,
+    unknown: Indices,
+    fixed: Indices,
+    sizes: Indices,
     low: Array,
     high: Array,
     typical: Array,
@@ -205,7 +201,7 @@ def score(
 
 
 @njit(cache=True, nogil=True)
-def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, scale: Array) -> Array:
+def gains(whole: Array, unknown: Indices, fixed: Indices, rows: Indices, starts: Indices, scale: Array) -> Array:
     """What each of several candidates would take off what a set leaves, to second order and without bounds.
 
     `unknown` and `fixed` are the set's, as in `score`; candidate k has the rows `rows[starts[k]:starts[k + 1]]` of

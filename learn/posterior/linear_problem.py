@@ -23,13 +23,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.settings import DEFAULT
-
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -38,10 +35,10 @@ class Trims:
 
     sums: Array
     squares: Array
-    axes: Rows
+    axes: Indices
     scale: Array
 
-    def of(self, rows: Rows | None = None, flight: int | None = None) -> Trims:
+    def of(self, rows: Indices | None = None, flight: int | None = None) -> Trims:
         """Of these quantities (R,) alone, or of one flight alone."""
         some = slice(None) if flight is None else slice(flight, flight + 1)
         sums = self.sums[some] if rows is None else self.sums[some][:, :, rows]
@@ -96,11 +93,11 @@ class LinearProblem:
     `band` and `block` (K,) of each, `starts` (blocks,) of the blocks and their `factors` (`Spectrum.down_weight`).
     """
 
-    band: Rows
-    block: Rows
-    starts: Rows
+    band: Indices
+    block: Indices
+    starts: Indices
     factors: Array
-    axes: Rows
+    axes: Indices
     count: Array
     sensor: Array
     leak: Array
@@ -111,7 +108,7 @@ class LinearProblem:
     def __init__(self, columns: Sequence[Column], low: Array, high: Array, scale: Array) -> None:
         """`low`, `high` and `scale` (N,) are of what is always there."""
         self.columns = {c.key: c for c in columns}
-        self.parameters: dict[str, Rows] = {}
+        self.parameters: dict[str, Indices] = {}
         self.offset: dict[str, int] = {}
         at = 1
         for c in columns:
@@ -126,7 +123,7 @@ class LinearProblem:
         self.sparse = self.place > 0.0
         self.trims = Trims.none(len(self.scale))
 
-    def rows(self, *keys: str) -> Rows:
+    def rows(self, *keys: str) -> Indices:
         """Of candidates: the parameters and the offset of each."""
         own = [row for key in keys for row in (*self.parameters[key], self.offset[key])]
         return np.array(own, dtype=np.intp)
@@ -151,7 +148,7 @@ class LinearProblem:
         which every flight has lost it by itself.
         """  # noqa: D205
 
-    def inexact(self, rows: Rows) -> Array:
+    def inexact(self, rows: Indices) -> Array:
         """Products (bands, A, R, R) of some quantities as far as no trim takes up what their laws are off by."""
         return self.products[:, :, rows[:, None], rows]
 

@@ -36,9 +36,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.parallel import by_threads
 from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import complexity
@@ -257,8 +256,8 @@ class Products:
     def __init__(
         self,
         products: Array,
-        rows: NDArray[np.intp],
-        laws: Sequence[tuple[NDArray[np.intp], Array, float]],
+        rows: Indices,
+        laws: Sequence[tuple[Indices, Array, float]],
     ) -> None:
         self.shape, every = products.shape[:2], products.shape[2]
         places = rows[:, None] * every + rows

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import means_by, sums_by
@@ -229,7 +228,7 @@ class Spectrum(LinearProblem):
 
 def transformed(
     records: Sequence[Record], stacked: Array, seconds: float, *, without_mean: bool = False
-) -> tuple[Array, NDArray[np.intp], Array]:
+) -> tuple[Array, Indices, Array]:
     """Cosine coefficients (K, L, Q) of the blocks of about `seconds` of all records; of each (K,) the block and the
     frequency [Hz].
     """  # noqa: D205
@@ -245,8 +244,8 @@ def transformed(
 
 
 def side_by_side(
-    records: Sequence[Record], parts: Sequence[Array], axes: NDArray[np.intp], seconds: float
-) -> tuple[Array, NDArray[np.intp], Array]:
+    records: Sequence[Record], parts: Sequence[Array], axes: Indices, seconds: float
+) -> tuple[Array, Indices, Array]:
     """`transformed` of these axes of arrays (K, 6, .) side by side, which would be large twice. In memory every
     quantity lies in one piece, axis by axis: what is summed and multiplied are quantities.
     """  # noqa: D205
@@ -267,10 +266,10 @@ def side_by_side(
     return rows.transpose(2, 1, 0), block, hertz
 
 
-def blocks_of_time(records: Sequence[Record], seconds: float) -> tuple[list[slice], NDArray[np.intp], Array]:
+def blocks_of_time(records: Sequence[Record], seconds: float) -> tuple[list[slice], Indices, Array]:
     """Samples of each block of about `seconds`; of the coefficients (K,) the block, and the frequency [Hz]."""
     cuts: list[slice] = []
-    block: list[NDArray[np.intp]] = []
+    block: list[Indices] = []
     hertz: list[Array] = []
     at = 0
     for record in records:
@@ -284,7 +283,7 @@ def blocks_of_time(records: Sequence[Record], seconds: float) -> tuple[list[slic
     return cuts, np.concatenate(block), np.concatenate(hertz)
 
 
-def input_errors(data: Dataset, axes: NDArray[np.intp], hertz: Array, seconds: float) -> Array:
+def input_errors(data: Dataset, axes: Indices, hertz: Array, seconds: float) -> Array:
     """Squares (K, A) of the cosine coefficients that commands may err by (`learn.data.input_errors`), means aside."""
     sent = np.concatenate([r.commanded for r in data.records])[:, axes, None]
     if not any(r.input_error is not None for r in data.records):
@@ -296,7 +295,7 @@ def input_errors(data: Dataset, axes: NDArray[np.intp], hertz: Array, seconds: f
     return np.asarray(shares[record, np.digitize(hertz, EDGES)][:, axes] * squares)
 
 
-def leaking(power: Array, axes: NDArray[np.intp], share: float) -> Array:
+def leaking(power: Array, axes: Indices, share: float) -> Array:
     """`Spectrum.leak` (bands, axes): this share of what the model leaves, of which these are the mean squares."""
     forces = axes < len(AXES) // 2
     out = np.empty(power.shape)
@@ -305,7 +304,7 @@ def leaking(power: Array, axes: NDArray[np.intp], share: float) -> Array:
     return out
 
 
-def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:
+def sensor_spectrum(data: Dataset, hertz: Array, band: Indices) -> Array:
     """Variance (bands, 6) of a coefficient from sensors alone (`coefficient_shapes`)."""
     shapes = np.repeat(coefficient_shapes(hertz, band, data.records[0].cutoff_hz), 3, axis=1)
     shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)

@@ -12,15 +12,12 @@ import itertools
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Indices
 from wrenchgap.learn.posterior import kernels
 from wrenchgap.learn.posterior.columns import compatible, compatible_with, confused
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-
-Rows = NDArray[np.intp]
 
 
 def with_fit_discounted(log_probability: float, prior: float, fit_counts: float) -> float:
@@ -72,7 +69,7 @@ class SubsetSearch:
         self.priors[keys] = width + self.scorer.prior_of(keys, further)
         return float(fitted + self.priors[keys])
 
-    def _rows(self, keys: Keys) -> tuple[Rows, Rows, Rows, Array]:
+    def _rows(self, keys: Keys) -> tuple[Indices, Indices, Indices, Array]:
         """Of a set: rows of its parameters and of what is fixed; sizes of its members, and how well laws are known."""
         space = self.space
         parameters = [space.parameters[k] for k in keys]

@@ -32,9 +32,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, force_and_torque, means_by, rms, weighted
@@ -96,7 +95,7 @@ class ResidualStructure:
     its rms over that of the noise, the worse of force and torque.
     """
 
-    open: NDArray[np.bool_]
+    open: Mask
     oscillation: Oscillation | None
     one_rotor: OneRotor | None
     depends: Relevance | None
@@ -128,13 +127,13 @@ def residual_structure(
     )
 
 
-def usual(data: Dataset, residual: Array) -> NDArray[np.bool_]:
+def usual(data: Dataset, residual: Array) -> Mask:
     """Samples (K,) outside the tenth of the blocks with the largest residual: one gust or touch is no verdict."""
     loud = by_block(data.block, np.sum(weighted(residual, data.weights) ** 2, axis=1))
     return np.asarray(loud[data.block] <= np.quantile(loud, 1.0 - UNUSUAL, method="lower"))
 
 
-def open_axes(on: ModelResidual, left: Array) -> NDArray[np.bool_]:
+def open_axes(on: ModelResidual, left: Array) -> Mask:
     """Axes (6,) on which structure is left: those of force, or of torque, where one of the two stays well above the
     noise and above a quarter of what it was.
     """  # noqa: D205

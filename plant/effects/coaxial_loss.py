@@ -3,9 +3,9 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Indices
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -36,7 +36,7 @@ class CoaxialLoss(ThrustEffect):
 
 
 @lru_cache(maxsize=16)
-def above(vehicle: Vehicle) -> NDArray[np.intp]:
+def above(vehicle: Vehicle) -> Indices:
     """For every rotor the one next above it on its arm (R,), -1 where there is none."""
     _, rotors = vehicle.geometry()
     places = list(zip(rotors.arm, rotors.offset, strict=True))

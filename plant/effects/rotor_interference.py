@@ -3,8 +3,8 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Indices
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, tilting_arms
 from wrenchgap.plant.state import Posture
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -62,7 +62,7 @@ def _pieces(rows: Array, most: int = 1024) -> list[slice]:
 
 
 @lru_cache(maxsize=64)
-def _sources(vehicle: Vehicle) -> tuple[NDArray[np.intp], Array]:
+def _sources(vehicle: Vehicle) -> tuple[Indices, Array]:
     """For every rotor the other arms that have rotors (S, R), and the radii of the rotors there (S, R) [m]."""
     arms, rotors = vehicle.geometry()
     carrying = np.array([j for j in range(len(arms)) if np.any(rotors.arm == j)])

@@ -21,7 +21,7 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.compensate.run import BLOCK, run
 from wrenchgap.flight.arguments import Progress, check_arguments
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Array, Flight, WrenchSeries
+from wrenchgap.flight.flight import Array, Flight, Indices, Mask, WrenchSeries
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import GaussianProcess, Learnt, OpenFlight
 from wrenchgap.learn.data.candidates import check_effects
@@ -68,7 +68,7 @@ class Steps:
     beta: Array
     cost: Array
     iterations: NDArray[np.int64]
-    accepted: NDArray[np.bool_]
+    accepted: Mask
     solve_time: Array
     trouble: dict[str, int]
 
@@ -194,7 +194,7 @@ def step_through(
     compensator: Compensator,
     wrench: Array,
     motion: State | None,
-    starts: NDArray[np.intp],
+    starts: Indices,
     progress: Progress | None = None,
 ) -> Steps:
     """Compensate wrenches (K, 6) one after the other; forget the past at every index in `starts`."""

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import AXES, Array, Flight, Gap, WrenchSeries
+from wrenchgap.flight.flight import AXES, Array, Flight, Gap, Indices, WrenchSeries
 from wrenchgap.learn.data.measurement import from_actuators
 from wrenchgap.plant.model import Model
 
@@ -65,7 +64,7 @@ def without(series: WrenchSeries, left_out: Sequence[Gap]) -> WrenchSeries:
     return WrenchSeries(series.topic, time[kept], series.wrench_B[kept], gaps=tuple(gaps))
 
 
-def starts(series: WrenchSeries) -> NDArray[np.intp]:
+def starts(series: WrenchSeries) -> Indices:
     """Where a series begins, and where it goes on after a gap."""
     found = np.unique([0, *(int(np.searchsorted(series.time, gap.stop)) for gap in series.gaps)])
     return found[found < len(series.time)]

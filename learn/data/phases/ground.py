@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import Flags, Phase, Signals, closed, command_scale, runs, sizes
+from wrenchgap.learn.data.phases.phase import Phase, Signals, closed, command_scale, runs, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -83,7 +83,7 @@ def within(phase: Phase, others: Sequence[Phase]) -> bool:
     return any(o.left_out and o.start <= phase.start and phase.stop <= o.stop for o in others)
 
 
-def contact(part: Signals, scale: float) -> Flags:
+def contact(part: Signals, scale: float) -> Mask:
     """Where (N,) the vehicle stands on the ground, lies on it, or is held."""
     if not part.vertical:  # nothing tells the ground but the commands: those that could not carry the vehicle
         return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - CONTACT.rests)
@@ -105,7 +105,7 @@ def contact(part: Signals, scale: float) -> Flags:
     return closed(found, part.samples(CONTACT.interrupted))
 
 
-def stands(part: Signals) -> Flags:
+def stands(part: Signals) -> Mask:
     """Where (N,) the vehicle neither turns nor is accelerated: on the ground, or in a calm hover."""
     felt = sizes(part.slow_felt)
     return np.asarray((part.turning < CONTACT.still_rate) & (np.abs(felt - 1.0) < CONTACT.still_force))
@@ -119,7 +119,7 @@ def clearance(vehicle: Vehicle) -> float:
     return max(CONTACT.least_clearance, CONTACT.radii * float(np.nan_to_num(radius).max(initial=0.0)))
 
 
-def ground(part: Signals, on: Flags, clear: float) -> list[Phase]:
+def ground(part: Signals, on: Mask, clear: float) -> list[Phase]:
     """Ground, take-offs and landings of a stretch, of the contact (N,) in it; `clear` is that of `clearance`."""
     still = stands(part)
     out = []
@@ -134,7 +134,7 @@ def ground(part: Signals, on: Flags, clear: float) -> list[Phase]:
     return [phase for phase in out if phase.stop > phase.start]
 
 
-def _way(part: Signals, on: Flags, first: int, clear: float, *, up: bool) -> Phase:
+def _way(part: Signals, on: Mask, first: int, clear: float, *, up: bool) -> Phase:
     """From contact away: forward in time for a take-off, backward for a landing."""
     step = 1 if up else -1
     reach = part.samples(CONTACT.blind if part.height is None else CONTACT.longest)
@@ -186,7 +186,7 @@ class CrashThresholds:
 CRASH = CrashThresholds()
 
 
-def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]:
+def crashes(part: Signals, on: Mask, scale: float, usual: float) -> list[Phase]:
     """Impacts and crashes of a stretch with contact `on` (N,); `usual` is the lower quartile of spikes in the air."""
     sudden, doubt = part.spikes(scale), part.contradiction(scale)
     struck = (sudden > max(CRASH.spike, CRASH.outstanding * usual)) & ~on
@@ -221,7 +221,7 @@ def crashes(part: Signals, on: Flags, scale: float, usual: float) -> list[Phase]
     return _joined(out, part, on)
 
 
-def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
+def _joined(found: list[Phase], part: Signals, on: Mask) -> list[Phase]:
     """The same, with the impacts, bounces and stays on the ground right before a crash as a part of it."""
     crash = next((p for p in found if p.name == "crash"), None)
     if crash is None:
@@ -236,7 +236,7 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
     return [*rest, replace(crash, start=start, stop=stop)]
 
 
-def _ends(part: Signals, doubt: Array, on: Flags, stay: tuple[int, int, int], *, lies: bool) -> bool:
+def _ends(part: Signals, doubt: Array, on: Mask, stay: tuple[int, int, int], *, lies: bool) -> bool:
     """Whether an impact ends a stay in the air: first sample, that of the impact, one past the last."""
     a, at, b = stay
     left = (b - at) * part.dt
@@ -266,7 +266,7 @@ def _loss(part: Signals, doubt: Array, a: int, b: int, *, lies: bool) -> int | N
     return max(a, b - part.samples(1.0)) if lies else None
 
 
-def _lies(part: Signals, on: Flags, b: int) -> bool:
+def _lies(part: Signals, on: Mask, b: int) -> bool:
     """Whether the vehicle that comes to the ground at sample `b` lies there on its side or back."""
     stop = _end_of_rest(on, b)
     if b >= len(on) or not part.vertical:
@@ -275,7 +275,7 @@ def _lies(part: Signals, on: Flags, b: int) -> bool:
     return bool(np.median(felt[:, 2] / np.maximum(lengths(felt), 1e-9)) < CRASH.lying)
 
 
-def _end_of_rest(on: Flags, b: int) -> int:
+def _end_of_rest(on: Mask, b: int) -> int:
     """One past the last sample of the contact that begins at sample `b`."""
     while b < len(on) and on[b]:
         b += 1

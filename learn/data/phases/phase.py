@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.flight import Array, Mask, Samples
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import pieces
@@ -61,7 +60,7 @@ def phase_names(names: Iterable[str], said: str = "--keep") -> tuple[str, ...]:
     return tuple(NAMES) if EVERY in found else tuple(dict.fromkeys(found))
 
 
-def used_samples(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
+def used_samples(time: Array, phases: Sequence[Phase]) -> Mask:
     """Which of the samples at `time` (N,) [s] lie in no phase that is left out."""
     keep = np.ones(len(time), dtype=bool)
     for phase in phases:
@@ -70,22 +69,19 @@ def used_samples(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
     return keep
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: Mask) -> list[tuple[int, int]]:
     """First index and one past the last of every run of true values (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def closed(flags: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
-    """Flags (N,) with interruptions of up to `most` samples between true values filled."""
+def closed(flags: Mask, most: int) -> Mask:
+    """Mask (N,) with interruptions of up to `most` samples between true values filled."""
     out = flags.copy()
     for a, b in runs(~flags):
         if a > 0 and b < len(flags) and b - a <= most:
             out[a:b] = True
     return out
-
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -164,7 +160,7 @@ def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals |
 def signals_of(samples: Samples, pushed: Array, felt: Array, omega: Array) -> Signals:
     """`Signals` of commanded and felt forces in shares of the weight, and rates [rad/s], (N, 3) each."""
     dt, slow = samples.dt, min(SIGNALS.slow_hz, SIGNALS.of_nyquist / samples.dt)
-    known: Flags = np.asarray(np.isfinite(samples.specific_force_B).all(axis=0))
+    known: Mask = np.asarray(np.isfinite(samples.specific_force_B).all(axis=0))
     felt = on_disk(np.where(known, felt, pushed))
     give_back(len(felt))
     return Signals(

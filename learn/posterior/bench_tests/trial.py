@@ -4,9 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.plant.vehicle import Vehicle
 
 INEXACT = 0.1
@@ -32,7 +31,7 @@ class Setup:
     says: Callable[[Array], str]
     changed: str
 
-    def alike(self, readings: Array) -> NDArray[np.bool_]:
+    def alike(self, readings: Array) -> Mask:
         """Which readings (n, K) the check does not tell apart, (n, n).
 
         Their difference must exceed the resolution and what fitted values leave open: `INEXACT` of the larger deviation

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.comparison import Stretch, worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
@@ -24,8 +23,6 @@ from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
 from wrenchgap.viewer.session import Report, Scene
-
-Rows = NDArray[np.bool_]
 
 VIEWS = ("all axes", "force", "torque", *AXES)
 """What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
@@ -149,7 +146,7 @@ class _Sizes:
             [uniform_filter1d(self.square[a:b], width, axis=0, mode="nearest") for a, b in itertools.pairwise(starts)]
         )
 
-    def cell(self, words: str, rows: Rows) -> Cell:
+    def cell(self, words: str, rows: Mask) -> Cell:
         """The samples `rows` (K,)."""
         worst = np.flatnonzero(rows)[np.argmax(np.nan_to_num(self.smooth[rows]), axis=0)]
         rms, mean = np.sqrt(self.square[rows].mean(axis=0)), self.residual[rows].mean(axis=0)
@@ -163,10 +160,10 @@ def _views(squares: Array, scale: Array) -> Array:
     return np.column_stack((weighted(squares, scale).sum(axis=1), force, torque, squares))
 
 
-def _members(binned: Binned, values: Quantity) -> list[tuple[str, Rows]]:
+def _members(binned: Binned, values: Quantity) -> list[tuple[str, Mask]]:
     """The bins of a quantity in words, and which samples (K,) are in each; none without samples."""
     rest = np.ones(len(values.values), dtype=bool)
-    out: list[tuple[str, Rows]] = []
+    out: list[tuple[str, Mask]] = []
     for low, high in zip(binned.low, binned.high, strict=True):
         if np.isnan(low):
             continue
@@ -178,7 +175,7 @@ def _members(binned: Binned, values: Quantity) -> list[tuple[str, Rows]]:
     return [(words, rows) for words, rows in out if rows.any()]
 
 
-def _within(values: Quantity, low: float, high: float, *, last: bool) -> Rows:
+def _within(values: Quantity, low: float, high: float, *, last: bool) -> Mask:
     """Samples between two bounds; the last bin has its upper bound, an angle wraps."""
     v = values.values
     if values.circular:
@@ -208,7 +205,7 @@ def _grid(found: Grid, values: dict[str, Quantity], sizes: _Sizes) -> CellGrid:
     return CellGrid(rows, x_words, y_words)
 
 
-def _sides(values: Quantity, edges: Array) -> list[tuple[str, Rows]]:
+def _sides(values: Quantity, edges: Array) -> list[tuple[str, Mask]]:
     pairs = list(itertools.pairwise(edges))
     return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
 
