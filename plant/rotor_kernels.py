@@ -10,11 +10,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Indices
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array, Indices
 
 
 def is_batch(*arrays: Any, least: int = 64) -> bool:

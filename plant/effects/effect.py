@@ -26,9 +26,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Motion, State
@@ -56,7 +56,6 @@ __all__ = [
     "WrenchEffect",
 ]
 
-Array = NDArray[np.float64]
 Place = Literal["commands", "thrusts", "wrench", "body", "sensor", "air"]
 
 

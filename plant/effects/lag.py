@@ -10,11 +10,10 @@ with one sample the same as one call with N.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.filters import filtered
+from wrenchgap.flight.flight import Array
 
-Array = NDArray[np.float64]
 LagMemory = tuple[Array, Array]
 
 
