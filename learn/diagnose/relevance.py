@@ -31,13 +31,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from wrenchgap.flight.flight import Array, Indices, Mask
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
@@ -138,33 +136,6 @@ def features(values: Array, seed: int = 0) -> Array:
     return np.column_stack((x / np.sqrt(dims), smooth))
 
 
-@dataclass(frozen=True)
-class _Sums:
-    """Of the samples of some blocks: count, means and sums of products of features (P,) and residual (6,)."""
-
-    count: float
-    features: Array
-    outputs: Array
-    gram: Array
-    cross: Array
-    square: Array
-
-    def __add__(self, other: _Sums) -> _Sums:
-        return _Sums(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
-
-    def __sub__(self, other: _Sums) -> _Sums:
-        return _Sums(*(a - b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
-
-    def of(self, columns: Indices) -> _Sums:
-        gram = self.gram[np.ix_(columns, columns)]
-        return _Sums(self.count, self.features[columns], self.outputs, gram, self.cross[columns], self.square)
-
-    def centred(self) -> tuple[Array, Array]:
-        """Products of features (P, P), and with outputs (P, 6), about the means."""
-        mean = self.features / self.count
-        return self.gram - np.outer(mean, self.features), self.cross - np.outer(mean, self.outputs)
-
-
 class _Search:
     def __init__(
         self, data: Dataset, residual: Array, groups: Sequence[InputGroup], progress: Callable[[int, int], None] | None
@@ -173,38 +144,34 @@ class _Search:
         self.residual = np.where(known, residual, 0.0)  # with weight zero; their shares are not a number in the end
         self.absent = np.where(known, 1.0, np.nan)
         parts = [features(g.values) for g in groups]
-        self.phi = np.column_stack(parts) if parts else np.empty((len(residual), 0))
+        whole = np.column_stack((*parts, np.ones(len(residual)), self.residual))
+        self.phi = whole[:, :-7]
         ends = np.cumsum([p.shape[1] for p in parts])
         self.columns = [np.arange(end - p.shape[1], end) for end, p in zip(ends, parts, strict=True)]
         self.fold = data.block % RELEVANCE.folds
         self.used = [f for f in range(RELEVANCE.folds) if (self.fold == f).any()]
-        self.sums = {f: self._sums(self.fold == f) for f in self.used}
-        self.total = reduce(add, self.sums.values())
+        self.products = {f: (own := whole[self.fold == f]).T @ own for f in self.used}
         self.base = self.left([])
         self.variance = np.maximum(np.mean(self.base**2, axis=0), 1e-300)
         self.progress = progress
         self.done = 0
 
-    def _sums(self, rows: Mask) -> _Sums:
-        phi, r = self.phi[rows], self.residual[rows]
-        return _Sums(float(len(r)), phi.sum(axis=0), r.sum(axis=0), phi.T @ phi, phi.T @ r, np.sum(r**2, axis=0))
-
     def left(self, chosen: Sequence[int]) -> Array:
         """What these groups leave (K, 6) of the residual, every block predicted without it."""
         out = np.empty_like(self.residual)
-        columns = np.concatenate([self.columns[i] for i in chosen]) if chosen else np.empty(0, dtype=np.intp)
+        columns = np.concatenate([np.empty(0, dtype=np.intp), *(self.columns[i] for i in chosen)])
+        kept = np.concatenate((columns, self.phi.shape[1] + np.arange(7)))
+        products = {f: own[np.ix_(kept, kept)] for f, own in self.products.items()}
         for f in self.used:
-            rows = self.fold == f
-            rest = self.total - self.sums[f] if len(self.used) > 1 else self.total
-            mean = rest.outputs / rest.count
-            out[rows] = self.residual[rows] - mean
+            rows, inner = self.fold == f, [products[g] for g in self.used if g != f]
+            train = np.sum(inner or [products[f]], axis=0)
+            mean = train[-7] / train[-7, -7]
+            out[rows] = self.residual[rows] - mean[-6:]
             if chosen:
-                train = rest.of(columns)
-                inner = {g: self.sums[g].of(columns) for g in self.used if g != f}
                 values, vectors, turned = _spectrum(train)
                 penalty = np.maximum(_shrinkage(train, inner) * values.mean(), 1e-12)
                 weights = vectors @ (turned / (values[:, None] + penalty))
-                out[rows] -= (self.phi[np.ix_(rows, columns)] - train.features / train.count) @ weights
+                out[rows] -= (self.phi[np.ix_(rows, columns)] - mean[:-7]) @ weights
         return out
 
     def share(self, before: Array, after: Array) -> tuple[float, Array]:
@@ -301,25 +268,33 @@ def shifted(data: Dataset, values: Array, seconds: float) -> Array:
     return np.asarray(values[np.concatenate(rows)])
 
 
-def _spectrum(sums: _Sums) -> tuple[Array, Array, Array]:
+def _about_means(products: Array, of: Array) -> tuple[Array, Array]:
+    """Products of features (P, P), and with outputs (P, 6), about the means that the samples `of` have.
+
+    Both are sums of products (P + 7, P + 7) over samples, of features, one, and outputs.
+    """
+    mean = of[-7] / of[-7, -7]
+    centred = products - np.outer(mean, products[-7])
+    centred -= np.outer(centred[:, -7], mean)
+    return centred[:-7, :-7], centred[:-7, -6:]
+
+
+def _spectrum(products: Array) -> tuple[Array, Array, Array]:
     """Eigenvalues (P,) and vectors of the centred features' products, and their products with outputs, turned."""
-    gram, cross = sums.centred()
+    gram, cross = _about_means(products, products)
     values, vectors = np.linalg.eigh(gram)
     return np.maximum(values, 0.0), vectors, vectors.T @ cross
 
 
-def _shrinkage(train: _Sums, inner: dict[int, _Sums]) -> Array:
+def _shrinkage(train: Array, inner: Sequence[Array]) -> Array:
     """The penalty (6,) that predicts folds within the training blocks best."""
     if len(inner) < 2:
-        return np.full(train.outputs.size, SHRINKAGE[len(SHRINKAGE) // 2])
-    errors = np.zeros((len(SHRINKAGE), train.outputs.size))
-    for test in inner.values():
+        return np.full(6, SHRINKAGE[len(SHRINKAGE) // 2])
+    errors = np.zeros((len(SHRINKAGE), 6))
+    for test in inner:
         rest = train - test
         values, vectors, turned = _spectrum(rest)
-        mean, offset = rest.features / rest.count, rest.outputs / rest.count
-        # Products of the test samples about the means of the rest.
-        cross = test.cross - np.outer(test.features, offset) - np.outer(mean, test.outputs - test.count * offset)
-        gram = test.gram - np.outer(test.features, mean) - np.outer(mean, test.features - test.count * mean)
+        gram, cross = _about_means(test, rest)
         cross, gram = vectors.T @ cross, vectors.T @ gram @ vectors
         for k, factor in enumerate(SHRINKAGE):
             weights = turned / (values[:, None] + max(factor * values.mean(), 1e-12))
