@@ -88,7 +88,7 @@ class Dependence:
 
     `of_mean`, `of_size` are the shares of the variance of the residual and of its energy between the bins, beyond
     chance, on the common scale; `axes_mean` (6,) the first of them per axis. `p` is corrected for all quantities and
-    axes; `axes` are those on which it is beyond chance by itself.
+    axes; `axes` are those on which it is beyond chance by itself. `index` (K,) is the bin of each sample.
     """
 
     name: str
@@ -101,6 +101,7 @@ class Dependence:
     axes_mean: Array
     p: float
     axes: tuple[str, ...]
+    index: Indices
 
     @property
     def significant(self) -> bool:
@@ -115,11 +116,15 @@ class Dependence:
 
 @dataclass(frozen=True)
 class FailureMap:
-    """Quantities, those first with which most of the error goes; a map over two; what the logs lack, with reasons."""
+    """Quantities, those first with which most of the error goes; a map over two; what the logs lack, with reasons.
+
+    `cell` (K,) is that of each sample in the map, row by row; -1 where it is in none.
+    """
 
     dependences: tuple[Dependence, ...]
     grid: Grid | None
     lacking: dict[str, str]
+    cell: Indices
 
     @property
     def significant(self) -> tuple[Dependence, ...]:
@@ -134,7 +139,7 @@ def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permu
     sorted_in = [(q, bins) for q, bins in every if bins is not None]
     lacking |= {q.name: "too few samples for two bins" for q, bins in every if bins is None}
     if not sorted_in:
-        return FailureMap((), None, lacking)
+        return FailureMap((), None, lacking, np.full(len(residual), -1))
     test = _Test(data, residual, [bins.index for _, bins in sorted_in])
     observed, p, beyond = test.run(permutations, np.random.default_rng(seed))
     dependences = [
@@ -149,11 +154,13 @@ def failure_map(data: Dataset, residual: Array, *, permutations: int = MAP.permu
             observed[i, 2:],
             float(p[i]),
             tuple(axis for axis, sure in zip(AXES, beyond[i], strict=True) if sure),
+            bins.index,
         )
         for i, (q, bins) in enumerate(sorted_in)
     ]
     dependences.sort(key=lambda d: (not d.significant, -d.score))
-    return FailureMap(tuple(dependences), error_grid(data, residual, found), lacking)
+    grid, cell = error_grid(data, residual, found)
+    return FailureMap(tuple(dependences), grid, lacking, cell)
 
 
 @dataclass(frozen=True)
@@ -291,22 +298,26 @@ class Grid:
     fewest: ClassVar[float] = 4.0
 
 
-def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2) -> Grid | None:
-    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate.
+def error_grid(
+    data: Dataset, residual: Array, found: Sequence[Quantity], known: float = 0.2
+) -> tuple[Grid | None, Indices]:
+    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate; and the
+    cell (K,) of each sample, -1 where it is in none.
 
     Tilt and its direction are mapped where they are `known` for this share of the time.
-    """
+    """  # noqa: D205
     by_name = {q.name: q for q in found}
     pair = [by_name.get("tilt"), by_name.get("direction")]
     if any(q is None or np.isfinite(q.values).mean() < known for q in pair):
         pair = [by_name.get("thrust"), by_name.get("rate")]
     first, second = pair
     if first is None or second is None:
-        return None
+        return None, np.full(len(residual), -1)
     inside = np.isfinite(first.values) & np.isfinite(second.values)
     (x, x_edges), (y, y_edges) = (_sides(q, inside) for q in (first, second))
     shape = (len(x_edges) - 1, len(y_edges) - 1)
-    size, cell = shape[0] * shape[1], (x * shape[1] + y)[inside]
+    size, every = shape[0] * shape[1], np.where(inside, x * shape[1] + y, -1)
+    cell = every[inside]
     samples = np.bincount(cell, minlength=size)
     enough = samples >= Grid.fewest / data.independence
 
@@ -314,7 +325,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known:
         sums = np.bincount(cell, weights=values[inside], minlength=size)
         return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
 
-    return Grid(
+    grid = Grid(
         first.name,
         second.name,
         f"{first.label} [{first.unit}]",
@@ -326,6 +337,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity], known:
         np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
         np.stack([mean_of(column) for column in residual.T], axis=2),
     )
+    return grid, every
 
 
 def _sides(quantity: Quantity, inside: Mask, sectors: int = 8, cells: int = 6) -> tuple[Indices, Array]:

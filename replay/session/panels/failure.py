@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES, Array, Mask
+from wrenchgap.flight.flight import AXES, Array, Indices, Mask
 from wrenchgap.learn.data.candidates import Untried
 from wrenchgap.learn.data.comparison import Stretch, worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import length, weighted, whole
-from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, FailureMap, Grid, failure_map
+from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap, Grid, failure_map
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 from wrenchgap.learn.diagnose.where import Budget, Source, budget, held_out_process
 from wrenchgap.replay.present.where import dependence_in_words
@@ -116,8 +116,8 @@ class SessionFailures:
             flight,
             working.predictor.name,
             mapped,
-            tuple(tuple(itertools.starmap(sizes.cell, _members(d.binned, values[d.name]))) for d in mapped.dependences),
-            None if mapped.grid is None else _grid(mapped.grid, values, sizes),
+            tuple(tuple(itertools.starmap(sizes.cell, _members(d, values[d.name]))) for d in mapped.dependences),
+            None if mapped.grid is None else _grid(mapped.grid, mapped.cell, values, sizes),
             budget(data, nominal, left, process, Source.GIVEN),
             worst_stretches(data.records, parts, data.weights),
             working.inapplicable_effects(working.model, flight),
@@ -160,27 +160,11 @@ def _views(squares: Array, scale: Array) -> Array:
     return np.column_stack((weighted(squares, scale).sum(axis=1), force, torque, squares))
 
 
-def _members(binned: Binned, values: Quantity) -> list[tuple[str, Mask]]:
-    """The bins of a quantity in words, and which samples (K,) are in each; none without samples."""
-    rest = np.ones(len(values.values), dtype=bool)
-    out: list[tuple[str, Mask]] = []
-    for low, high in zip(binned.low, binned.high, strict=True):
-        if np.isnan(low):
-            continue
-        rows = _within(values, low, high, last=high == np.nanmax(binned.high))
-        rest &= ~rows
-        out.append((_bounds(values, low, high), rows))
-    if np.isnan(binned.low).any():
-        out.append(("no value or too few", rest))
-    return [(words, rows) for words, rows in out if rows.any()]
-
-
-def _within(values: Quantity, low: float, high: float, *, last: bool) -> Mask:
-    """Samples between two bounds; the last bin has its upper bound, an angle wraps."""
-    v = values.values
-    if values.circular:
-        return np.asarray(np.isfinite(v) & ((v - low) % 360.0 < high - low))
-    return np.asarray((v >= low) & ((v <= high) if last else (v < high)))
+def _members(found: Dependence, values: Quantity) -> list[tuple[str, Mask]]:
+    """The bins of a quantity in words, and which samples (K,) are in each."""
+    bounds = zip(found.binned.low, found.binned.high, strict=True)
+    words = ["no value or too few" if np.isnan(low) else _bounds(values, low, high) for low, high in bounds]
+    return [(text, found.index == k) for k, text in enumerate(words)]
 
 
 def _bounds(values: Quantity, low: float, high: float) -> str:
@@ -190,24 +174,20 @@ def _bounds(values: Quantity, low: float, high: float) -> str:
     return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
 
 
-def _grid(found: Grid, values: dict[str, Quantity], sizes: _Sizes) -> CellGrid:
+def _grid(found: Grid, cells: Indices, values: dict[str, Quantity], sizes: _Sizes) -> CellGrid:
     x, y = values[found.x], values[found.y]
-    inside = np.isfinite(x.values) & np.isfinite(y.values)
-    columns, lines = _sides(x, found.x_edges), _sides(y, found.y_edges)
+    x_words, y_words = (
+        tuple(_bounds(of, low, high) for low, high in itertools.pairwise(edges))
+        for of, edges in ((x, found.x_edges), (y, found.y_edges))
+    )
 
     def cell(i: int, j: int) -> Cell | None:
-        (across, a), (up, b) = columns[i], lines[j]
         known = np.isfinite(found.force[i, j]) or np.isfinite(found.torque[i, j])
-        return sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b) if known else None
+        words = f"{x.label} {x_words[i]}, {y.label} {y_words[j]}"
+        return sizes.cell(words, cells == i * len(y_words) + j) if known else None
 
-    rows = tuple(tuple(cell(i, j) for i in range(len(columns))) for j in range(len(lines)))
-    x_words, y_words = (tuple(words for words, _ in sides) for sides in (columns, lines))
+    rows = tuple(tuple(cell(i, j) for i in range(len(x_words))) for j in range(len(y_words)))
     return CellGrid(rows, x_words, y_words)
-
-
-def _sides(values: Quantity, edges: Array) -> list[tuple[str, Mask]]:
-    pairs = list(itertools.pairwise(edges))
-    return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
 
 
 class FailurePanel(Panel):
