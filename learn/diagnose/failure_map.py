@@ -320,11 +320,8 @@ def error_grid(
     cell = every[inside]
     samples = np.bincount(cell, minlength=size)
     enough = samples >= Grid.fewest / data.independence
-
-    def mean_of(values: Array) -> Array:
-        sums = np.bincount(cell, weights=values[inside], minlength=size)
-        return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
-
+    values = np.column_stack((length(residual[:, :3]) ** 2, length(residual[:, 3:]) ** 2, residual))[inside]
+    means = np.where(enough[:, None], means_by(cell, values, size), np.nan).reshape(*shape, 8)
     grid = Grid(
         first.name,
         second.name,
@@ -333,9 +330,9 @@ def error_grid(
         x_edges,
         y_edges,
         samples.reshape(shape),
-        np.sqrt(mean_of(length(residual[:, :3]) ** 2)),
-        np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
-        np.stack([mean_of(column) for column in residual.T], axis=2),
+        np.sqrt(means[..., 0]),
+        np.sqrt(means[..., 1]),
+        means[..., 2:],
     )
     return grid, every
 
