@@ -198,7 +198,12 @@ class Command(TyperCommand):
         if not ctx.resilient_parsing:
             _refuse_empty(args)
         listed = {name for one in self.params if getattr(one, "multiple", False) for name in one.opts}
-        return super().parse_args(ctx, list(_repeated(args, SEVERAL & listed)))
+        try:
+            return super().parse_args(ctx, list(_repeated(args, SEVERAL & listed)))
+        except Exception as error:
+            if getattr(error, "ctx", ctx) is None:  # an option without its value: say whose help has it
+                error.ctx = ctx  # type: ignore[attr-defined]
+            raise
 
 
 def _refuse_empty(args: Sequence[str]) -> None:

@@ -115,6 +115,7 @@ def test_what_cannot_be_written_is_one_line(refused, fitted):
     (fitted / "nasty.py").write_text("import os\nos.system('touch ran')\nquad_params = {}\n")
     assert "nasty.py, line 1: got 'import os'" in refused("model", "new", "--from", "nasty.py", "-o", "m.toml")
     assert not (fitted / "ran").exists()
+    assert refused("write", "fitted.toml", "--to").endswith("requires an argument; see `wrenchgap write --help`")
     assert "nothing identified" in refused("write", "crazyflie", "--to", "px4")
     assert "do not point up" in refused("write", "tilt_hexarotor", "--to", "rotorpy")
     assert "add [[vehicle.arms]]" in refused("write", "variable_tilt_hexacopter", "--to", "sdf")
