@@ -3,15 +3,14 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model, make_effect
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import ModelEffect, Provenance, WrenchModel
+from wrenchgap.plant.model_file import provenance_now
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 
 def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
@@ -59,9 +58,7 @@ def effect_of_text(model: Model, text: str) -> ModelEffect:
 
 def with_values(model: Model, texts: Sequence[str]) -> Model:
     """The model with effects of given values, in place of its own of the same names."""
-    source = Provenance(
-        fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method="set by hand"
-    )
+    source = provenance_now("set by hand")
     return model.with_replaced(replace(effect_of_text(model, text), provenance=source) for text in texts)
 
 

@@ -45,21 +45,17 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
     """
     pool, scorer = found.pool, found.scorer
     best = scorer(tuple(sorted(names)))
-    always = -best.weights[scorer.spectrum.always]
+    space, always = scorer.spectrum, -best.weights[scorer.spectrum.always]
     lines = [next(one.line for one in pool.laws if one.name == n) for n in names]
     stack = np.concatenate(((pool.left - pool.shared(always))[:, :, None], *(c.jacobian for c in lines)), axis=2)
-    axes = scorer.spectrum.axes
-    coefficients, block, _ = transformed(pool.data.records, pool.data.unanswered(stack)[:, axes], pool.settings.block)
-    starts = np.flatnonzero(np.diff(block, prepend=-1))
-    means_alone = [k for k, axis in enumerate(axes) if axis in answered(pool.data)]
-    within = np.ones(len(block), dtype=bool)
-    within[starts] = False
-    coefficients[np.ix_(within, np.array(means_alone, dtype=int))] = 0.0
-    weight = (scorer.count / np.maximum(scorer.spectrum.count, 1.0) / best.variance)[scorer.spectrum.band]
+    stack = pool.data.unanswered(stack)[:, space.axes]
+    coefficients, _, _ = transformed(pool.data.records, stack, pool.settings.block)
+    coefficients[np.ix_(space.within, np.isin(space.axes, answered(pool.data)))] = 0.0
+    weight = (scorer.count / np.maximum(space.count, 1.0) / best.variance)[space.band]
     low, high = (np.concatenate([getattr(c, side) for c in lines]) for side in ("low", "high"))
     low, high = np.minimum(low, -np.abs(high)), np.maximum(high, np.abs(low))
     out = []
-    flight = pool.data.flight[starts][block]
+    flight = pool.data.flight[space.starts][space.block]
     for f in range(len(pool.names)):
         mine = flight == f
         x = coefficients[mine] * np.sqrt(weight[mine])[:, :, None]

@@ -65,7 +65,6 @@ class Weighed:
     posterior: Posterior
     scorer: Scorer
     pool: PooledFlights
-    suspects: tuple[int, ...]
     settled: bool
 
     @property
@@ -103,7 +102,7 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     scored = [scored_set(scorer, s.keys, rule=ODDS) for s in kept]
     sets = merged_by_names(scored, weights(scored).tolist())
     found = posterior(sets, classes_of(sets, scorer), vehicle, settings)
-    return Weighed(found, scorer, pool, tuple(suspects), not far)
+    return Weighed(found, scorer, pool, not far)
 
 
 def worth_a_name(scorer: Scorer, name: str) -> bool:

@@ -18,6 +18,7 @@ from wrenchgap.learn.changed.places import where_of
 from wrenchgap.learn.changed.priors import read
 from wrenchgap.learn.changed.search import Weighed, worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.posterior.kernels import bounded, relevant
@@ -159,13 +160,9 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     best = found.posterior.classes[0].sets[0].scored_set.scored
     weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
     left = space.combined(weights)
-    flight = found.pool.data.flight[space.starts]
-    within = np.ones(len(left), dtype=bool)
-    within[space.starts] = False
-    rms = np.array(
-        [np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)]
-    )
-    mine = np.isin(np.unique(flight), list(suspects))
+    flight = found.pool.data.flight[space.starts][space.block]
+    rms = np.sqrt(means_by(flight[space.within], left[space.within] ** 2))
+    mine = np.isin(np.arange(len(rms)), list(suspects))
     loud = rms[mine].min(axis=0) > space.settings.structure * rms[~mine].max(axis=0)
     quiet = answered(found.pool.data)
     return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)

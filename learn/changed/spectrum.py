@@ -52,10 +52,8 @@ class ChangeSpectrum(Spectrum):
         if not answering:
             return
         flight = self.flight_of_block
-        within = np.ones(len(self.block), dtype=bool)
-        within[self.starts] = False
         for axis in answering:
-            self.coefficients[within, axis] = 0.0
+            self.coefficients[self.within, axis] = 0.0
             self.count[1:, axis] = 0.0
             for f in np.unique(flight):
                 rows = self.starts[flight == f]

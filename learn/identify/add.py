@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 from wrenchgap.flight.arguments import Progress
 from wrenchgap.flight.errors import FitError
@@ -19,8 +18,7 @@ from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import Provenance
+from wrenchgap.plant.model_file import provenance_now
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,12 +110,7 @@ def addition(
     method: str,
 ) -> Addition:
     """What a fit of `bare`, which is `model` or has fewer effects, makes of `model`; `method` says how, in words."""
-    source = Provenance(
-        logs=tuple((f.flight.path.name, f.flight.content_hash) for f in flights),
-        fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        version=tool_version(),
-        method=method,
-    )
+    source = provenance_now(method, [(f.flight.path.name, f.flight.content_hash) for f in flights])
     fitted = replace(fitted, effects=tuple(replace(e, provenance=source) for e in fitted.effects))
     after, present = with_fit(bare, fitted), [e.name for e in model.effects]
     before, left = (data.measured - data.predict(m.wrench_model) for m in (model, after))

@@ -6,7 +6,6 @@ Inputs are the filtered commanded wrenches, outputs what the model leaves of the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import cache
 
 import numpy as np
@@ -41,7 +40,7 @@ from wrenchgap.learn.process.predictors import NOMINAL
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.mismatch import conditioning, output_indices
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import content_hash, tool_version
+from wrenchgap.plant.model_file import content_hash, tool_version, utc_now
 from wrenchgap.plant.stability import Margin
 
 TORQUE = AXES[3:]
@@ -202,7 +201,7 @@ def learn_process(
         cutoff_hz=records[0].cutoff_hz,
         logs=tuple(LogSource(f.flight.path.name, f.flight.content_hash) for f in flights),
         version=tool_version(),
-        date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        date=utc_now(),
     )
     flown = attitude_gains(flights, model)
     provenance = replace(provenance, gains=origin(model) if flown is None else "log")

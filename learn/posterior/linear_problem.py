@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array, Indices
+from wrenchgap.flight.flight import Array, Indices, Mask
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.settings import DEFAULT
 
@@ -122,6 +122,13 @@ class LinearProblem:
         self.place = self._of_all([c.sparse / c.per_place for c in columns], np.zeros(len(scale)))
         self.sparse = self.place > 0.0
         self.trims = Trims.none(len(self.scale))
+
+    @property
+    def within(self) -> Mask:
+        """Which coefficients (K,) are not the mean of a block."""
+        out = np.ones(len(self.block), dtype=bool)
+        out[self.starts] = False
+        return out
 
     def rows(self, *keys: str) -> Indices:
         """Of candidates: the parameters and the offset of each."""

@@ -47,11 +47,6 @@ class Candidate:
         return (self.name, *self.companions)
 
     @property
-    def beyond_chance(self) -> bool:
-        """Whether held-out blocks are predicted better than luck would have it, by enough to be worth a name."""
-        return beyond_chance(self.significance, self.evidence)
-
-    @property
     def values(self) -> tuple[Value, ...]:
         """Parameters of this effect as fitted."""
         return self.fit.values(self.name)

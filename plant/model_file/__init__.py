@@ -13,7 +13,9 @@ from wrenchgap.plant.model_file.writing import (
     content_hash,
     dumps,
     next_version,
+    provenance_now,
     tool_version,
+    utc_now,
     with_reading,
 )
 from wrenchgap.plant.reader import text_of
@@ -27,9 +29,11 @@ __all__ = [
     "load",
     "loads",
     "next_version",
+    "provenance_now",
     "save",
     "shipped_models",
     "tool_version",
+    "utc_now",
     "with_reading",
 ]
 

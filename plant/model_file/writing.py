@@ -206,10 +206,10 @@ def next_version(
         reason, before = (BY_HAND, versions[-1].content) if versions else (GIVEN, "")
         number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else as_argument(parent)
         versions.append(Version(number, reason, content, file, before, effects=parent.snapshot))
-    last, date = versions[-1], datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    last = versions[-1]
     new = Version(
         last.number + 1, command, content_hash(model), str(path), last.content,
-        date, tool_version(), tuple(flights), trial, model.snapshot,
+        utc_now(), tool_version(), tuple(flights), trial, model.snapshot,
     )  # fmt: skip
     return replace(model, history=(*versions, new))
 
@@ -217,6 +217,16 @@ def next_version(
 def changed_since(model: Model) -> bool:
     """Whether the file was changed by hand after its last version was written."""
     return bool(model.history) and model.history[-1].content != content_hash(model)
+
+
+def provenance_now(method: str, logs: Sequence[tuple[str, str]] = ()) -> Provenance:
+    """Of values that are put into a model now: how, and fitted to which logs (file, SHA-256)."""
+    return Provenance(tuple(logs), utc_now(), tool_version(), method)
+
+
+def utc_now() -> str:
+    """The time now, UTC, as files say it."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def tool_version() -> str:

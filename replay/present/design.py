@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.learn.design.designer import SEARCH
 from wrenchgap.learn.design.separability import SEPARATION, Direction, Separability
-from wrenchgap.plant.history import Snapshot, Value
+from wrenchgap.plant.history import Snapshot
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.trajectory.file import TrajectoryFile
@@ -151,11 +152,8 @@ def flown(design: Design) -> str:
 
 def sizes(design: Design) -> list[Snapshot]:
     """The effects as they were assumed."""
-    out = []
-    for e in design.effects:
-        rows = zip(e.effect.parameters(design.model.vehicle), e.theta, strict=True)
-        out.append(Snapshot(e.name, tuple(Value(p.name, float(v), None, p.unit) for p, v in rows)))
-    return out
+    assumed = tuple(replace(e, std=None) for e in design.effects)
+    return list(replace(design.model, effects=assumed).snapshot)
 
 
 def finished(design: Design, name: str) -> TrajectoryFile:

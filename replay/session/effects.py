@@ -18,7 +18,7 @@ from wrenchgap.plant.trajectory import file as trajectory_file
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.worker import worker_result
-from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
+from wrenchgap.replay.session.working_model import Revision, WorkingModel
 from wrenchgap.viewer.session import Report
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class SessionEffects:
                 )
             theta = old.theta.copy()
             theta[k] = value
-            new = replace(old, theta=theta, std=None, provenance=provenance(BY_HAND))
+            new = replace(old, theta=theta, std=None, provenance=model_file.provenance_now(BY_HAND))
             model = working.model.with_replaced([new])
             model.wrench_model.body  # noqa: B018 - raises where no body can be like that
             words = f"set {effect} by hand"

@@ -7,7 +7,6 @@ is computed from the present model is kept until the model changes.
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import TypeVar
 
 import numpy as np
@@ -22,8 +21,7 @@ from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
-from wrenchgap.plant.wrench_model import ModelEffect, Provenance, WrenchModel
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 T = TypeVar("T")
 
@@ -192,8 +190,3 @@ class WorkingModel:
             have = ", ".join(e.name for e in self.model.effects) or "none"
             raise ModelError(f"{self.name}: has no effect {name!r}; its effects: {have}")
         return found
-
-
-def provenance(method: str) -> Provenance:
-    """Of values that are put into the model now, without a fit to logs."""
-    return Provenance(fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method=method)

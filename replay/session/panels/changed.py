@@ -16,13 +16,14 @@ from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import provenance_now
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present import changed as words
 from wrenchgap.replay.present.numbers import number, unit
 from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspect
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.worker import worker_result
-from wrenchgap.replay.session.working_model import Revision, WorkingModel, provenance
+from wrenchgap.replay.session.working_model import Revision, WorkingModel
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel
@@ -73,7 +74,7 @@ def with_changes(model: Model, found: Changed) -> Model:
         for k, p in enumerate(parameters):
             if p.name in changes:
                 theta[k] = np.clip(theta[k] + changes[p.name], p.low, p.high)
-        effects[name] = replace(own, theta=theta, std=None, provenance=provenance(SOURCE))
+        effects[name] = replace(own, theta=theta, std=None, provenance=provenance_now(SOURCE))
     return model.with_effects(tuple(effects.values()))
 
 
