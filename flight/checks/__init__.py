@@ -5,6 +5,7 @@
     gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
     accelerometer_scale  the accelerometer against gravity and the odometry's acceleration
     sensor_scales  what both compare with the odometry, axis by axis; misread_axes: whether an axis reads another's
+    late_sensors  whether one of the IMU's sensors is later than the other
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     masking     samples that cannot be true
@@ -18,7 +19,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks import accelerometer_scale, attitude, channels, gyroscope_scale, odometry, wrench
+from wrenchgap.flight.checks import (
+    accelerometer_scale,
+    attitude,
+    channels,
+    gyroscope_scale,
+    late_sensors,
+    odometry,
+    wrench,
+)
 from wrenchgap.flight.checks.masking import masked
 from wrenchgap.flight.checks.motion import MotionMeans, motion_means
 from wrenchgap.flight.clocks import Timing
@@ -54,6 +63,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
     found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
     found += [] if stuck else accelerometer_scale.accelerometer_scale(flight, moved, found)
+    found += [] if stuck else late_sensors.late_sensors(flight, found)
     found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 

@@ -49,6 +49,12 @@ class ScaleThresholds:
     And share of what another axis shows that one must read to read that: one askew by 20 deg reads a third."""
     perfect: float = 0.9999
     """Correlation beyond which there is none larger."""
+    late: float = 2e-3
+    """By how much one sensor must be later than the other [s]: half a sample at 250 Hz."""
+    certain: float = 3.0
+    """Standard deviations by which it is, as for other offsets (`learn.diagnose.timing`)."""
+    delays: int = 6
+    """Groups of blocks without each of which a delay is taken again, for its deviation."""
     longest_delay: float = 0.1
     """Delay [s] between the two beyond which they show no common motion."""
 

@@ -17,6 +17,8 @@ the faster one, and an estimator that corrects what it integrates of this very s
 bands differ, there is no such number and nothing is said.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, Self
@@ -49,12 +51,7 @@ class Windows(NamedTuple):
 
 def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
     """The scale by measured axis ("x"); None where odometry or IMU are missing, too slow, or too short."""
-    odometry, imu = flight.odometry, flight.imu
-    if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
-        return None
-    blocks = [b for span in steady_blocks(odometry, imu) if (b := _Block.of(flight, span, sensor)) is not None]
-    if sum(block.parts for block in blocks) < SCALE.fewest_parts:
-        return None
+    blocks = _blocks(flight, sensor)
     shift = _delay(blocks)
     if shift is None:
         return None
@@ -72,6 +69,32 @@ def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
             scale = replace(scale, halves=sizes_of(turned, known, scale))
         found["xyz"[k]] = scale
     return found
+
+
+def sensor_delay(flight: Flight, sensor: Sensor) -> tuple[float, float] | None:
+    """By how much the odometry is late behind a sensor [s], and the standard deviation; None as for `sensor_scales`.
+
+    The deviation is that of the delays without one of `SCALE.delays` groups of blocks after the other (jackknife; Tukey
+    1958).
+    """
+    blocks = _blocks(flight, sensor)
+    count = min(len(blocks), SCALE.delays)
+    if count < SCALE.fewest_parts // 2:
+        return None
+    delays = [_delay(blocks), *(_delay([b for k, b in enumerate(blocks) if k % count != g]) for g in range(count))]
+    known = np.array([delay for delay in delays if delay is not None])
+    if len(known) < len(delays):
+        return None
+    return float(known[0]), float(np.sqrt((count - 1) * np.var(known[1:])))
+
+
+def _blocks(flight: Flight, sensor: Sensor) -> list[_Block]:
+    """Those that can be compared; none where odometry or IMU are missing, too slow, or too short."""
+    odometry, imu = flight.odometry, flight.imu
+    if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
+        return []
+    found = [b for span in steady_blocks(odometry, imu) if (b := _Block.of(flight, span, sensor)) is not None]
+    return found if sum(block.parts for block in found) >= SCALE.fewest_parts else []
 
 
 def steady_blocks(*series: Series) -> list[Span]:
@@ -168,6 +191,8 @@ def _delay(blocks: Sequence[_Block]) -> float | None:
     Each axis of each block has a scale of its own: one that reads the opposite does not decide.
     """
     shift = 0.0
+    if not blocks:
+        return None
     for _ in range(5):
         seen = [block.windows(SCALE.windows[0], shift) for block in blocks]
         left = [w.read - w.shown * _ratio(w.shown * w.read, w.shown**2) for w in seen]

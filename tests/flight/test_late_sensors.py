@@ -1,0 +1,61 @@
+"""One sensor of the IMU behind a low-pass or a clock that the other lacks, on a motion in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from tests.flight.test_accelerometer_scale import flown
+from wrenchgap.flight.checks.late_sensors import late_sensors
+
+RATE = 250.0
+SENSORS = {"omega_B": ("gyroscope", "torques"), "specific_force_B": ("accelerometer", "forces")}
+
+
+def filtered(flight, *fields, hertz=5.0):
+    """Behind a first-order low-pass, which makes slow motion late by 1 / (2 pi hertz)."""
+    sections = butter(1, hertz, fs=RATE, output="sos")
+    imu = flight.imu
+    changed = {}
+    for name in fields:
+        values = getattr(imu, name)
+        changed[name] = values[0] + sosfilt(sections, values - values[0], axis=0)
+    return replace(flight, imu=replace(imu, **changed))
+
+
+def shifted(flight, name, samples=8):
+    values = getattr(flight.imu, name)
+    return replace(flight, imu=replace(flight.imu, **{name: np.roll(values, samples, axis=0)}))
+
+
+@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("how", [filtered, shifted])
+def test_a_sensor_that_is_later_than_the_other_is_said_with_by_how_much(name, how):
+    sensor, what = SENSORS[name]
+    flight = flown(seconds=60.0, vibration=0.1)
+    (found,) = late_sensors(how(flight, name), ())
+    assert (found.name, found.level) == ("rate", "warn")
+    assert found.words.startswith(f"The {sensor} is ")
+    assert f"The {what} come late" in found.words
+    assert float(found.words.split()[3]) == pytest.approx(
+        1e3 / (2 * np.pi * 5.0), abs=3.0
+    )  # 8 samples are 32 ms as well
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"late": 0.05},
+        {"late": -0.03},
+        {"odometry_hz": 20.0},
+        {"velocity": False},
+        {"vibration": 3.0},
+    ],
+    ids=lambda how: ", ".join(how) or "as it is",
+)
+def test_an_odometry_that_is_late_or_slow_or_noise_are_no_late_sensor(how):
+    flight = flown(seconds=60.0, **how)
+    assert not list(late_sensors(flight, ()))
+    assert not list(late_sensors(filtered(flight, *SENSORS), ()))
