@@ -51,6 +51,7 @@ class Bounds:
 
 IN_TIME = ("in the first half of the flight", "in the second")
 IN_MOTION = ("in the calmer half of the flight", "in the livelier")
+IN_PARTS = ("in most parts of the flight", "in others")
 IN_SIZE = ("in the smaller half of the turns", "in the larger")
 
 
@@ -162,6 +163,23 @@ def halves_of(bands: Sequence[Array]) -> Halves | None:
         if all(a.apart(b) for a, b in pairs):
             a, b = min(pairs, key=lambda pair: pair[0].width + pair[1].width)
             return Halves(names, (a.middle, b.middle))
+    return None
+
+
+def parts_of(bands: Sequence[Array]) -> Halves | None:
+    """The scale of most parts, and that of some which is a unit's factor away: a stretch in another unit.
+
+    Parts count in which both are plainly one motion, so that the bounds of each are a tenth apart.
+    """
+    few = SCALE.fewest_parts // 2
+    for tt, tr, rr in bands:
+        plain = tr**2 > SCALE.plain**2 * tt * rr
+        scales = np.sort(np.sqrt(rr[plain] / tt[plain]))
+        if len(scales) > 2 * few:
+            usual = float(np.median(scales))
+            odd = max((float(scales[few - 1]), float(scales[-few])), key=lambda k: abs(np.log(k / usual)))
+            if abs(np.log(odd / usual)) > np.log(SCALE.unit):
+                return Halves(IN_PARTS, (usual, odd))
     return None
 
 

@@ -55,6 +55,11 @@ class ScaleThresholds:
     """Standard deviations by which it is, as for other offsets (`learn.diagnose.timing`)."""
     delays: int = 6
     """Groups of blocks without each of which a delay is taken again, for its deviation."""
+    plain: float = 0.95
+    """Correlation from which on a part shows plainly one motion: its bounds are 1 / 0.95^2 = 1.11 apart."""
+    unit: float = 3.0
+    """Factor between the scales of such parts from which on they have another unit; degrees make 57. Without the two
+    furthest parts either way 84 recorded flights have 1.85 at most, after a crash, and 1.39 else."""
     longest_delay: float = 0.1
     """Delay [s] between the two beyond which they show no common motion."""
 

@@ -28,7 +28,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks.misread_axes import misread_of
 from wrenchgap.flight.checks.motion import INTERVALS
-from wrenchgap.flight.checks.scale_bounds import Scale, bounds_of, halves_of, lost_of, sizes_of
+from wrenchgap.flight.checks.scale_bounds import Scale, bounds_of, halves_of, lost_of, parts_of, sizes_of
 from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight, Indices, OdometrySeries, Series
 from wrenchgap.flight.row_kernels import integral
@@ -62,8 +62,10 @@ def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
         every = [np.stack([_sums(_pairs(band, j, k), band, blocks) for j in range(3)]) for band in seen]
         alone = [_pairs(band, k, k) if sensor == "gyroscope" else _alone(band, k) for band in seen]
         own = [_sums(pairs, band, blocks) for pairs, band in zip(alone, seen, strict=True)]
-        lost = lost_of(own[0], when) if sensor == "gyroscope" else None  # a vehicle that bounces is no lost axis
-        scale = Scale(tuple(map(bounds_of, own)), halves_of(own), lost, misread_of(every, k, when))
+        halves, lost = halves_of(own), None
+        if sensor == "gyroscope":  # a vehicle that bounces is no lost axis, and what pushes it is seldom plain
+            halves, lost = halves or parts_of(own), lost_of(own[0], when)
+        scale = Scale(tuple(map(bounds_of, own)), halves, lost, misread_of(every, k, when))
         if scale.halves is None:
             turned, known = (np.concatenate([pair[side] for pair in alone[0]]) for side in (0, 1))
             scale = replace(scale, halves=sizes_of(turned, known, scale))

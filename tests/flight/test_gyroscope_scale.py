@@ -171,6 +171,19 @@ def test_a_scale_that_changes_in_flight_has_two_numbers_and_no_factor(seconds):
     assert [float(n) for n in numbers.groups()] == pytest.approx([1.0, 0.8], abs=0.02)
 
 
+def test_a_stretch_in_another_unit_is_said():
+    """Degrees for 10 of 40 s: halves of the flight only become unsure of their scale."""
+    degrees = 180.0 / np.pi
+    stretch = reading(flown(seconds=40.0), lambda t, w: w * np.where((t > 20.0) & (t < 30.0), degrees, 1.0)[:, None])
+    found = said(stretch)
+    assert found.level == "bad"
+    assert found.mend is None
+    numbers = re.search(r"x has the scale ([\d.]+) in most parts of the flight, ([\d.]+) in others", found.words)
+    usual, odd = map(float, numbers.groups())
+    assert usual == pytest.approx(1.0, abs=0.05)
+    assert odd == pytest.approx(degrees, rel=0.05)
+
+
 def test_a_scale_that_depends_on_the_motion_has_two_numbers_and_no_factor():
     """Calm and lively parts by turns, the lively ones beyond a soft end of the range."""
 
