@@ -110,13 +110,16 @@ class Rotors:
 class Tolerances:
     """Standard deviations of the numbers of a vehicle; None where the model file gives none.
 
-    `mass` [kg]; `inertia` (3, 3) [kg m^2], entry by entry; `com` and `imu_position` (3,) [m].
+    `mass` [kg]; `inertia` (3, 3) [kg m^2], entry by entry; `com` and `imu_position` (3,) [m]; `thrust`, of all rotors
+    together and relative to it; `thrust_axis` [rad], of each rotor by itself.
     """
 
     mass: float | None = None
     inertia: Array | None = None
     com: Array | None = None
     imu_position: Array | None = None
+    thrust: float | None = None
+    thrust_axis: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ than the earlier ones did among themselves shows nothing. Source: a random effec
 "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ ACCELEROMETER_BIAS = 0.05
 """Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
 
 
+FAR = 5.0
+"""Standard deviations beyond which nothing that is granted goes."""
 WORTH = 2.0
 """Flights that the typical values are worth, where few flights say how much they differ."""
 ROTOR, PLACE, AIR = 0.01, 0.02, 0.015
@@ -52,21 +55,41 @@ class Trim:
         return out
 
 
-def trim_of(model: Model, far: float = 5.0) -> Trim:
-    """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ.
-
-    No flight is beyond `far` standard deviations of what differs between flights.
-    """
+def trim_of(model: Model) -> Trim:
+    """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ or
+    rotors' axes are unsure. No flight is beyond `FAR` standard deviations of that.
+    """  # noqa: D205
     mass = model.vehicle.body.mass
     scatter = np.zeros(6) if model.between_flights is None else np.array(model.between_flights)
+    scatter[5] = np.hypot(scatter[5], twist_of_axes(model))
     bias = np.full(3, ACCELEROMETER_BIAS)
     turned = 3 + np.flatnonzero(scatter[3:] > 0.0)
     return Trim(
         np.concatenate((np.arange(3), turned)),
         np.concatenate((np.full(3, mass), np.ones(len(turned)))),
         np.concatenate((np.hypot(0.5 * bias, scatter[:3] / mass), scatter[turned])),
-        np.concatenate((bias + far * scatter[:3] / mass, far * scatter[turned])),
+        np.concatenate((bias + FAR * scatter[:3] / mass, FAR * scatter[turned])),
     )
+
+
+def twist_of_axes(model: Model) -> float:
+    """Standard deviation [Nm] of the torque about z of rotors whose thrust axes are off by the model's tolerance, each
+    by itself: in hover delta r m g / sqrt(n).
+    """  # noqa: D205
+    vehicle = model.vehicle
+    if not vehicle.tolerances.thrust_axis or vehicle.arms is None or vehicle.rotors is None:
+        return 0.0
+    radius = float(np.median(np.linalg.norm(vehicle.arms.position_B[:, :2], axis=1)))
+    weight = vehicle.body.mass * GRAVITY
+    return vehicle.tolerances.thrust_axis * radius * weight / float(np.sqrt(len(vehicle.rotors)))
+
+
+def unsure_thrust(model: Model, names: Sequence[str] = ()) -> float:
+    """Standard deviation of the thrust of all rotors, relative to it, where the model file gives one and no flight has
+    told better: neither the model nor `names` have thrust_scale.
+    """  # noqa: D205
+    named = "thrust_scale" in (*names, *(e.name for e in model.effects))
+    return 0.0 if named else model.vehicle.tolerances.thrust or 0.0
 
 
 def typical_trim(model: Model) -> Array:

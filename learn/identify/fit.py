@@ -84,7 +84,7 @@ def fit(
             point = problem.start(start or base, near)
         elif (begun := starts.pop(problem.names, None)) is not None:
             x, residual, effects = begun
-            point, jacobian = Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
+            point, jacobian = Point(x, residual), np.concatenate((effects, problem.granted_jacobian), axis=2)
         else:
             point = problem.start(None)
             jacobian = problem.jacobian(point)
@@ -107,12 +107,12 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
         point, jacobian, third = problem.minimise(point, jacobian, weights, iterations)
         second += third
     covariance, dependence = problem.covariance(point, jacobian, weights)
-    theta, bias = problem.split(point.x)
+    theta, granted = np.split(point.x, [problem.size])
     return Fit(
         problem.effects(theta, np.sqrt(np.maximum(np.diag(covariance), 0.0))),
         problem.parameters,
         theta,
-        bias,
+        granted,
         covariance,
         dependence,
         point.residual,
@@ -148,7 +148,7 @@ def held_out(
     """
     problem = Problem(data, model, tuple(names))
     problem.scale = fitted.scale
-    point = Point(np.concatenate((fitted.theta, fitted.bias.ravel())), fitted.residual)
+    point = Point(np.concatenate((fitted.theta, fitted.granted)), fitted.residual)
     out = np.empty_like(fitted.residual)
     fold = data.block % folds if groups is None else groups
     swept, rest = data.unanswered(fitted.jacobian), data.unanswered(fitted.residual)

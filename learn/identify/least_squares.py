@@ -13,7 +13,7 @@ from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.gauss_markov import block_means, gauss_markov, pieces
 from wrenchgap.learn.identify.air import awake
-from wrenchgap.learn.identify.bias_and_trim import trim_of
+from wrenchgap.learn.identify.bias_and_trim import FAR, trim_of, unsure_thrust
 from wrenchgap.plant.effects import Parameter, find, is_air
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model
@@ -29,9 +29,9 @@ class Fit:
     """Effects with fitted values, and what they leave.
 
     `theta` (P,) and `covariance` (P, P) of the effects' parameters, `dependence` (P,) the part of their variances that
-    independent blocks of time would not have; `bias` (flights, A) of the accelerometer [m/s^2],
-    with the trim of the flights where they differ (`learn.identify.bias_and_trim`); `residual` (K, 6) on the fitted
-    data, without those; `jacobian` (K, 6, P + A flights) of the prediction; `scale` (P + A flights,) the prior's sizes
+    independent blocks of time would not have; `granted` (G,) is what flights and the model's thrust may be off by
+    (`Problem`); `residual` (K, 6) on the fitted data, without that; `jacobian` (K, 6, P + G); `scale` (P + G,) the
+    prior's sizes
     and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible
     limit. Residual, derivative and weight are zero on axes that were not measured.
     """
@@ -39,7 +39,7 @@ class Fit:
     effects: tuple[ModelEffect, ...]
     parameters: tuple[tuple[str, Parameter], ...]
     theta: Array
-    bias: Array
+    granted: Array
     covariance: Array
     dependence: Array
     residual: Array
@@ -79,14 +79,17 @@ class Fit:
 
 @dataclass(frozen=True)
 class Point:
-    """Where the search is: unknowns (P + A flights,) and their residual (K, 6)."""
+    """Where the search is: unknowns (P + G,) and their residual (K, 6)."""
 
     x: Array
     residual: Array
 
 
 class Problem:
-    """The least-squares problem of one set of effects. Unknowns: parameters, then one trim (A,) per flight."""
+    """The least-squares problem of one set of effects. Unknowns: parameters, then what is granted: one trim (A,) per
+    flight, an accelerometer's bias and what flights differ by, and the thrust of a model that is not sure of it
+    (`learn.identify.bias_and_trim`).
+    """  # noqa: D205
 
     def __init__(
         self,
@@ -105,7 +108,10 @@ class Problem:
         self.flights = int(data.flight.max()) + 1
         self.all_measured = bool(data.measured_axes.all())
         self.trim = trim_of(model)
+        thrust = np.full(1, unsure_thrust(model, names))
+        self.thrust = thrust[thrust > 0.0]
         limit, usual = (np.tile(v, self.flights) for v in (self.trim.limit, self.trim.scale))
+        limit, usual = np.concatenate((limit, FAR * self.thrust)), np.concatenate((usual, self.thrust))
         self.low = np.concatenate(([p.low for _, p in self.parameters], -limit))
         self.high = np.concatenate(([p.high for _, p in self.parameters], limit))
         self.scale = np.concatenate(([p.scale for _, p in self.parameters], usual))
@@ -114,7 +120,10 @@ class Problem:
         self.fixed = tuple(e for e in model.effects if e.name not in names)
         self.base = base
         self.known = 0 if base is None else len(base.theta)
-        self.bias_jacobian = self.trim.columns(data)
+        self.granted_jacobian = self.trim.columns(data)
+        if self.thrust.size:
+            thrust_column = np.where(data.measured_axes, data.commanded, 0.0)[:, :, None]
+            self.granted_jacobian = np.concatenate((self.granted_jacobian, thrust_column), axis=2)
 
     def start(self, earlier: Fit | None, near: Mapping[str, Array] | None = None) -> Point:
         """Start values: the earlier fit's, else those that are `near`, else the model's, else the parameters' own."""
@@ -122,16 +131,12 @@ class Problem:
         if earlier is not None:
             known |= {e.name: e.theta for e in earlier.effects}
         own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}
-        bias = np.zeros(len(self.low) - self.size)
-        if earlier is not None and earlier.bias.size == len(bias):  # a fit of some flights knows other biases
-            bias = earlier.bias.ravel()
+        granted = np.zeros(len(self.low) - self.size)
+        if earlier is not None and earlier.granted.size == len(granted):  # a fit of some flights knows other biases
+            granted = earlier.granted
         values = awake({n: known.get(n, own[n]) for n in self.names}, self.fixed, self.model.vehicle)
-        x = np.concatenate([*values.values(), bias])
+        x = np.concatenate([*values.values(), granted])
         return self.at(np.clip(x, self.low, self.high))
-
-    def split(self, x: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and trims (flights, A) of the unknowns."""
-        return x[: self.size], x[self.size :].reshape(self.flights, -1)
 
     def effects(self, theta: Array, std: Array | None = None) -> tuple[ModelEffect, ...]:
         """The named effects with these values."""
@@ -144,13 +149,15 @@ class Problem:
         return tuple(out)
 
     def at(self, x: Array) -> Point:
-        """Residual W_meas - W_pred - trim (K, 6) at these unknowns."""
-        theta, bias = self.split(x)
+        """Residual W_meas - W_pred (K, 6), without what is granted, at these unknowns."""
+        theta, granted = x[: self.size], x[self.size :]
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
         residual = self.data.measured - self.data.predict(model)
         trims = np.zeros((self.flights, 6))
-        trims[:, self.trim.axes] = self.trim.unit * bias
+        trims[:, self.trim.axes] = self.trim.unit * granted[: len(granted) - self.thrust.size].reshape(self.flights, -1)
         residual -= trims[self.data.flight] if self.flights > 1 else trims[0]
+        if self.thrust.size:
+            residual -= granted[-1] * self.data.commanded
         if not self.all_measured:
             residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         if self.names and not np.isfinite(residual).all():
@@ -158,13 +165,13 @@ class Problem:
         return Point(x, residual)
 
     def jacobian(self, point: Point, first: int = 0) -> Array:
-        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds.
+        """Derivative of the prediction (K, 6, P + G), forward differences that stay within the bounds.
 
         Of parameters before the `first` not a number.
         """
         columns = np.empty((*point.residual.shape, len(self.low)))
         columns[:, :, : self.size] = np.nan
-        columns[:, :, self.size :] = self.bias_jacobian
+        columns[:, :, self.size :] = self.granted_jacobian
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
         for k, (name, _) in enumerate(self.parameters):

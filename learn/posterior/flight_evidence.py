@@ -34,7 +34,7 @@ from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.posterior.columns import Column, away_from_zero, given_values, linearised
-from wrenchgap.learn.posterior.single_effects import uncertain
+from wrenchgap.learn.posterior.single_effects import uncertain_effects
 from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
 from wrenchgap.plant.effects import acting_effects, catalogue, find
 from wrenchgap.plant.model import Model
@@ -103,8 +103,7 @@ def evidence(flight: OpenFlight, model: Model, names: Sequence[str] = (), points
     columns = declared(data, model, chosen, points)
     if not columns:
         raise FitError(f"{flight.flight.name}: no effect can be tried on this flight")
-    own = [e for e in model.effects if e.std is not None and np.any(e.std > 0.0)]
-    return evidence_of(data, model, columns, [uncertain(data, model, e) for e in own], idle)
+    return evidence_of(data, model, columns, uncertain_effects(data, model), idle)
 
 
 def _names(data: Dataset, model: Model, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

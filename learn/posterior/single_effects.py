@@ -13,6 +13,7 @@ from wrenchgap.learn.data.blocks import beyond_chance, contrast, evidence
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.air import companions
+from wrenchgap.learn.identify.bias_and_trim import unsure_thrust
 from wrenchgap.learn.identify.fit import MANY, Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
@@ -20,7 +21,7 @@ from wrenchgap.learn.posterior.columns import Column, by_effect, column
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.plant.effects import acting_effects, find
 from wrenchgap.plant.history import Value
-from wrenchgap.plant.model import Model
+from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.wrench_model import ModelEffect
 
 
@@ -75,8 +76,16 @@ class ModelResidual:
 def model_residual(data: Dataset, model: Model, settings: SearchSettings = DEFAULT) -> ModelResidual:
     """What the model leaves on these flights, for a search with these settings."""
     left = left_by(data, model)
-    known = tuple(uncertain(data, model, e) for e in model.effects if e.std is not None and np.any(e.std > 0.0))
+    known = uncertain_effects(data, model)
     return ModelResidual(data, model, left, held_out(data, model, (), fit(data, model, ())), known, settings)
+
+
+def uncertain_effects(data: Dataset, model: Model) -> tuple[Column, ...]:
+    """What the model's own effects may be off by, and the thrust of a model that is not sure of it."""
+    own = [e for e in model.effects if e.std is not None and np.any(e.std > 0.0)]
+    if thrust := unsure_thrust(model):
+        own.append(replace(make_effect(model.vehicle, "thrust_scale", [0.0]), std=np.array([thrust])))
+    return tuple(uncertain(data, model, e) for e in own)
 
 
 def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:

@@ -203,6 +203,8 @@ class VehicleTable(Table):
     inertia: Inertia
     com: Place = (0.0, 0.0, 0.0)
     imu_position: Place = (0.0, 0.0, 0.0)
+    thrust_tolerance: Positive | None = None
+    thrust_axis_tolerance_deg: Positive | None = None
     arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
     rotor: RotorDefaults | None = None  # type: ignore[valid-type]
     arms: tuple[ArmTable, ...] = ()
@@ -259,7 +261,10 @@ class VehicleTable(Table):
     def vehicle(self) -> Vehicle:
         """The vehicle of these values."""
         mass, inertia, com, imu = map(as_toleranced, (self.mass, self.inertia, self.com, self.imu_position))
-        tolerances = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
+        degrees = self.thrust_axis_tolerance_deg
+        axis = None if degrees is None else float(np.radians(degrees))
+        each = [one.tolerance for one in (mass, inertia, com, imu)]
+        tolerances = Tolerances(*each, thrust=self.thrust_tolerance, thrust_axis=axis)
         body = Body(mass.value, checked_inertia(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
         if not self.arms:

@@ -123,6 +123,10 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     vehicle: dict[str, Any] = {"name": v.name, "mass": _with_tolerance(body.mass, t.mass)}
     vehicle |= {"inertia": _with_tolerance(body.inertia, t.inertia), "com": _with_tolerance(body.com_B, t.com)}
     vehicle["imu_position"] = _with_tolerance(v.imu_position_B, t.imu_position)
+    if t.thrust is not None:
+        vehicle["thrust_tolerance"] = t.thrust
+    if t.thrust_axis is not None:
+        vehicle["thrust_axis_tolerance_deg"] = float(np.degrees(t.thrust_axis))
     document = tomlkit.document()
     document["schema"] = SCHEMA
     if model.unmeasured:
