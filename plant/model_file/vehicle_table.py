@@ -263,8 +263,9 @@ class VehicleTable(Table):
         mass, inertia, com, imu = map(as_toleranced, (self.mass, self.inertia, self.com, self.imu_position))
         degrees = self.thrust_axis_tolerance_deg
         axis = None if degrees is None else float(np.radians(degrees))
-        each = [one.tolerance for one in (mass, inertia, com, imu)]
-        tolerances = Tolerances(*each, thrust=self.thrust_tolerance, thrust_axis=axis)
+        tolerances = Tolerances(
+            mass.tolerance, inertia.tolerance, com.tolerance, imu.tolerance, self.thrust_tolerance, axis
+        )
         body = Body(mass.value, checked_inertia(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
         if not self.arms:
