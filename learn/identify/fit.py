@@ -107,12 +107,13 @@ def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int
         point, jacobian, third = problem.minimise(point, jacobian, weights, iterations)
         second += third
     covariance, dependence = problem.covariance(point, jacobian, weights)
-    theta, granted = np.split(point.x, [problem.size])
+    theta, bias, thrust = problem.split(point.x)
     return Fit(
         problem.effects(theta, np.sqrt(np.maximum(np.diag(covariance), 0.0))),
         problem.parameters,
         theta,
-        granted,
+        bias,
+        thrust,
         covariance,
         dependence,
         point.residual,

@@ -29,9 +29,10 @@ class Fit:
     """Effects with fitted values, and what they leave.
 
     `theta` (P,) and `covariance` (P, P) of the effects' parameters, `dependence` (P,) the part of their variances that
-    independent blocks of time would not have; `granted` (G,) is what flights and the model's thrust may be off by
-    (`Problem`); `residual` (K, 6) on the fitted data, without that; `jacobian` (K, 6, P + G); `scale` (P + G,) the
-    prior's sizes
+    independent blocks of time would not have; `bias` (flights, A) of the accelerometer [m/s^2], with the trim of the
+    flights where they differ, and `thrust` (0,) or (1,) what an unsure thrust is off by, relative
+    (`learn.identify.bias_and_trim`); `residual` (K, 6) on the fitted data, without those; `jacobian` (K, 6, P + G) of
+    the prediction by parameters and these G; `scale` (P + G,) the prior's sizes
     and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible
     limit. Residual, derivative and weight are zero on axes that were not measured.
     """
@@ -39,7 +40,8 @@ class Fit:
     effects: tuple[ModelEffect, ...]
     parameters: tuple[tuple[str, Parameter], ...]
     theta: Array
-    granted: Array
+    bias: Array
+    thrust: Array
     covariance: Array
     dependence: Array
     residual: Array
@@ -48,6 +50,11 @@ class Fit:
     axis_weights: Array
     at_bound: tuple[str, ...]
     iterations: int
+
+    @property
+    def granted(self) -> Array:
+        """`bias` and `thrust` (G,)."""
+        return np.concatenate((self.bias.ravel(), self.thrust))
 
     @property
     def std(self) -> Array:
@@ -138,6 +145,11 @@ class Problem:
         x = np.concatenate([*values.values(), granted])
         return self.at(np.clip(x, self.low, self.high))
 
+    def split(self, x: Array) -> tuple[Array, Array, Array]:
+        """Parameters (P,), trims (flights, A) and unsure thrust (0,) or (1,) of the unknowns."""
+        theta, bias, thrust = np.split(x, [self.size, len(x) - self.thrust.size])
+        return theta, bias.reshape(self.flights, -1), thrust
+
     def effects(self, theta: Array, std: Array | None = None) -> tuple[ModelEffect, ...]:
         """The named effects with these values."""
         out: list[ModelEffect] = []
@@ -150,14 +162,14 @@ class Problem:
 
     def at(self, x: Array) -> Point:
         """Residual W_meas - W_pred (K, 6), without what is granted, at these unknowns."""
-        theta, granted = x[: self.size], x[self.size :]
+        theta, bias, thrust = self.split(x)
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
         residual = self.data.measured - self.data.predict(model)
         trims = np.zeros((self.flights, 6))
-        trims[:, self.trim.axes] = self.trim.unit * granted[: len(granted) - self.thrust.size].reshape(self.flights, -1)
+        trims[:, self.trim.axes] = self.trim.unit * bias
         residual -= trims[self.data.flight] if self.flights > 1 else trims[0]
-        if self.thrust.size:
-            residual -= granted[-1] * self.data.commanded
+        for share in thrust:
+            residual -= share * self.data.commanded
         if not self.all_measured:
             residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         if self.names and not np.isfinite(residual).all():

@@ -42,6 +42,12 @@ def overview(model: Model) -> list[str]:
     ]
     if vehicle.has_rotors:
         lines.append(f"full thrust is {number(full_thrust(vehicle), 2)} times the weight")
+    granted = [
+        *([f"thrust +-{100.0 * told.thrust:.2g} %"] if told.thrust else []),
+        *([f"thrust axes +-{np.degrees(told.thrust_axis):.2g} deg"] if told.thrust_axis else []),
+    ]
+    if granted:
+        lines.append(f"not known better than: {', '.join(granted)}")
     if model.command is not None:
         hover = "no command: the curve never carries the weight"
         if (at := hover_command(model)) is not None:

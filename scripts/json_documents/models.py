@@ -95,6 +95,10 @@ class Tolerances(TypedDict):
     inertia: list[list[Number]] | None
     com: Three | None
     imu_position: Three | None
+    thrust: Number
+    """Of all rotors together, relative to it."""
+    thrust_axis: Number
+    """Of each rotor by itself, in radians."""
 
 
 class Rotor(TypedDict):

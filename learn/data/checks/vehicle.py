@@ -193,7 +193,9 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
         if 0.95 < share < 1.05:
             found.append(Check("weight", "ok", f"{words}."))
         elif 0.7 < share < 1.3:
-            remedy = "check the mass, or expect thrust_scale to be found." if name == "commanded" else "fast flight?"
+            unsure = model.vehicle.tolerances.thrust
+            expected = f"thrust is granted {100.0 * unsure:.2g} %" if unsure else "else expect thrust_scale to be found"
+            remedy = f"check the mass; {expected}." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
             usual = 1.5 if name == "commanded" else 2.0  # what is measured of fast flight may be more
