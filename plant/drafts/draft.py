@@ -35,6 +35,8 @@ class TypicalVehicle:
     thrust_ratio: float = 2.0  # thrust at full throttle over that in hover
     mass_at_rotors: float = 0.5  # share of the mass
     inertia_std: float = 0.3  # relative standard deviation of the estimated moments of inertia
+    thrust_std: float = 0.1  # of all rotors together: another battery, air, a law of thrust by throttle from one hover
+    thrust_axis_std: float = 1.0  # of each motor in its mount [deg]
     min_moment: float = 0.05  # relative to the largest: of rotors in one line, arms and hull still have width
 
 

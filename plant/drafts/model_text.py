@@ -8,10 +8,15 @@ import numpy as np
 import tomlkit
 
 from wrenchgap._escaping import printable
-from wrenchgap.plant.drafts.draft import Draft, EffectDraft, RotorDraft, Sourced
+from wrenchgap.plant.drafts.draft import TYPICAL, Draft, EffectDraft, RotorDraft, Sourced
 from wrenchgap.plant.model_file.writing import toml_value
 from wrenchgap.plant.reader import BOUNDS
 
+GRANTED = (
+    ("thrust_tolerance", TYPICAL.thrust_std, "another battery and air change the thrust of all rotors; calibrate"),
+    ("thrust_axis_tolerance_deg", TYPICAL.thrust_axis_std, "how motors sit in their mounts: a yaw trim"),
+)
+"""What a draft by throttle says of how well it is known."""
 SHARED = ("c_f", "kappa", "radius", "speed_min", "speed_max")
 """Numbers that rotors usually have in common."""
 
@@ -22,6 +27,8 @@ def text_of(draft: Draft, headline: Sequence[str]) -> str:
     cutoff = [] if draft.cutoff_hz is None else [_line("cutoff_hz", draft.cutoff_hz)]
     lines = [*top, "schema = 1", *cutoff, "", "[vehicle]", f"name = {_text(draft.name)}"]
     lines += [_line(key, getattr(draft, key)) for key in ("mass", "inertia", "com", "imu_position")]
+    if draft.command is not None:  # where commands are throttle, thrust is known from one hover, or a data sheet
+        lines += [_line(key, Sourced(std, words, assumed=True)) for key, std, words in GRANTED]
     lines += ["", *_shared(draft.rotors)]
     for group in _arms(draft.rotors):
         lines += ["", *_arm(draft.rotors, group)]

@@ -194,8 +194,8 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
             found.append(Check("weight", "ok", f"{words}."))
         elif 0.7 < share < 1.3:
             unsure = model.vehicle.tolerances.thrust
-            expected = f"thrust is granted {100.0 * unsure:.2g} %" if unsure else "else expect thrust_scale to be found"
-            remedy = f"check the mass; {expected}." if name == "commanded" else "fast flight?"
+            other = f"; thrust is granted {100.0 * unsure:.2g} %" if unsure else ", or expect thrust_scale to be found"
+            remedy = f"check the mass{other}." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
             usual = 1.5 if name == "commanded" else 2.0  # what is measured of fast flight may be more
