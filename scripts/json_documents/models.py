@@ -91,14 +91,12 @@ class History(Document):
 
 class Tolerances(TypedDict):
     mass: Number
-    """This and the others are null where nothing is said."""
+    """This and the others are null where nothing is said; `thrust` is relative, `thrust_axis` in radians."""
     inertia: list[list[Number]] | None
     com: Three | None
     imu_position: Three | None
     thrust: Number
-    """Of all rotors together, relative to it."""
     thrust_axis: Number
-    """Of each rotor by itself, in radians."""
 
 
 class Rotor(TypedDict):
