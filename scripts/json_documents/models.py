@@ -1,5 +1,7 @@
 """Documents of `add`, `remove`, `history`, `model`, `calibrate`, `trend` and `learn`."""
 
+# Long because documents of models share these parts, each of which refers to those above it.
+
 from __future__ import annotations
 
 from typing import Any, Literal, NotRequired
