@@ -64,12 +64,38 @@ def opposite(flight: Flight) -> Flight:
 
 def stopped(flight: Flight) -> Flight:
     """A rotor whose logged command stands still from 60 % of the flight on."""
+
+    def change(speed: np.ndarray) -> None:
+        first = int(0.6 * len(speed))
+        speed[first:, 2] = speed[first, 2]
+
+    return _rotors(flight, change)
+
+
+def _rotors(flight: Flight, change: Callable[[np.ndarray], None]) -> Flight:
     actuators = flight.actuators
     assert actuators is not None
     speed = actuators.rotor_speed.copy()
-    first = int(0.6 * len(speed))
-    speed[first:, 2] = speed[first, 2]
+    change(speed)
     return replace(flight, actuators=replace(actuators, rotor_speed=speed))
+
+
+def twin(flight: Flight) -> Flight:
+    """A rotor whose logged command is that of a rotor on another arm."""
+
+    def change(speed: np.ndarray) -> None:
+        speed[:, 3] = speed[:, 0]
+
+    return _rotors(flight, change)
+
+
+def hundredfold(flight: Flight) -> Flight:
+    """A rotor whose command is in another unit from half to 80 % of the flight."""
+
+    def change(speed: np.ndarray) -> None:
+        speed[len(speed) // 2 : int(0.8 * len(speed)), 1] *= 100.0
+
+    return _rotors(flight, change)
 
 
 def held(flight: Flight) -> Flight:
@@ -86,6 +112,17 @@ def said(change: Change, check: str, folder: Path) -> Outcome:
         return Outcome(f": {check}: " in str(error) and "\n" not in str(error), f"refused: {str(error)[:160]}")
     found = [one for one in opened.checks if one.name == check and one.level != "ok"]
     return Outcome(bool(found), found[0].words if found else "nothing was said")
+
+
+def wrong_unit(folder: Path) -> Outcome:
+    """Whether no command is made up for the stretch."""
+    log = save_log(hundredfold(flown()), folder / "log.mcap")
+    (opened,) = open_flights(log, load_model(MODEL))
+    said = [one.words for one in opened.checks if one.name == "spikes"]
+    actuators = opened.flight.actuators
+    gaps = () if actuators is None else actuators.gaps
+    longest = max((gap.stop - gap.start for gap in gaps), default=0.0)
+    return Outcome(bool(said) and longest > 0.25 * SECONDS, f"{' '.join(said)} A gap of {longest:.2f} s")
 
 
 def copied(folder: Path) -> Outcome:
@@ -130,6 +167,16 @@ ATTACKS = (
         "a rotor whose command stands still until the end of the log",
         "left out from there on, and said",
         lambda folder: said(stopped, "frozen", folder),
+    ),
+    Attack(
+        "a rotor whose logged command is that of another arm's, in a vehicle that drives its rotors in pairs",
+        "refused: rotors, with which and in how many samples",
+        lambda folder: said(twin, "rotors", folder),
+    ),
+    Attack(
+        "a rotor whose command is in another unit from half to 80 % of the flight",
+        "left out, as a gap and not bridged, and said",
+        wrong_unit,
     ),
     Attack(
         "an accelerometer that repeats each value twenty times",

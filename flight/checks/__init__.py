@@ -40,6 +40,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.unmeasured,
     channels.clipped,
     channels.limited,
+    channels.copied,
     channels.held,
     channels.stamps,
     channels.dropped,

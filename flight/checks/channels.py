@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.masking import MASKING
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.clocks import UNIT_RATES, Timing
 from wrenchgap.flight.flight import AXES, Array, Flight
@@ -187,6 +188,26 @@ def limited(flight: Flight) -> Iterator[Check]:
         )
         words += "or that of what was logged? What the rotors made beyond is in no prediction"
         yield Check("clipped", "warn", words)
+
+
+def copied(flight: Flight) -> Iterator[Check]:
+    """Rotors whose commands are another's, sample by sample, in a vehicle that does not drive all of them so.
+
+    Where pairs share one signal all are pairs; and where the vehicle never turns about an axis, both of its sides are
+    told the same.
+    """
+    speeds = np.zeros((0, 0)) if flight.actuators is None else flight.actuators.rotor_speed
+    turning = flight.imu is None or bool(varying(flight.imu.omega_B).all())
+    alike: dict[bytes, list[int]] = {}
+    for k, column in enumerate(speeds.T):
+        if np.count_nonzero(np.diff(column)) >= MASKING.frozen_samples:
+            alike.setdefault(column.tobytes(), []).append(k)
+    sizes = [len(found) for found in alike.values()]
+    usual = int(np.argmax(np.bincount(sizes))) if sizes and turning else len(speeds.T)
+    for found in (found for found in alike.values() if len(found) > usual):
+        words = f"rotor_speed {', '.join(map(str, found))} are equal in all {len(speeds)} samples, which others are not"
+        words += ": is one logged in the place of another, whose command then is not in the log? Log each"
+        yield Check("rotors", "bad", words)
 
 
 def held_for(values: Array, share: float = 0.8) -> int:

@@ -74,7 +74,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
     for role, series in flight.series().items():
         bad = spikes(series)
         if bad.any():
-            flight = without(flight, role, bad, "beyond what is possible", split=False)
+            flight = without(flight, role, bad, "beyond what is possible")
             words = f"{role}: {int(bad.sum())} sample(s) are beyond what is physically possible: left out"
             found.append(Check("spikes", "warn", f"{words}."))
     frozen: dict[str, list[tuple[float, float, str]]] = {}
@@ -90,7 +90,8 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
         a, b = runs[0][:2]
         words = f"{role} ({names}) stands still for {b - a:.2f} s at {a:.2f} s"
         words += ", to the end of the log" if runs[0][1] == series.time[-1] else ""
-        words += f" and {len(runs) - 1} time(s) more" if len(runs) > 1 else ""
+        more = len({run[:2] for run in runs if run[0] >= b or run[1] <= a})
+        words += f" and {more} time(s) more" if more else ""
         if share > MASKING.largest_share:
             mend = f"--topic {role}=none" if role in ("imu", "odometry") else None
             found.append(Check("frozen", "bad", f"{words}, {100 * share:.0f} % of the log", mend))
@@ -98,7 +99,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
         flies = ", in mid-flight" if any(support.flies(start, stop) for start, stop, _ in runs) else ""
         found.append(Check("frozen", "warn", f"{words}{flies}: left out."))
         left += [TimeLeftOut(flight.name, a, b, f"{role} ({name}) stands still") for a, b, name in runs]
-        flight = without(flight, role, bad, "frozen", split=True)
+        flight = without(flight, role, bad, "frozen")
     return flight, tuple(found), tuple(left)
 
 
@@ -119,11 +120,8 @@ def spikes(series: Series) -> Mask:
     return bad
 
 
-def without(flight: Flight, role: str, bad: Mask, why: str, *, split: bool) -> Flight:
-    """The flight without some samples of a role, counted as dropped; with `split` each run of them is a gap.
-
-    What is left of a series does not begin or end with a gap.
-    """
+def without(flight: Flight, role: str, bad: Mask, why: str) -> Flight:
+    """The flight without some samples of a role, counted as dropped; what is too long to be bridged is a gap."""
     series = flight.series()[role]
     keep = ~bad
     if keep.sum() < 2:
@@ -132,9 +130,7 @@ def without(flight: Flight, role: str, bad: Mask, why: str, *, split: bool) -> F
         name: value[keep] for name, value in vars(series).items() if isinstance(value, np.ndarray)
     }
     dropped = {**series.dropped, why: series.dropped.get(why, 0) + int(bad.sum())}
-    time = arrays["time"]
-    gaps = gaps_of(time) if split else tuple(g for g in series.gaps if time[0] <= g.start and g.stop <= time[-1])
-    replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps, dropped=dropped)}
+    replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps_of(arrays["time"]), dropped=dropped)}
     return replace(flight, **replaced)
 
 

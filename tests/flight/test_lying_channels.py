@@ -70,6 +70,22 @@ def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
     assert "clipped" not in one
 
 
+def test_a_rotor_that_is_logged_in_the_place_of_another_is_refused():
+    found = said(flown(speeds=lambda v: v[:, [0, 0, 2, 3]]))["rotors"]
+    assert found.level == "bad"
+    assert found.words.startswith("rotor_speed 0, 1 are equal in all 2400 samples, which others are not")
+    pairs = [0, 0, 1, 1, 2, 2, 3, 3]  # coaxial, of one command each
+    assert "rotors" not in said(flown(speeds=lambda v: v[:, pairs]))
+    assert "0, 1, 2 are equal" in said(flown(speeds=lambda v: v[:, [0, 0, 0, *pairs[3:]]]))["rotors"].words
+    assert "rotors" not in said(flown(speeds=lambda v: np.concatenate((v, np.full((len(v), 2), 600.0)), axis=1)))
+
+
+def test_rotors_on_both_sides_of_a_plane_in_which_the_vehicle_stays_are_told_the_same():
+    plane = flown(speeds=lambda v: v[:, [0, 1, 2, 1]])
+    plane = replace(plane, imu=replace(plane.imu, omega_B=plane.imu.omega_B * [0.0, 1.0, 0.0]))
+    assert "rotors" not in said(plane)
+
+
 def stopped(columns, since=15.0):
     def change(speeds):
         out = speeds.copy()
@@ -87,6 +103,7 @@ def test_rotors_whose_commands_stand_still_to_the_end_of_a_flight_are_left_out_f
     assert "to the end of the log" in found.words
     assert "in mid-flight: left out" in found.words
     assert all(f"rotor_speed {k}" in found.words for k in columns)
+    assert "more" not in found.words
     assert flight.actuators.time[-1] == pytest.approx(15.0, abs=0.05)
 
 

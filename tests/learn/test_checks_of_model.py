@@ -136,9 +136,24 @@ def test_single_commands_beyond_speed_max_are_left_out_and_counted():
     assert "2 sample(s)" in check.words
     assert found.actuators.rotor_speed.max() == 2000.0
     assert found.actuators.dropped == {"impossible command": 2}
+    assert not found.actuators.gaps  # one sample is bridged
     every, none = without_impossible_commands(flight_of(250.0, speeds=lambda n: np.full((n, 4), 9000.0)), model)
     assert none == ()  # a unit, which another check names
     assert len(every.actuators.time) == 2000
+
+
+def test_a_stretch_of_one_rotor_in_another_unit_is_left_out_of_all_and_not_bridged():
+    model = wg.load_model("crazyflie")
+
+    def percent(count):
+        speeds = np.full((count, 4), 2000.0)
+        speeds[1000:1500, 1] *= 100.0
+        return speeds
+
+    found, (check,) = without_impossible_commands(flight_of(250.0, speeds=percent), model)
+    assert "500 sample(s) beyond 1.2 times vehicle.rotor.speed_max: left out" in check.words
+    (gap,) = found.actuators.gaps
+    assert (gap.start, gap.stop) == pytest.approx((999 / 250.0, 1500 / 250.0))
 
 
 def test_a_single_zero_of_a_rotor_that_turns_is_a_lost_value():

@@ -262,13 +262,13 @@ def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, t
             if bad.any():
                 found.append(Check("spikes", "warn", f"actuators: {int(bad.sum())} sample(s) {words}: left out."))
         if np.any(beyond | lost):
-            flight = without(flight, "actuators", beyond | lost, "impossible command", split=False)
+            flight = without(flight, "actuators", beyond | lost, "impossible command")
     if flight.commanded is not None:
         size = lengths(flight.commanded.wrench_B[:, :3])
         most = RECORDS.force_margin * float(np.sum(rotors.c_f * rotors.speed_max**2))
         beyond = (size > most) & (size > 10.0 * np.percentile(size, 95))
         if _some(beyond, size):
-            flight = without(flight, "commanded", beyond, "beyond all rotors", split=False)
+            flight = without(flight, "commanded", beyond, "beyond all rotors")
             words = f"commanded: {int(beyond.sum())} sample(s) beyond {most:.3g} N, {RECORDS.force_margin:g} times"
             found.append(Check("spikes", "warn", f"{words} all rotors: left out."))
     return flight, tuple(found)
