@@ -42,7 +42,8 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     if not found.limits:
         return ("",) * 4
     missed = {(one.effect, one.parameter): one for one in found.recoveries if one.share >= 1.0 and not one.firm}
-    by_effect = _by_effect([one for one in found.limits if (one.effect, one.parameter) not in missed])
+    others = [one for one in found.limits if one.effect not in found.firm]  # what is firm was shown, at whatever size
+    by_effect = _by_effect([one for one in others if (one.effect, one.parameter) not in missed])
     vehicle = found.model.vehicle
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}

@@ -70,7 +70,7 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             at = events[0].start if events[0].event is None else events[0].event
             mode = changed_before(log.modes, at)
             after = "" if mode is None else f"; flight mode {mode.name} since {mode.start:.1f} s"
-            words = f"{_first(name)} at {at:.1f} s{more}: {events[0].why}{after}; {todo}."
+            words = f"{_first(name)} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
         words = "The motors never ran: this log holds no flight. Give another log."
@@ -145,9 +145,14 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
         side = [m.rotor for m in motors.motors if (m.rotor.spin or 0) * motors.yaw > 0.0]
         amount = share(float(np.mean([m.deviation for m in motors.motors if m.rotor in side])))
         who = " and ".join(map(rotor, side))
+        uneven = hard.deviation - float(np.mean([m.deviation for m in motors.motors if m.rotor in side]))
+        also = f", and at the propeller of {hard.rotor.name}, {100 * hard.deviation:+.0f} %" * (
+            uneven > MOTORS.beside_yaw
+        )
         return (
             f"The motors that turn {turning}, {who}, are commanded {amount} more thrust than the mean in level hover: "
-            f"a yaw bias. Look for {YAW_BIAS}; a sound vehicle may have a part of it: compare with an earlier flight."
+            f"a yaw bias. Look for {YAW_BIAS}{also}; a sound vehicle may have a part of it: compare with an earlier "
+            "flight."
         )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))

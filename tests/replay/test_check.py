@@ -132,7 +132,7 @@ def test_the_crash_is_where_it_happens(made):
         (crash,) = made(kind, "crash").logs[0].phases.named("crash")
         assert crash.start == pytest.approx(20.0, abs=0.5)
         assert crash.event == pytest.approx(20.0, abs=0.03)  # its impact, whatever the filters mix of it
-        assert said(made(kind, "crash"))["crash"].words.startswith("Crash at 20.0 s: an impact")
+        assert said(made(kind, "crash"))["crash"].words.startswith("Crash at 20.0 s from the log's start: an impact")
 
 
 @pytest.mark.parametrize("kind", WRITERS)

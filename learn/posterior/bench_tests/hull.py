@@ -106,8 +106,12 @@ def weigh(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     def weight(mass: float) -> str:
         return f"{digits(per_unit * mass, per_unit * resolution)} {unit}"
 
+    told = vehicle.tolerances.mass
+    known = (
+        "" if told is None else f" as it flew (the model file says {weight(vehicle.body.mass)} +- {1e3 * told:.2g} g)"
+    )
     return Setup(
-        f"Weigh the vehicle ready to fly, to {1e3 * resolution:.2g} g",
+        f"Weigh the vehicle ready to fly{known}, to {1e3 * resolution:.2g} g",
         lambda fitted: np.array([body(vehicle, fitted).mass]),
         resolution,
         lambda mass: weight(float(mass[0])),
