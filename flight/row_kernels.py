@@ -50,9 +50,7 @@ def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
             for k in range(columns):
                 at = reached[k]
                 if j < last and t > knots[0]:
-                    step = knots[j + 1] - knots[j]
-                    slope = (reached[k] + values[j, k] * step - reached[k]) / step
-                    at = slope * (t - knots[j]) + reached[k]
+                    at += values[j, k] * (t - knots[j])
                 out[i, k] = at if side == 0 else (at - out[i, k]) / window
     return out
 
@@ -77,17 +75,10 @@ def correlated(values: Array, weights: Array) -> Array:
     flat, sums = values.reshape(-1), out.reshape(-1)
     for start in range(0, len(sums), TILE):
         tile = sums[start : start + TILE]
-        n = len(weights) - len(weights) % 4
-        for k in range(0, n, 4):
-            a, b, c, d = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-            f, g = flat[start + k * columns :], flat[start + (k + 1) * columns :]
-            h, m = flat[start + (k + 2) * columns :], flat[start + (k + 3) * columns :]
+        for k in range(len(weights)):
+            weight, rows = weights[k], flat[start + k * columns :]
             for i in range(len(tile)):
-                tile[i] += (a * f[i] + b * g[i]) + (c * h[i] + d * m[i])
-        for k in range(n, len(weights)):
-            a, f = weights[k], flat[start + k * columns :]
-            for i in range(len(tile)):
-                tile[i] += a * f[i]
+                tile[i] += weight * rows[i]
     return out
 
 
