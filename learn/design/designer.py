@@ -158,7 +158,7 @@ class _Search:
 
     def _applicable(self, names: Sequence[str]) -> None:
         """FitError for effects that this model, or any flight that can be designed, cannot show."""
-        hover = rehearse(self._path(2.0), self.base, self.limits).record
+        hover, _ = rehearse(self._path(2.0), self.base, self.limits)
         for name in names:
             require_force([*(e.name for e in self.base.effects), name])
             if find(name).needs_voltage:
@@ -227,9 +227,9 @@ class _Search:
                         break
                     if moves is None:
                         continue
-                    alone = rehearse(self._path(self.length, moves), self.base, tight, seed=self.seed)
-                    if not alone.violations:
-                        self.pieces[segment] = self.screen.piece(alone.record)
+                    record, beyond = rehearse(self._path(self.length, moves), self.base, tight, seed=self.seed)
+                    if not beyond:
+                        self.pieces[segment] = self.screen.piece(record)
                         seen.append(moves)
                         found.append(segment)
                         break
@@ -245,7 +245,7 @@ class _Search:
         return self.screen.merit([self.pieces[s] for s in segments])
 
     def _rehearsed(self, trajectory: Moves) -> list[Record]:
-        return [rehearse(trajectory, self.base, self.limits, seed=self.seed).record]
+        return [rehearse(trajectory, self.base, self.limits, seed=self.seed)[0]]
 
     def _judge(self, records: Sequence[Record]) -> Separability:
         return separability(records, self.base, *self.effects, also=self.also, floor=self.floor)

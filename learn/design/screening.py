@@ -34,7 +34,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import imu_errors
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Trajectory
-from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin
+from wrenchgap.plant.wrench_model import ModelEffect, about_origin
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,7 @@ class Screen:
         return Piece(record, added, jacobian, frozenset(excited))
 
     def _with(self, record: Record, effect: ModelEffect) -> Array:
-        others = tuple(e for e in self.base.effects if e.name != effect.name)
-        return predict(record, WrenchModel(self.base.vehicle, (*others, effect)))
+        return predict(record, self.base.with_replaced([effect]).wrench_model)
 
     def merit(self, pieces: Sequence[Piece]) -> float:
         """`Separability.merit`, much less where an effect is not excited: `explain` would not even try it."""
@@ -150,16 +149,8 @@ class Screen:
         return left
 
 
-@dataclass(frozen=True)
-class Rehearsal:
-    """A reference flown open loop: the record, and what goes beyond the limits."""
-
-    record: Record
-    violations: tuple[str, ...]
-
-
-def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int = 0) -> Rehearsal:
-    """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
+def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int = 0) -> tuple[Record, list[str]]:
+    """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise; what breaks limits.
 
     Actuators may go to the share `SCREEN.use` of their limits.
     """
@@ -194,7 +185,7 @@ def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int 
         quat_EB=r.quat_ED,
         unmeasured=model.unmeasured,
     )
-    return Rehearsal(prepare(samples, vehicle), tuple(beyond))
+    return prepare(samples, vehicle), beyond
 
 
 def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:

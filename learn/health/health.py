@@ -6,7 +6,6 @@ A log is read once; its flight with its checks is that of `flight.inspect`, the 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -55,13 +54,13 @@ class LogHealth:
     inspection: Inspection
     autopilot: Autopilot | None
     phases: FlightPhases
-    motors: Motors | None
-    vibration: Vibration | None
-    battery: Battery | None
-    estimator: Estimator | None
-    rates: tuple[Rate, ...]
-    answers: tuple[Answer, ...]
-    settings: tuple[Setting, ...]
+    motors: Motors | None = None
+    vibration: Vibration | None = None
+    battery: Battery | None = None
+    estimator: Estimator | None = None
+    rates: tuple[Rate, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    settings: tuple[Setting, ...] = ()
     contradictions: tuple[Check, ...] = ()
     follows: bool | None = None
     modes: tuple[FlightMode, ...] = ()
@@ -135,21 +134,17 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     tables = {topic: replace(table, columns=dict(table.columns)) for topic, table in log.tables.items()}
     seen = inspected(replace(log, tables=tables), assignment, absent, accepted_names(options.accept))
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
-    rest: dict[str, Any] = dict.fromkeys(("motors", "vibration", "battery", "estimator"))
-    rest |= {
-        "phases": FlightPhases(lack=NoPhases.COMMANDS),
-        "rates": (),
-        "answers": (),
-        "follows": None,
-    }  # where no topic plays a role
+    found = LogHealth(seen, log.autopilot, FlightPhases(lack=NoPhases.COMMANDS))  # where no topic plays a role
     against, opened = _against(seen.flight, model, options)
     if seen.flight is not None:
-        rest = _of_flight(seen.flight, recorded, None if against else model, opened)
-    if not rest["phases"].seconds(*AIRBORNE):
-        against = ()  # no model fits a log without a flight, which is said
-    settings = settings_of(log.autopilot, rest["answers"], names)
-    told: dict[str, Any] = {"modes": modes_of(recorded), "messages": messages_of(recorded, rest["phases"])}
-    return LogHealth(seen, log.autopilot, settings=settings, contradictions=against, **told, **rest)
+        found = _of_flight(found, seen.flight, recorded, None if against else model, opened)
+    return replace(
+        found,
+        settings=settings_of(log.autopilot, found.answers, names),
+        contradictions=against if found.phases.seconds(*AIRBORNE) else (),  # without a flight, which is said, none fits
+        modes=modes_of(recorded),
+        messages=messages_of(recorded, found.phases),
+    )
 
 
 def _against(
@@ -163,8 +158,10 @@ def _against(
     return bad, None if bad else opened
 
 
-def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: OpenFlight | None) -> dict[str, Any]:
-    """All that is known of a flight; `opened` with the model, where that fits, has its phases as `inspect` tells them.
+def _of_flight(
+    log: LogHealth, flight: Flight, recorded: Recorded, model: Model | None, opened: OpenFlight | None
+) -> LogHealth:
+    """The log with all that is known of its flight; `opened` with the model, where that fits, has `inspect`'s phases.
 
     Whether the motion follows the commands about x or y, or on any axis, only a model tells (`learn.diagnose.timing`).
     """
@@ -188,13 +185,14 @@ def _of_flight(flight: Flight, recorded: Recorded, model: Model | None, opened: 
         for role, s in flight.series().items()
         if len(s.time) > 2 and s.period > 0.0
     )
-    return {
-        "phases": phases,
-        "motors": motors_of(thrusts, phases),
-        "vibration": vibration,
-        "battery": battery,
-        "estimator": estimator_of(flight.autopilot, recorded, phases),
-        "rates": tuple(rates),
-        "answers": answers_of(flight, thrusts, phases, battery, vibration, follows=follows is not False, lags=lags),
-        "follows": follows,
-    }
+    return replace(
+        log,
+        phases=phases,
+        motors=motors_of(thrusts, phases),
+        vibration=vibration,
+        battery=battery,
+        estimator=estimator_of(flight.autopilot, recorded, phases),
+        rates=tuple(rates),
+        answers=answers_of(flight, thrusts, phases, battery, vibration, follows=follows is not False, lags=lags),
+        follows=follows,
+    )

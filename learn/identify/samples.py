@@ -61,9 +61,7 @@ class Stretch:
 
 def lagged(signal: Array, tau: float | Array, dt: float) -> Array:
     """Samples (K, D) behind a first-order lag; one time constant [s] for all columns, or one each (D,)."""
-    taus = np.broadcast_to(tau, signal.shape[1])
-    found = [first_order(signal[:, [k]], float(t), dt, None)[0] for k, t in enumerate(taus)]
-    return np.hstack(found)
+    return first_order(signal, tau, dt, None)[0]
 
 
 def lags(stretches: Sequence[Stretch], looks: Mask) -> Array:

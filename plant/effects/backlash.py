@@ -33,7 +33,7 @@ class Backlash(CommandEffect):
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Tilt angles after the play."""
         assert commands.tilt is not None
-        half = 0.5 * float(theta[0])
+        half = 0.5 * theta
         before = commands.tilt[0] if memory is None else memory
         low, high = commands.tilt - half, commands.tilt + half
         step = 1

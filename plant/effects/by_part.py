@@ -13,7 +13,6 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects.backlash import Backlash
 from wrenchgap.plant.effects.drag_torque import DragTorque
 from wrenchgap.plant.effects.effect import Context, Parameter, pure_torque, tilting_arms
-from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.effects.motor_lag import MotorLag
 from wrenchgap.plant.effects.servo_lag import ServoLag
 from wrenchgap.plant.state import Actuation, Commands
@@ -49,12 +48,6 @@ class MotorLagByRotor(MotorLag):
         """One time constant for each rotor."""
         return _of_rotors(vehicle, *super().parameters(vehicle))
 
-    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
-        """Rotor speeds, each lagged by its own."""
-        assert commands.rotor_speed is not None
-        speed, memory = _each_lagged(commands.rotor_speed, theta, dt, memory)
-        return replace(commands, rotor_speed=speed), memory
-
 
 class ServoLagByArm(ServoLag):
     """Arm i's tilt follows its command as a first-order lag with tau_i."""
@@ -68,11 +61,7 @@ class ServoLagByArm(ServoLag):
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Tilt angles, each lagged by its own."""
-        assert commands.tilt is not None
-        arms, _ = context.vehicle.geometry()
-        tilt = commands.tilt.copy()
-        tilt[:, arms.tilts], memory = _each_lagged(tilt[:, arms.tilts], theta, dt, memory)
-        return replace(commands, tilt=tilt), memory
+        return super().apply(commands, _of_all_arms(context.vehicle, theta), context, dt, memory)
 
 
 class BacklashByArm(Backlash):
@@ -87,15 +76,7 @@ class BacklashByArm(Backlash):
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Tilt angles after the play of each."""
-        assert commands.tilt is not None
-        arms, _ = context.vehicle.geometry()
-        tilt, last = commands.tilt.copy(), np.array(commands.tilt[0] if memory is None else memory)
-        for play, i in zip(theta, np.flatnonzero(arms.tilts), strict=True):
-            own = replace(commands, tilt=commands.tilt[:, i : i + 1])
-            moved, kept = super().apply(own, np.array([play]), context, dt, None if memory is None else last[i : i + 1])
-            assert moved.tilt is not None
-            tilt[:, i], last[i] = moved.tilt[:, 0], kept[0]
-        return replace(commands, tilt=tilt), last
+        return super().apply(commands, _of_all_arms(context.vehicle, theta), context, dt, memory)
 
 
 def _of_rotors(vehicle: Vehicle, whole: Parameter) -> tuple[Parameter, ...]:
@@ -106,8 +87,9 @@ def _of_arms(vehicle: Vehicle, effect: str, whole: Parameter) -> tuple[Parameter
     return tuple(replace(whole, name=f"arm_{i}") for i in np.flatnonzero(tilting_arms(vehicle, effect).tilts))
 
 
-def _each_lagged(signal: Array, tau: Array, dt: float, memory: Any) -> tuple[Array, Any]:
-    """Columns (N, D), each lagged by its own tau (D,) [s]."""
-    before = [None] * len(tau) if memory is None else memory
-    found = [first_order(signal[:, k : k + 1], float(tau[k]), dt, before[k]) for k in range(len(tau))]
-    return np.hstack([column for column, _ in found]), [kept for _, kept in found]
+def _of_all_arms(vehicle: Vehicle, theta: Array) -> Array:
+    """Values (A,) of all arms from those that tilt, zero for the others."""
+    tilts = vehicle.geometry()[0].tilts
+    values = np.zeros(len(tilts))
+    values[tilts] = theta
+    return values

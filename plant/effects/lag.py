@@ -17,18 +17,24 @@ from wrenchgap.flight.flight import Array
 LagMemory = tuple[Array, Array]
 
 
-def first_order(signal: Array, tau: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
-    """Lagged samples (N, D) of `signal` (N, D), starting in equilibrium where there is no memory."""
-    if tau <= 0.0:
-        return signal, (signal[-1], signal[-1])
+def first_order(signal: Array, tau: float | Array, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
+    """Lagged samples (N, D) of `signal` (N, D), starting in equilibrium where there is no memory.
+
+    `tau` [s] is that of all columns, or of each (D,); none lags where it is zero.
+    """
     before, state = (signal[0], signal[0]) if memory is None else memory
-    a = float(np.exp(-dt / tau))
-    q = (1.0 - a) * tau / dt
+    late = np.maximum(np.squeeze(tau), 0.0)
+    a = np.exp(-dt / np.maximum(late, 1e-300))
+    q = (1.0 - a) * late / dt
     b0, b1 = q - a, 1.0 - q
+    start = (a * state + b0 * before)[None]
     if len(signal) == 1:
-        out = (a * state + b0 * before + b1 * signal[0])[None]
+        out = start + b1 * signal
+    elif a.ndim == 0:
+        out = filtered(np.array([b1, b0]), np.array([1.0, -a]), signal, start)
     else:
-        out = filtered(np.array([b1, b0]), np.array([1.0, -a]), signal, (a * state + b0 * before)[None])
+        each = [(np.array([b1[k], b0[k]]), np.array([1.0, -a[k]]), slice(k, k + 1)) for k in range(len(a))]
+        out = np.hstack([filtered(b, ones, signal[:, k], start[:, k]) for b, ones, k in each])
     return out, (signal[-1], out[-1])
 
 

@@ -29,5 +29,5 @@ class MotorLag(CommandEffect):
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Rotor speeds, lagged."""
         assert commands.rotor_speed is not None
-        speed, memory = first_order(commands.rotor_speed, float(theta[0]), dt, memory)
+        speed, memory = first_order(commands.rotor_speed, theta, dt, memory)
         return replace(commands, rotor_speed=speed), memory

@@ -28,5 +28,5 @@ class ServoLag(CommandEffect):
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Tilt angles, lagged."""
         assert commands.tilt is not None
-        tilt, memory = first_order(commands.tilt, float(theta[0]), dt, memory)
+        tilt, memory = first_order(commands.tilt, theta, dt, memory)
         return replace(commands, tilt=tilt), memory

@@ -55,7 +55,7 @@ def test_the_plant_and_the_rehearsal_agree_with_what_is_expected(hexarotor, desi
     for direction in designed.expected.counting:
         found = designed.simulated(direction.truth, direction.imitator)
         assert max(0.3 * direction.separation, 2.5) < found
-    again = separability(rehearse(designed.trajectory, hexarotor, LIMITS).record, hexarotor, *designed.effects)
+    again = separability(rehearse(designed.trajectory, hexarotor, LIMITS)[0], hexarotor, *designed.effects)
     assert again.separation == pytest.approx(designed.expected.separation, rel=1e-6)
 
 
@@ -138,7 +138,7 @@ def test_violations_are_named(hexarotor):
 
 def test_open_loop_and_closed_loop_command_the_same(hexarotor):
     flight = Moves(10.0, (0.0, 0.0, 1.5), (Swing(0.0, 10.0, (0.4, 0.2, 0.0), 3.0), Tilt(2.0, 6.0, 0.6, 1.0)))
-    open_loop = rehearse(flight, hexarotor, usual(hexarotor.vehicle)).record
+    open_loop = rehearse(flight, hexarotor, usual(hexarotor.vehicle))[0]
     closed = simulate(hexarotor, hexarotor, flight, rng=np.random.default_rng(0))
     want = np.stack([np.interp(open_loop.state.time, closed.commanded.time, w) for w in closed.commanded.wrench_B.T], 1)
     error = (open_loop.commands.wrench_B - want)[20:-20]

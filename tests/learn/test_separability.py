@@ -23,7 +23,7 @@ TILT = Moves(10.0, HOME, (Tilt(0.0, 10.0, np.radians(50.0), 0.0, 2.0, 2 * np.pi)
 
 @pytest.fixture(scope="module")
 def record(hexarotor):
-    return cache(lambda flight: rehearse(flight, hexarotor, LIMITS).record)
+    return cache(lambda flight: rehearse(flight, hexarotor, LIMITS)[0])
 
 
 def between(found, truth, imitator):
