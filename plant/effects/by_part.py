@@ -12,10 +12,10 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects.backlash import Backlash
 from wrenchgap.plant.effects.drag_torque import DragTorque
-from wrenchgap.plant.effects.effect import Context, Parameter, pure_torque, tilting_arms
+from wrenchgap.plant.effects.effect import Context, Parameter, tilting_arms
 from wrenchgap.plant.effects.motor_lag import MotorLag
 from wrenchgap.plant.effects.servo_lag import ServoLag
-from wrenchgap.plant.state import Actuation, Commands
+from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -29,13 +29,6 @@ class DragTorqueByRotor(DragTorque):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One relative change of kappa for each rotor."""
         return _of_rotors(vehicle, *super().parameters(vehicle))
-
-    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
-        """The added torque."""
-        assert actuation is not None
-        _, rotors = context.vehicle.geometry()
-        turned = theta * rotors.spin * rotors.kappa * actuation.thrust
-        return pure_torque(-np.einsum("nr,nri->ni", turned, actuation.normal_B))
 
 
 class MotorLagByRotor(MotorLag):

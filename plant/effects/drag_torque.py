@@ -28,5 +28,5 @@ class DragTorque(WrenchEffect):
         """The added torque."""
         assert actuation is not None
         _, rotors = context.vehicle.geometry()
-        torque = -theta[0] * np.einsum("nr,nri->ni", rotors.spin * rotors.kappa * actuation.thrust, actuation.normal_B)
-        return pure_torque(torque)
+        turned = theta * rotors.spin * rotors.kappa * actuation.thrust
+        return pure_torque(-np.einsum("nr,nri->ni", turned, actuation.normal_B))
