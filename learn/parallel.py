@@ -25,11 +25,11 @@ import numpy as np
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError, WrenchgapError
+from wrenchgap.flight.row_kernels import repeats
 from wrenchgap.flight.work_files import remove, written
 from wrenchgap.learn.worker import WorkerDied, Workers
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import catalogue
-from wrenchgap.plant.rotor_kernels import cosines_and_sines
 
 T = TypeVar("T")
 Q = TypeVar("Q")
@@ -139,7 +139,7 @@ def _warm(own: tuple[str, ...], what: str) -> None:
     importlib.import_module(what)
     importlib.import_module("scipy.optimize")
     catalogue()
-    cosines_and_sines(np.zeros((1, 1)))
+    repeats(np.zeros((1, 1)))
 
 
 def _shared_out(

@@ -1,11 +1,9 @@
 """Compiled passes over the samples of a flight, for what a search evaluates thousands of times.
 
-`plant.state.Posture.turn`, `plant.actuation`, `plant.wrench_model.WrenchModel.report`, `plant.effects.axial_inflow` and
-`plant.effects.rotor_drag` call these for many samples; below that, and in a trace, they use their own numpy
-expressions (docs/decisions/0026-compiled-kernels.md).
+`plant.actuation` and `plant.wrench_model.WrenchModel.report` call these for many samples; below that, and in a trace,
+they use their own numpy expressions (docs/decisions/0026-compiled-kernels.md).
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -22,42 +20,6 @@ def is_batch(*arrays: Any, least: int = 64) -> bool:
 def contiguous(*arrays: Array) -> tuple[Array, ...]:
     """The arrays in C order: a kernel is compiled once for each layout of its arrays."""
     return tuple(np.ascontiguousarray(a) for a in arrays)
-
-
-@njit(cache=True, nogil=True)
-def cosines_and_sines(angles: Array) -> Array:
-    """Cosines, then sines (N, 2A) of angles (N, A) [rad], to the last digit but one.
-
-    The remainder of a quarter turn by Cody and Waite, and the polynomials of fdlibm (k_sin.c, k_cos.c, Sun 1993). Up to
-    1e4 rad the three parts of a quarter turn leave the remainder exact; beyond, the functions of the C library.
-    """
-    n, arms = angles.shape
-    out = np.empty((n, 2 * arms))
-    for k in range(n):
-        for i in range(arms):
-            x = angles[k, i]
-            if not abs(x) <= 1e4:
-                out[k, i], out[k, arms + i] = math.cos(x), math.sin(x)
-                continue
-            quarters = np.rint(x * 0.6366197723675814)
-            r = (
-                (x - quarters * 1.5707963267341256) - quarters * 6.077100506303966e-11
-            ) - quarters * 2.02226624879595e-21
-            z = r * r
-            sin = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-            sin = 8.33333333332248946124e-03 + z * (
-                -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * sin)
-            )
-            sin = r + r * z * (-1.66666666666666324348e-01 + z * sin)
-            cos = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)
-            cos = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * cos)
-            cos = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * cos))
-            part = int(quarters) & 3
-            if part & 1:
-                sin, cos = cos, sin
-            out[k, i] = -cos if part == 1 or part == 2 else cos
-            out[k, arms + i] = -sin if part >= 2 else sin
-    return out
 
 
 @njit(cache=True, nogil=True)
@@ -94,43 +56,6 @@ def rotor_wrench(
                 into[4, k] += T * (pz * x - px * z) - Q * y
                 into[5, k] += T * (px * y - py * x) - Q * z
         out[first : first + count] = into[:, :count].T
-    return out
-
-
-@njit(cache=True, nogil=True)
-def hub_velocity(velocity: Array, omega: Array, hub: Array) -> Array:
-    """V + omega x p (N, R, 3) of velocities and body rates (N, 3) and hubs (N, R, 3)."""
-    out = np.empty(hub.shape)
-    for k in range(hub.shape[0]):
-        a, b, c = omega[k, 0], omega[k, 1], omega[k, 2]
-        for r in range(hub.shape[1]):
-            x, y, z = hub[k, r, 0], hub[k, r, 1], hub[k, r, 2]
-            out[k, r, 0] = velocity[k, 0] + (b * z - c * y)
-            out[k, r, 1] = velocity[k, 1] + (c * x - a * z)
-            out[k, r, 2] = velocity[k, 2] + (a * y - b * x)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def rotor_drag(coefficient: float, speed: Array, velocity: Array, omega: Array, hub: Array, normal: Array) -> Array:
-    """Wrench (N, 6) about O of forces -coefficient |speed| times the velocity of the hubs (N, R, 3), `velocity` and
-    `omega` (N, 3) being those of O, across their `normal` (N, R, 3).
-    """  # noqa: D205
-    out = np.zeros((len(speed), 6))
-    for k in range(len(speed)):
-        a, b, c = omega[k, 0], omega[k, 1], omega[k, 2]
-        for r in range(speed.shape[1]):
-            x, y, z = hub[k, r, 0], hub[k, r, 1], hub[k, r, 2]
-            u, v, w = velocity[k, 0] + b * z - c * y, velocity[k, 1] + c * x - a * z, velocity[k, 2] + a * y - b * x
-            n, o, p = normal[k, r, 0], normal[k, r, 1], normal[k, r, 2]
-            along, gain = u * n + v * o + w * p, -coefficient * abs(speed[k, r])
-            fx, fy, fz = gain * (u - along * n), gain * (v - along * o), gain * (w - along * p)
-            out[k, 0] += fx
-            out[k, 1] += fy
-            out[k, 2] += fz
-            out[k, 3] += y * fz - z * fy
-            out[k, 4] += z * fx - x * fz
-            out[k, 5] += x * fy - y * fx
     return out
 
 

@@ -13,7 +13,6 @@ from typing import TypeVar
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Indices
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.vehicle import Vehicle
 
 Index = slice | Indices
@@ -121,12 +120,7 @@ class Posture:
     @property
     def turn(self) -> Array:
         """Cosines, then sines of the angles (N, 2A)."""
-        return self.cached("turn", self._turned)
-
-    def _turned(self) -> Array:
-        if rotor_kernels.is_batch(self.tilt):
-            return np.asarray(rotor_kernels.cosines_and_sines(*rotor_kernels.contiguous(self.tilt)))
-        return np.hstack((np.cos(self.tilt), np.sin(self.tilt)))
+        return self.cached("turn", lambda: np.hstack((np.cos(self.tilt), np.sin(self.tilt))))
 
     @property
     def arm_normal_B(self) -> Array:

@@ -30,7 +30,6 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate_inverse
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Motion, State
 from wrenchgap.plant.vehicle import Arms, Body, Vehicle
 
@@ -122,10 +121,8 @@ class Context:
 
     def hub_velocity_B(self, actuation: Actuation) -> Array:
         """Velocity of the rotor hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O."""
-        velocity, omega, hub = self.velocity_through_air_B, self.state.omega_B, actuation.hub_B
-        if rotor_kernels.is_batch(velocity, omega, hub):
-            return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.contiguous(velocity, omega, hub)))
-        return np.asanyarray(velocity[:, None] + np.cross(omega[:, None], hub))
+        turning = np.cross(self.state.omega_B[:, None], actuation.hub_B)
+        return np.asanyarray(self.velocity_through_air_B[:, None] + turning)
 
 
 class Effect(ABC):

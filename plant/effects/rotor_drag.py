@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect, hover_rotor
 
@@ -37,10 +36,6 @@ class RotorDrag(WrenchEffect):
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Force and torque about O of all rotors."""
         assert actuation is not None
-        hubs = context.velocity_through_air_B, context.state.omega_B, actuation.hub_B, actuation.normal_B
-        if rotor_kernels.is_batch(actuation.rotor_speed, *hubs):
-            moving = rotor_kernels.contiguous(actuation.rotor_speed, *hubs)
-            return np.asarray(rotor_kernels.rotor_drag(float(theta[0]), *moving))
         velocity = context.hub_velocity_B(actuation)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
         across = velocity - along[..., None] * actuation.normal_B

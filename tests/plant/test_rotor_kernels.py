@@ -1,10 +1,9 @@
-"""The compiled passes over tilt angles, thrusts and hubs against rigid-body kinematics and sums over rotors."""
+"""Passes over tilt angles, thrusts and hubs, compiled or not, against rigid-body kinematics and sums over rotors."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.actuation import rotor_wrench
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.effect import Context
@@ -27,18 +26,6 @@ def flying(hexarotor):
     quat /= np.linalg.norm(quat, axis=1, keepdims=True)
     moving = rng.normal(size=(3, COUNT, 3))
     return act, Context(hexarotor, State(np.arange(float(COUNT)), moving[0], quat, moving[1], moving[2]))
-
-
-def test_a_turn_is_cosines_and_sines_to_the_last_digit_but_one():
-    quarter = np.pi / 2
-    special = np.concatenate([k * quarter + np.array([-1e-9, 0.0, 1e-9, 0.7]) for k in range(-9, 10)])
-    large = np.array([9999.0, -9999.9, 1e4 + 1.0, 1e9, np.inf, np.nan])
-    angles = np.concatenate((special, np.linspace(-50, 50, 5001), large))[:, None]
-    with np.errstate(invalid="ignore"):
-        expected = np.hstack((np.cos(angles), np.sin(angles)))
-    np.testing.assert_allclose(rotor_kernels.cosines_and_sines(angles), expected, rtol=0, atol=1.2e-16 * 2)
-    turn = rotor_kernels.cosines_and_sines(angles[:-2])
-    np.testing.assert_allclose(turn[:, 0] ** 2 + turn[:, 1] ** 2, 1.0, atol=5e-16)
 
 
 @pytest.mark.parametrize("count", [1, COUNT])
