@@ -29,33 +29,26 @@ def rotor_wrench(
     """Wrench (N, 6) about O of thrusts (N, R) on arms `arm` (R,) at `place` (A, 3), of which `turn` (N, 2A) are cosines
     and sines; `drag` (R,) is spin kappa; thrust directions are cos `normal` + sin `lateral` (A, 3).
     """  # noqa: D205
-    n, rotors = thrust.shape
-    arms, block = len(place), 64  # samples that are summed side by side
-    out = np.empty((n, 6))
-    pull, twist, into = np.empty((arms, block)), np.empty((arms, block)), np.empty((6, block))
-    cosines, sines = np.empty(block), np.empty(block)
-    for first in range(0, n, block):
-        count = min(block, n - first)
-        pull[:], twist[:], into[:] = 0.0, 0.0, 0.0
-        for k in range(count):
-            for r in range(rotors):
-                pull[arm[r], k] += thrust[first + k, r]
-                twist[arm[r], k] += drag[r] * thrust[first + k, r]
+    n, arms = len(thrust), len(place)
+    out = np.zeros((n, 6))
+    pull, twist = np.empty(arms), np.empty(arms)
+    for k in range(n):
+        pull[:], twist[:] = 0.0, 0.0
+        for r in range(thrust.shape[1]):
+            pull[arm[r]] += thrust[k, r]
+            twist[arm[r]] += drag[r] * thrust[k, r]
         for i in range(arms):
-            a, b, c, d, e, f = normal[i, 0], normal[i, 1], normal[i, 2], lateral[i, 0], lateral[i, 1], lateral[i, 2]
-            px, py, pz, pulls, twists = place[i, 0], place[i, 1], place[i, 2], pull[i], twist[i]
-            for k in range(count):
-                cosines[k], sines[k] = turn[first + k, i], turn[first + k, arms + i]
-            for k in range(count):
-                cos, sin, T, Q = cosines[k], sines[k], pulls[k], twists[k]
-                x, y, z = cos * a + sin * d, cos * b + sin * e, cos * c + sin * f
-                into[0, k] += T * x
-                into[1, k] += T * y
-                into[2, k] += T * z
-                into[3, k] += T * (py * z - pz * y) - Q * x
-                into[4, k] += T * (pz * x - px * z) - Q * y
-                into[5, k] += T * (px * y - py * x) - Q * z
-        out[first : first + count] = into[:, :count].T
+            cos, sin, T, Q = turn[k, i], turn[k, arms + i], pull[i], twist[i]
+            x = cos * normal[i, 0] + sin * lateral[i, 0]
+            y = cos * normal[i, 1] + sin * lateral[i, 1]
+            z = cos * normal[i, 2] + sin * lateral[i, 2]
+            px, py, pz = place[i]
+            out[k, 0] += T * x
+            out[k, 1] += T * y
+            out[k, 2] += T * z
+            out[k, 3] += T * (py * z - pz * y) - Q * x
+            out[k, 4] += T * (pz * x - px * z) - Q * y
+            out[k, 5] += T * (px * y - py * x) - Q * z
     return out
 
 

@@ -88,20 +88,14 @@ def standardised(points: Array) -> Array:
 def squared_distances(points: Array) -> NDArray[np.float32]:
     """Squared Euclidean distances (N, N) of the rows, in single precision (100 MB at N = 5,000)."""
     centred = (points - points.mean(axis=0)).astype(np.float32)
+    squares = np.einsum("nd,nd->n", centred, centred)
     other = np.ascontiguousarray(centred.T)  # numpy makes one triangle of A A^T and mirrors it, which takes longer
-    products = centred @ other
-    _apart(products, np.einsum("nd,nd->n", centred, centred))
-    return np.asarray(products)
-
-
-@njit(cache=True, nogil=True)
-def _apart(products: NDArray[np.float32], squares: NDArray[np.float32]) -> None:
-    """Scalar products (N, N) of rows, of which each with itself is `squares` (N,), become squared distances."""
-    for i in range(len(products)):
-        row, own = products[i], squares[i]
-        for j in range(len(row)):
-            row[j] = max((row[j] * np.float32(-2.0) + squares[j]) + own, np.float32(0.0))
-        row[i] = np.float32(0.0)
+    apart = (-2.0 * centred) @ other
+    apart += squares
+    apart += squares[:, None]
+    np.maximum(apart, 0.0, out=apart)
+    np.fill_diagonal(apart, 0.0)
+    return np.asarray(apart)
 
 
 def _check(inputs: Array, count: int, method: str, scale: str) -> None:
