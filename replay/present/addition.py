@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.add import Addition
+from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.figures import style
@@ -83,7 +84,20 @@ def limits(added: Addition) -> list[str]:
 def notes(added: Addition) -> list[str]:
     """What was assumed, repaired or left out."""
     own = [] if added.between_flights is None else [differences(added.between_flights)]
-    return [*own, *sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)])]
+    return [
+        *own,
+        *granted_thrust(added.fit, added.given),
+        *sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)]),
+    ]
+
+
+def granted_thrust(found: Fit, model: Model) -> list[str]:
+    """What a model that is not sure of its thrust was granted."""
+    return [
+        f"The model knows its thrust to {100.0 * (model.vehicle.tolerances.thrust or 0.0):.2g} %, and these flights ask "
+        f"for {100.0 * share:+.1f} % of it: granted, and no effect; `add thrust_scale` takes it into the model."
+        for share in found.thrust
+    ]
 
 
 def differences(scatter: Array) -> str:

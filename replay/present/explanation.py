@@ -10,6 +10,7 @@ from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
+from wrenchgap.replay.present.addition import granted_thrust
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
@@ -107,7 +108,7 @@ def evidence(found: Explanation) -> list[str]:
         said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
     else:
         said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, posterior.answered(found)) if text]
+    return [text for text in (*said, posterior.answered(found), *granted_thrust(found.fit, found.model)) if text]
 
 
 def in_words(group: Sequence[str], most: int = 3) -> str:
@@ -127,7 +128,8 @@ def what_next(
     """
     out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
-    add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
+    thrust = ["thrust_scale"] * found.fit.thrust.size  # that is granted to `explain`; a model that is to fly has it
+    add = f"wrenchgap add {' '.join([*found.effects, *thrust])} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
         out.append("next: give a longer flight")
     elif found.verdict is Verdict.UNKNOWN:
@@ -234,7 +236,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": [*posterior.apart(found), *of_flights(found.flights)],
+        "notes": [*posterior.apart(found), *granted_thrust(found.fit, found.model), *of_flights(found.flights)],
     }
 
 
