@@ -95,8 +95,8 @@ def granted_thrust(found: Fit, model: Model) -> list[str]:
     """What a model that is not sure of its thrust was granted."""
     known = 100.0 * (model.vehicle.tolerances.thrust or 0.0)
     return [
-        f"The model knows its thrust to {known:.2g} %, and these flights ask for {100.0 * share:+.1f} % of it: granted, "
-        "and no effect; `add thrust_scale` takes it into the model."
+        f"The model knows its thrust to {known:.2g} %, and these flights ask for {100.0 * share:+.1f} % of it: "
+        "granted, and no effect; `add thrust_scale` takes it into the model."
         for share in found.thrust
     ]
 
