@@ -20,9 +20,9 @@ SECONDS = 14.0
 Change = Callable[[Flight], Flight]
 
 
-def flown() -> Flight:
+def flown(seconds: float = SECONDS) -> Flight:
     """A flight with motion about every axis."""
-    return simulate(load_model(MODEL), "multi_axis", duration=SECONDS, seed=5)
+    return simulate(load_model(MODEL), "multi_axis", duration=seconds, seed=5)
 
 
 def _imu(flight: Flight, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Flight:
@@ -103,9 +103,9 @@ def held(flight: Flight) -> Flight:
     return _imu(flight, "specific_force_B", lambda v: np.repeat(v[::20], 20, axis=0)[: len(v)])
 
 
-def said(change: Change, check: str, folder: Path) -> Outcome:
+def said(change: Change, check: str, folder: Path, seconds: float = SECONDS) -> Outcome:
     """Whether the log is refused by this check, or opened with a warning of it."""
-    log = save_log(change(flown()), folder / "log.mcap")
+    log = save_log(change(flown(seconds)), folder / "log.mcap")
     try:
         (opened,) = open_flights(log, load_model(MODEL))
     except LogError as error:
@@ -123,6 +123,12 @@ def wrong_unit(folder: Path) -> Outcome:
     gaps = () if actuators is None else actuators.gaps
     longest = max((gap.stop - gap.start for gap in gaps), default=0.0)
     return Outcome(bool(said) and longest > 0.25 * SECONDS, f"{' '.join(said)} A gap of {longest:.2f} s")
+
+
+def late(flight: Flight) -> Flight:
+    """An accelerometer that is 40 ms late."""
+    samples = round(0.04 / flight.imu.period) if flight.imu is not None else 0
+    return _imu(flight, "specific_force_B", lambda v: np.roll(v, samples, axis=0))
 
 
 def copied(folder: Path) -> Outcome:
@@ -182,6 +188,11 @@ ATTACKS = (
         "an accelerometer that repeats each value twenty times",
         "refused: rate, with the rate at which it reads",
         lambda folder: said(held, "rate", folder),
+    ),
+    Attack(
+        "an accelerometer that is 40 ms late",
+        "said, with by how much",
+        lambda folder: said(late, "rate", folder, 2.0 * SECONDS),
     ),
     Attack(
         "a cut of the training flight as the test, other stamps and precision",

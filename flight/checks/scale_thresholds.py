@@ -55,6 +55,11 @@ class ScaleThresholds:
     """Standard deviations by which it is, as for other offsets (`learn.diagnose.timing`)."""
     delays: int = 6
     """Groups of blocks without each of which a delay is taken again, for its deviation."""
+    steps: int = 11
+    """Delays at which a search begins, 20 ms apart; with 6 or 21 the same late sensors are found, but for one in 22."""
+    clearly: float = 0.7
+    """Share of what the delay next to zero leaves that another one leaves at most. Half of it finds 20 late sensors of
+    36 in place of 22; where any share will do, noise alone moves the delay of hovers by 20 to 90 ms."""
     plain: float = 0.95
     """Correlation from which on a part shows plainly one motion: its bounds are 1 / 0.95^2 = 1.11 apart."""
     unit: float = 3.0

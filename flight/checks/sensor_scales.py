@@ -83,11 +83,12 @@ def sensor_delay(flight: Flight, sensor: Sensor) -> tuple[float, float] | None:
     count = min(len(blocks), SCALE.delays)
     if count < SCALE.fewest_parts // 2:
         return None
-    delays = [_delay(blocks), *(_delay([b for k, b in enumerate(blocks) if k % count != g]) for g in range(count))]
-    known = np.array([delay for delay in delays if delay is not None])
-    if len(known) < len(delays):
+    delay = _delay(blocks)
+    if delay is None:
         return None
-    return float(known[0]), float(np.sqrt((count - 1) * np.var(known[1:])))
+    others = [_minimum([b for k, b in enumerate(blocks) if k % count != g], delay) for g in range(count)]
+    known = [other for other in others if other is not None]
+    return (delay, float(np.sqrt((count - 1) * np.var(known)))) if len(known) == count else None
 
 
 def _blocks(flight: Flight, sensor: Sensor) -> list[_Block]:
@@ -188,24 +189,41 @@ def _straightened(time: Array, values: Array) -> Array:
 
 
 def _delay(blocks: Sequence[_Block]) -> float | None:
-    """By how much the odometry is late behind the sensor [s]; None where they have no motion in common.
+    """By how much the odometry is late behind a sensor [s]; None where they have no motion in common.
 
-    Each axis of each block has a scale of its own: one that reads the opposite does not decide.
+    The minimum next to zero, unless clearly less is left in one that a search in steps finds: a motion that swings is
+    alike one of its periods later.
     """
-    shift = 0.0
-    if not blocks:
+    near = _minimum(blocks, 0.0) if blocks else None
+    if near is None:
         return None
+    steps = np.linspace(-SCALE.longest_delay, SCALE.longest_delay, SCALE.steps)
+    far = _minimum(blocks, min(steps, key=lambda shift: _left(blocks, shift)[0]))
+    clearly = far is not None and _left(blocks, far)[0] < SCALE.clearly * _left(blocks, near)[0]
+    return far if clearly else near
+
+
+def _minimum(blocks: Sequence[_Block], shift: float) -> float | None:
+    """The delay [s] that leaves least, downhill (Gauss-Newton) from `shift`; None where that leads too far."""
     for _ in range(5):
-        seen = [block.windows(SCALE.windows[0], shift) for block in blocks]
-        left = [w.read - w.shown * _ratio(w.shown * w.read, w.shown**2) for w in seen]
-        change = np.concatenate([w.change for w in seen])
-        step = float(_ratio((change * np.concatenate(left)).ravel(), change.ravel() ** 2))
+        step = _left(blocks, shift)[1]
         shift += step
         if abs(shift) > SCALE.longest_delay:
             return None
         if abs(step) < 1e-4:
             break
     return shift
+
+
+def _left(blocks: Sequence[_Block], shift: float) -> tuple[float, float]:
+    """What a sensor reads (a sum of squares) that the odometry does not show, late by `shift` [s], and a better shift.
+
+    Each axis of each block has a scale of its own: one that reads the opposite does not decide.
+    """
+    seen = [block.windows(SCALE.windows[0], shift) for block in blocks]
+    left = np.concatenate([w.read - w.shown * _ratio(w.shown * w.read, w.shown**2) for w in seen])
+    change = np.concatenate([w.change for w in seen])
+    return float(np.sum(left**2)), float(_ratio((change * left).ravel(), change.ravel() ** 2))
 
 
 def _ratio(above: Array, below: Array) -> Array:

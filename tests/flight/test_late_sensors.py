@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
+from scipy.spatial.transform import Rotation
 
 from tests.flight.test_accelerometer_scale import flown
 from wrenchgap.flight.checks.late_sensors import late_sensors
@@ -41,6 +42,27 @@ def test_a_sensor_that_is_later_than_the_other_is_said_with_by_how_much(name, ho
     assert float(found.words.split()[3]) == pytest.approx(
         1e3 / (2 * np.pi * 5.0), abs=3.0
     )  # 8 samples are 32 ms as well
+
+
+def swinging(flight, hertz=12.5, size=6.0):
+    """As a slung load pulls: a motion along x that is alike after every 80 ms."""
+    imu, odometry, rate = flight.imu, flight.odometry, 2.0 * np.pi * hertz
+    pull, speed = np.zeros((len(imu.time), 3)), np.zeros((len(odometry.time), 3))
+    pull[:, 0], speed[:, 0] = size * np.cos(rate * imu.time), size / rate * np.sin(rate * odometry.time)
+    turn = Rotation.from_quat(odometry.quat_EB, scalar_first=True)
+    return replace(
+        flight,
+        imu=replace(imu, specific_force_B=imu.specific_force_B + pull),
+        odometry=replace(odometry, velocity_E=odometry.velocity_E + turn.apply(speed)),
+    )
+
+
+def test_a_sensor_that_is_late_by_a_period_of_what_swings_is_not_taken_for_one_that_is_not():
+    flight = swinging(flown(seconds=60.0, vibration=0.1, tilt=0.02))
+    assert not list(late_sensors(flight, ()))
+    (found,) = late_sensors(shifted(flight, "specific_force_B", samples=20), ())
+    assert found.words.startswith("The accelerometer is ")
+    assert float(found.words.split()[3]) == pytest.approx(80.0, abs=3.0)
 
 
 @pytest.mark.parametrize(
