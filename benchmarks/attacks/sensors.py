@@ -131,6 +131,14 @@ def late(flight: Flight) -> Flight:
     return _imu(flight, "specific_force_B", lambda v: np.roll(v, samples, axis=0))
 
 
+def jumping(flight: Flight) -> Flight:
+    """An IMU whose stamps step by 80 ms in the middle of the flight."""
+    imu = flight.imu
+    assert imu is not None
+    time = imu.time + 0.08 * (imu.time > float(np.mean(imu.time)))
+    return replace(flight, imu=replace(imu, time=time))
+
+
 def copied(folder: Path) -> Outcome:
     """A cut of the training flight, stamped an hour later and in single precision, as the flight to test on."""
     flight = flown()
@@ -193,6 +201,11 @@ ATTACKS = (
         "an accelerometer that is 40 ms late",
         "said, with by how much",
         lambda folder: said(late, "rate", folder, 2.0 * SECONDS),
+    ),
+    Attack(
+        "an IMU whose stamps step by 80 ms in the middle of the flight",
+        "said, with when and by how much",
+        lambda folder: said(jumping, "clock-jump", folder, 3.0 * SECONDS),
     ),
     Attack(
         "a cut of the training flight as the test, other stamps and precision",

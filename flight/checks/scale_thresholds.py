@@ -60,6 +60,10 @@ class ScaleThresholds:
     clearly: float = 0.7
     """Share of what the delay next to zero leaves that another one leaves at most. Half of it finds 20 late sensors of
     36 in place of 22; where any share will do, noise alone moves the delay of hovers by 20 to 90 ms."""
+    settled: float = 1e-4
+    """Step of the search [s] at which it ends."""
+    stepped: float = 0.025
+    """By how much a delay must step in flight [s] to be said: two recorded flights have 10 and 20 ms."""
     plain: float = 0.95
     """Correlation from which on a part shows plainly one motion: its bounds are 1 / 0.95^2 = 1.11 apart."""
     unit: float = 3.0

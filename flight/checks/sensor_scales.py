@@ -91,6 +91,26 @@ def sensor_delay(flight: Flight, sensor: Sensor) -> tuple[float, float] | None:
     return (delay, float(np.sqrt((count - 1) * np.var(known)))) if len(known) == count else None
 
 
+def delay_step(flight: Flight) -> tuple[float, float] | None:
+    """From when on [s], and by how much [s], the odometry is later behind the gyroscope than before; None if it is not.
+
+    Two means of delays by block, by Student's t, which for so few is sqrt(n log(1 + t^2 / n)) standard deviations of a
+    Gaussian with n degrees of freedom (Wallace 1959).
+    """
+    every = [(float(block.time[0]), _delay([block])) for block in _blocks(flight, "gyroscope")]
+    known = np.array([(time, delay) for time, delay in every if delay is not None]).reshape(-1, 2)
+    most, found, degrees = SCALE.certain, None, len(known) - 2
+    for k in range(2, degrees + 1):
+        before, after = known[:k, 1], known[k:, 1]
+        step = float(np.mean(after) - np.mean(before))
+        variance = (np.var(before) * len(before) + np.var(after) * len(after)) / degrees + SCALE.settled**2
+        t2 = step**2 / (variance * (1.0 / len(before) + 1.0 / len(after)))
+        certain = float(np.sqrt(degrees * np.log1p(t2 / degrees)))
+        if abs(step) > SCALE.stepped and certain > most:
+            most, found = certain, (float(known[k, 0]), step)
+    return found
+
+
 def _blocks(flight: Flight, sensor: Sensor) -> list[_Block]:
     """Those that can be compared; none where odometry or IMU are missing, too slow, or too short."""
     odometry, imu = flight.odometry, flight.imu
@@ -210,7 +230,7 @@ def _minimum(blocks: Sequence[_Block], shift: float) -> float | None:
         shift += step
         if abs(shift) > SCALE.longest_delay:
             return None
-        if abs(step) < 1e-4:
+        if abs(step) < SCALE.settled:
             break
     return shift
 

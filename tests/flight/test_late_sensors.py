@@ -1,5 +1,6 @@
 """One sensor of the IMU behind a low-pass or a clock that the other lacks, on a motion in closed form."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from tests.flight.test_accelerometer_scale import flown
 from wrenchgap.flight.checks.late_sensors import late_sensors
+from wrenchgap.flight.flight import ImuSeries
+from wrenchgap.flight.stamps import gaps_of
 
 RATE = 250.0
 SENSORS = {"omega_B": ("gyroscope", "torques"), "specific_force_B": ("accelerometer", "forces")}
@@ -42,6 +45,21 @@ def test_a_sensor_that_is_later_than_the_other_is_said_with_by_how_much(name, ho
     assert float(found.words.split()[3]) == pytest.approx(
         1e3 / (2 * np.pi * 5.0), abs=3.0
     )  # 8 samples are 32 ms as well
+
+
+@pytest.mark.parametrize("step", [0.08, -0.08, 0.04])
+def test_stamps_that_step_in_flight_are_said_with_when_and_by_how_much(step):
+    flight = flown(seconds=60.0)
+    imu = flight.imu
+    time = imu.time + step * (imu.time > 36.0)
+    kept = (imu.time <= 36.0) | (time > 36.0)  # a reader keeps the order of stamps
+    stepped = ImuSeries("/imu", time[kept], imu.omega_B[kept], imu.specific_force_B[kept], gaps=gaps_of(time[kept]))
+    (found,) = late_sensors(replace(flight, imu=stepped), ())
+    assert (found.name, found.level) == ("clock-jump", "warn")
+    said = re.match(r"From about (\d+) s on the IMU's stamps are (\d+) ms (later|earlier) than before", found.words)
+    assert float(said[1]) == pytest.approx(36.0, abs=8.0)  # a block
+    assert float(said[2]) == pytest.approx(1e3 * abs(step), abs=8.0)
+    assert said[3] == ("later" if step > 0.0 else "earlier")
 
 
 def swinging(flight, hertz=12.5, size=6.0):
