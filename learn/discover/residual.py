@@ -25,7 +25,7 @@ from wrenchgap.learn.discover.settings import SETTINGS
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.explain import Explanation
-from wrenchgap.learn.posterior.single_effects import uncertain
+from wrenchgap.learn.posterior.single_effects import uncertain_effects
 from wrenchgap.plant import effects, own_effects
 from wrenchgap.plant.model import Model
 
@@ -88,7 +88,7 @@ class Residual:
         """Where commands answer on axes of `data`, what they could have made is no evidence."""
         self.data, self.explanation, self.given, self.model = data, explanation, model, explanation.model
         self.left = np.nan_to_num(left_by(data, self.model))
-        named = [uncertain(data, self.model, e) for e in self.model.effects]
+        named = uncertain_effects(data, self.model)
         self.numbers = constants(model.vehicle, _volts(data))
         answered = bool(explanation.answering) and not data.answering  # and nothing of that is taken off here
         some = [a for a in atoms(model.vehicle) if not (answered and a.commanded)]
