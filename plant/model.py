@@ -87,6 +87,11 @@ class Model:
         """The model without tolerances, for changes of a vehicle since its numbers were measured."""
         return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 
+    @property
+    def with_known_thrust(self) -> Self:
+        """The model without a tolerance of its thrust, which then is an effect's and not granted."""
+        return replace(self, vehicle=replace(self.vehicle, tolerances=replace(self.vehicle.tolerances, thrust=None)))
+
     def effect(self, name: str) -> ModelEffect | None:
         """The effect of this name, None if the model does not have it."""
         return next((e for e in self.effects if e.name == name), None)

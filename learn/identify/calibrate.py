@@ -144,6 +144,7 @@ def calibrate(
     report = progress or silent
     refuse_seen([f.flight for f in flights], [f.flight for f in unseen])
     report(0.0, "timing of the topics")
+    model = model.with_known_thrust
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
     timing = [timing_of(f, model) for f in flights]
     data = dataset([r for f in flights for r in f.records], model, unfollowed_axes(timing))

@@ -67,6 +67,13 @@ def test_a_weak_rotor_is_seen_beside_them(hovers):
     assert np.abs(found.theta[[0, 1, 3]] / found.std[[0, 1, 3]]).max() < 3.0
 
 
+def test_calibration_finds_the_thrust_that_is_granted_elsewhere():
+    cases = [Case(f"c{k}", seed=71 + k, seconds=24.0, excited=0.3, blades=(LESS,) * 4) for k in range(2)]
+    found = wg.calibrate(wg.open_flights(fly(cases), unsure(thrust=0.15)), unsure(thrust=0.15))
+    scale = next(one for one in found.trimmed if one.effect == "thrust_scale")
+    assert scale.value == pytest.approx(LESS - 1.0, abs=0.01)
+
+
 def test_thrust_that_is_asked_for_is_not_granted_besides(hovers):
     """`add thrust_scale` and `calibrate` have all of it; a model that was told better by a flight grants none."""
     model = unsure(thrust=0.15)
