@@ -180,7 +180,8 @@ class _Block:
         shown = np.diff(self.shown[ends], axis=0)[0]
         when = self.time[start]
         part = np.minimum(((when - when[0]) / SCALE.part).astype(int), self.parts - 1)
-        return Windows(_straightened(when, shown), _straightened(when, read), _straightened(when, change), part)
+        straight = _straightened(when, np.concatenate((shown, read, change), axis=1))
+        return Windows(straight[:, :3], straight[:, 3:6], straight[:, 6:], part)
 
 
 def _turns(odometry: OdometrySeries, rows: slice, every: int) -> tuple[Array, Array]:
@@ -203,9 +204,10 @@ def _pushes(odometry: OdometrySeries, rows: slice, every: int) -> tuple[Array, A
 
 
 def _straightened(time: Array, values: Array) -> Array:
-    """Values (K, 3) without their mean and slope over time: a bias, and its drift."""
-    lever = np.stack((np.ones_like(time), time - time.mean()), axis=1)
-    return np.asarray(values - lever @ np.linalg.lstsq(lever, values, rcond=None)[0])
+    """Values (K, C) without their mean and slope over time: a bias, and its drift."""
+    lever = time - np.mean(time)
+    slope = lever @ values / np.maximum(lever @ lever, 1e-30)
+    return np.asarray(values - np.mean(values, axis=0) - np.outer(lever, slope))
 
 
 def _delay(blocks: Sequence[_Block]) -> float | None:
