@@ -10,7 +10,7 @@ from wrenchgap import load_model
 from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.data.phases.ground import contact
+from wrenchgap.learn.data.phases.ground import contact, grounded
 from wrenchgap.learn.data.phases.phase import NAMES, Phase, Signals, phase_names, used_samples
 
 
@@ -152,6 +152,22 @@ def test_what_moves_with_turning_rotors_is_not_held(pushed, speed, touches):
     part = Signals(time, 0.02, pushed * up, up, pushed * up, up, still, still, np.full(len(time), speed), vertical=True)
     assert contact(part, 1.0).all() == touches
     assert contact(part, 1.0).any() == touches
+
+
+@pytest.mark.parametrize("cut", [[], [230], [230, 400]])
+def test_a_crash_goes_on_behind_a_gap(cut):
+    """From 4 s on it hangs upside down in a tree, and the rotors push on; the log has gaps at 4.6 and 8 s."""
+    time = np.arange(0.0, 12.0, 0.02)
+    up = np.tile([0.0, 0.0, 1.0], (len(time), 1))
+    felt = np.where(time[:, None] < 4.0, up, -up)
+    still, turning = np.zeros(len(time)), np.full(len(time), 3.0)
+    parts = [
+        Signals(t, 0.02, u, f, u, f, r, s, s + 5.0, vertical=True)
+        for t, u, f, r, s in zip(*(np.split(v, cut) for v in (time, up, felt, turning, still)), strict=True)
+    ]
+    (crash,) = [p for p in grounded(parts, 1.0) if p.name == "crash"]
+    assert crash.start == pytest.approx(4.0, abs=0.3)
+    assert crash.stop == pytest.approx(time[-1])
 
 
 def test_names_of_phases():

@@ -72,9 +72,16 @@ def grounded(seen: Sequence[Signals], clear: float) -> list[Phase]:
         on = [contact(part, scale) for part in seen]
         air = np.concatenate([part.spikes(scale)[~flags] for part, flags in zip(seen, on, strict=True)])
         usual = 0.0 if len(air) == 0 else float(np.percentile(air, 25.0))
+        crash: Phase | None = None  # that the end of the stretch before cut off
         for part, flags in zip(seen, on, strict=True):
             lost = crashes(part, flags, scale, usual)
+            if crash is not None and not flags[0]:
+                landed = int(np.argmax(flags)) if flags.any() else len(flags)
+                found.remove(crash)
+                crash = replace(crash, stop=float(part.time[_end_of_rest(flags, landed) - 1]))
+                lost = [crash, *(p for p in lost if not within(p, [crash]))]
             found += [p for p in ground(part, flags, clear) if not within(p, lost)] + lost
+            crash = next((p for p in lost if p.name == "crash" and p.stop >= part.time[-1]), None)
     return found
 
 
