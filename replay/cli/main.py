@@ -133,13 +133,23 @@ def _code(error: BaseException) -> int:
     return getattr(error, "code", 130)  # that of its signal
 
 
+PLAIN = {
+    "Value error, ": "",
+    "Input should be a valid number, unable to parse string as a number": "expected a number without its unit",
+    "Input should be a valid integer, unable to parse string as an integer": "expected a whole number",
+}
+"""What pydantic, which checks typer's options, says, and what a user reads."""
+
+
 def _usage(error: Any) -> int:
     ctx = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":
         sys.stdout.write(f"{error.format_message()}\n" if ctx is None else ctx.get_help() + "\n")
         return 2
     where = NAME if ctx is None else ctx.command_path
-    words = error.format_message().replace("Value error, ", "", 1)  # pydantic's, of typer's own check of choices
+    words = error.format_message()
+    for theirs, ours in PLAIN.items():
+        words = words.replace(theirs, ours, 1)
     say(f"{words.rstrip('.')}; see `{where} --help`")
     return 2
 

@@ -61,7 +61,7 @@ YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
 """What to look for where the motors of one turning direction work harder."""
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment")
 """Those of which a model that lacks them says that something is to be looked at."""
-NOTHING = "These flights ask for no inspection; a change smaller than those listed here would not show."
+NOTHING = "Nothing is established that asks for an inspection; a change smaller than those listed here would not show."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "
