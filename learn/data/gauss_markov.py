@@ -30,8 +30,6 @@ TIMES = np.geomspace(BLOCK, 30.0, 12)
 """Correlation times [s]: from one block to that of turbulence of 150 m in 5 m/s of wind. What is slower is constant."""
 WHITE = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.99])
 """Shares r of the variance that change from block to block."""
-LONGEST = 60.0
-"""Stretches [s] are cut into pieces of no more: work goes with the cube of it."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +69,9 @@ def gauss_markov(stretches: Sequence[tuple[Array, float]]) -> GaussMarkov:
     return GaussMarkov(weights / weights.sum(axis=(1, 2), keepdims=True), b / a, 1.0 / a, q, count)
 
 
-def pieces(values: Array, dt: float) -> list[Array]:
-    """Of at most `LONGEST` of values (K, L), `dt` [s] apart."""
-    return np.array_split(values, max(1, int(np.ceil(len(values) * dt / LONGEST))))
+def pieces(values: Array, dt: float, longest: float = 60.0) -> list[Array]:
+    """Of at most `longest` [s] of values (K, L), `dt` [s] apart: work goes with the cube of it."""
+    return np.array_split(values, max(1, int(np.ceil(len(values) * dt / longest))))
 
 
 def block_means(values: Array, dt: float) -> tuple[Array, float]:

@@ -23,8 +23,6 @@ ACCELEROMETER_BIAS = 0.05
 """Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
 
 
-FAR = 5.0
-"""Standard deviations beyond which nothing that is granted goes."""
 WORTH = 2.0
 """Flights that the typical values are worth, where few flights say how much they differ."""
 ROTOR, PLACE, AIR = 0.01, 0.02, 0.015
@@ -55,9 +53,9 @@ class Trim:
         return out
 
 
-def trim_of(model: Model) -> Trim:
+def trim_of(model: Model, far: float = 5.0) -> Trim:
     """Of flights of this model's vehicle: force as an acceleration [m/s^2], and torque [Nm] where flights differ or
-    rotors' axes are unsure. No flight is beyond `FAR` standard deviations of that.
+    rotors' axes are unsure. No flight is beyond `far` standard deviations of that.
     """  # noqa: D205
     mass = model.vehicle.body.mass
     scatter = np.zeros(6) if model.between_flights is None else np.array(model.between_flights)
@@ -68,7 +66,7 @@ def trim_of(model: Model) -> Trim:
         np.concatenate((np.arange(3), turned)),
         np.concatenate((np.full(3, mass), np.ones(len(turned)))),
         np.concatenate((np.hypot(0.5 * bias, scatter[:3] / mass), scatter[turned])),
-        np.concatenate((bias + FAR * scatter[:3] / mass, FAR * scatter[turned])),
+        np.concatenate((bias + far * scatter[:3] / mass, far * scatter[turned])),
     )
 
 

@@ -13,7 +13,7 @@ from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.gauss_markov import block_means, gauss_markov, pieces
 from wrenchgap.learn.identify.air import awake
-from wrenchgap.learn.identify.bias_and_trim import FAR, trim_of, unsure_thrust
+from wrenchgap.learn.identify.bias_and_trim import trim_of, unsure_thrust
 from wrenchgap.plant.effects import Parameter, find, is_air
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model
@@ -118,7 +118,8 @@ class Problem:
         thrust = np.full(1, unsure_thrust(model, names))
         self.thrust = thrust[thrust > 0.0]
         limit, usual = (np.tile(v, self.flights) for v in (self.trim.limit, self.trim.scale))
-        limit, usual = np.concatenate((limit, FAR * self.thrust)), np.concatenate((usual, self.thrust))
+        unlimited = np.full(self.thrust.size, np.inf)
+        limit, usual = np.concatenate((limit, unlimited)), np.concatenate((usual, self.thrust))
         self.low = np.concatenate(([p.low for _, p in self.parameters], -limit))
         self.high = np.concatenate(([p.high for _, p in self.parameters], limit))
         self.scale = np.concatenate(([p.scale for _, p in self.parameters], usual))
