@@ -144,7 +144,7 @@ def calibrate(
     report = progress or silent
     refuse_seen([f.flight for f in flights], [f.flight for f in unseen])
     report(0.0, "timing of the topics")
-    model = model.with_known_thrust
+    given, model = model, model.with_known_thrust
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
     timing = [timing_of(f, model) for f in flights]
     data = dataset([r for f in flights for r in f.records], model, unfollowed_axes(timing))
@@ -158,7 +158,7 @@ def calibrate(
     if not chosen:
         rows = _by_flight(data, start)
         return Calibration(
-            model, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights), following
+            given, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights), following
         )
     report(0.9, "flight by flight")
     fitted = search.fit
@@ -171,7 +171,7 @@ def calibrate(
     end = held_out(data, bare, chosen, fitted)
     before, after = _by_flight(data, start), _by_flight(data, end)
     tested = _unseen(unseen, model, added.model)
-    return Calibration(model, added, tried, trimmed, names, before, after, tested, tuple(flights), following)
+    return Calibration(given, added, tried, trimmed, names, before, after, tested, tuple(flights), following)
 
 
 def _reason(name: str, model: Model, flights: Sequence[OpenFlight], following: Sequence[int]) -> Untried | None:
