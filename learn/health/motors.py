@@ -31,7 +31,7 @@ class MotorThresholds:
     """Share of the squared deviations that one shape explains, from which on the others are not needed."""
     beside_yaw: float = 0.07
     """Deviation of a motor's thrust from the mean of those that turn its way, beyond which a yaw bias is not all: up to
-    6 % on five healthy Crazyflies, 8 % with 3 mm cut off both blades."""
+    6 % on five healthy Crazyflies, 8 % with 3 mm cut off one blade."""
     saturated: float = 0.01
     """Share of the time in the air at the largest command that is worth a word."""
     often: float = 0.1

@@ -14,7 +14,7 @@ from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.bias_and_trim import between_flights
-from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
+from wrenchgap.learn.identify.fit import Fit, fit, held_out_as_added, with_fit
 from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
@@ -137,8 +137,8 @@ def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, bare: 
     The accelerometer's bias is estimated on both sides. `t` is the paired t over the blocks' weighted squared errors.
     """
     try:
-        before = held_out(data, model, (), fit(data, model, ()))
-        after = held_out(data, bare or model, names, fitted)
+        before = held_out_as_added(data, model, (), fit(data, model, ()))
+        after = held_out_as_added(data, bare or model, names, fitted)
     except FitError:  # too short to hold anything out
         return None
     gain = by_block(data.block, weighted(before**2 - after**2, data.weights**2).sum(axis=1))

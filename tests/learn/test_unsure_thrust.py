@@ -9,6 +9,7 @@ import wrenchgap as wg
 from tests.independent.flown_quadrotor import MASS, MODEL, PLACES, Case, fly
 from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.identify.add import trial
 from wrenchgap.learn.identify.bias_and_trim import twist_of_axes
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import left_by
@@ -72,6 +73,17 @@ def test_calibration_finds_the_thrust_that_is_granted_elsewhere():
     found = wg.calibrate(wg.open_flights(fly(cases), unsure(thrust=0.15)), unsure(thrust=0.15))
     scale = next(one for one in found.trimmed if one.effect == "thrust_scale")
     assert scale.value == pytest.approx(LESS - 1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("name", "left"), [("thrust_scale", 0.1), ("com_offset", 1.0)])
+def test_the_error_falls_by_what_the_added_model_has_and_not_by_what_was_granted(hovers, name, left):
+    """In hover the command is larger than the weight by as much as thrust is missing."""
+    model = unsure(thrust=0.15)
+    data = dataset(hovers[0], model)
+    found = trial(data, model, [name], fit(data, model, [name]))
+    missing = (1.0 / LESS - 1.0) * MASS * GRAVITY
+    assert found.before[2] == pytest.approx(missing, rel=0.1)  # less 5 mg, an accelerometer's own
+    assert found.after[2] == pytest.approx(left * missing, abs=0.1 * missing)
 
 
 def test_thrust_that_is_asked_for_is_not_granted_besides(hovers):
