@@ -1,11 +1,11 @@
 """What `explain` says of real Crazyflies with the shipped model, as it is and with a thrust that counts as exact.
 
-    python -m benchmarks.uncalibrated FOLDER [--tolerances 1]
+    python -m benchmarks.uncalibrated FOLDER [--tolerances 0 1]
 
 FOLDER holds flights named as CrazyPAD names them (`benchmarks.real_defects`). Nobody calibrated the model for them, so
 that its thrust and its yaw trim are off; of a rotor that is not in a flight's name nothing is wrong. Printed is in how
-many flights what was said, firm or not: one line for the model as exact, one for it with its tolerances of thrust and
-thrust axes times a factor.
+many flights what was said, firm or not, for each factor of the model's tolerances of thrust and thrust axes; at zero
+both count as exact.
 """
 
 import argparse
@@ -47,11 +47,11 @@ def main() -> None:
     """Print the counts."""
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--tolerances", type=float, default=1.0)
+    parser.add_argument("--tolerances", type=float, nargs="+", default=(0.0, 1.0))
     options = parser.parse_args()
     model = wg.load_model("crazyflie")
     paths = sorted(options.folder.glob("*.mcap"))
-    for words, factor in (("exact", 0.0), (f"tolerances times {options.tolerances:g}", options.tolerances)):
+    for factor in options.tolerances:
         own = with_tolerances(model, factor)
         kinds: dict[str, Counter[str]] = {"cut": Counter(), "others": Counter()}
         for path in paths:
@@ -61,7 +61,7 @@ def main() -> None:
         for kind, counts in kinds.items():
             count = sum(case_of(path).startswith("cut") == (kind == "cut") for path in paths)
             listed = "; ".join(f"{what} {number}" for what, number in sorted(counts.items()))
-            print(f"{words}, {count} flights, {kind}: {listed}", flush=True)
+            print(f"tolerances times {factor:g}, {count} flights, {kind}: {listed}", flush=True)
 
 
 if __name__ == "__main__":
