@@ -5,7 +5,7 @@ computed: only a model knows what its error would be (`wrenchgap design` compute
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -186,10 +186,11 @@ def settings_of(autopilot: Autopilot | None, answers: Iterable[Answer], names: I
     fast = autopilot is not None and autopilot.name == "ArduPilot"  # PX4 and cflib log no IMU fast enough for rotors
     rates = {Lack.ANY, Lack.MOTORS, Lack.COMMANDS, Lack.IMU} | ({Lack.ROTORS} if fast else set())
     slow = any(answer.lack in rates for answer in answers)
-    return tuple(_settings(autopilot, list(names))) if slow else ()
+    return tuple(logger_settings(autopilot, list(names))) if slow else ()
 
 
-def _settings(autopilot: Autopilot | None, names: list[str]) -> Iterator[Setting]:
+def logger_settings(autopilot: Autopilot | None, names: Sequence[str] = ()) -> Iterator[Setting]:
+    """What logs motor commands and the IMU faster; `names` of topics and columns tell a Crazyflie."""
     if autopilot is None:
         if not any(re.search(r"\bmotor[._](motor_)?m1\b", name) for name in names):  # else it is a matter of reading it
             crazyflie = any(re.search(r"(^|/)(cf|crazyflie)\d*(/|$)", name) for name in names)

@@ -6,10 +6,12 @@ from typing import Any
 from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.candidates import Lack
 from wrenchgap.learn.data.input_errors import input_error_notes
+from wrenchgap.learn.health.answers import logger_settings
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Recovery
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.present import statements
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import entries, number, size_in_words, unit, user_name
 from wrenchgap.replay.present.tables import Line
@@ -56,10 +58,11 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     could_not += [f"{name} (too weak here)" for name, instead in alike.items() if not instead]
     could_not += [f"{name} (not excited)" for name in lacking]
     unlike = [f"{name} from {instead}" for name, instead in alike.items() if instead]
-    more = list(dict.fromkeys(find(name).excited_by for name in lacking))[:most_flown]
-    advice = [f"fly with {'; with '.join(more)}"] if more else []
-    if any(input_error_notes(f.flight.name, f.records) for f in found.flights):
-        advice.insert(0, "log the commands at the rate of the loop")
+    slow = [f.flight for f in found.flights if input_error_notes(f.flight.name, f.records)]
+    settings = [statements.setting(one) for f in slow[:1] if f.autopilot for one in logger_settings(f.autopilot)]
+    settings += ["log the commands at the rate of the loop"] * bool(slow and not settings)
+    advice = [f"{words[0].lower()}{words[1:]}" for words in settings]
+    advice += [f"for {name} fly {find(name).excited_by}" for name in lacking[:most_flown]]
     return (
         f"Would have been shown{unchecked}: {_listed(would, most_shown)}." if would else "",
         f"Could not have been shown: {_listed(could_not, most_hidden)}." if could_not else "",

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from wrenchgap.flight.flight import AXES
@@ -17,6 +18,7 @@ from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_f
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     by_axis,
+    certainty,
     entries,
     number,
     parameter_rows,
@@ -80,8 +82,7 @@ def summary(found: Explanation) -> str:
 def answer(found: Explanation) -> list[str]:
     """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
     names, by = posterior.members_in_words(found)
-    groups = "; ".join(map(in_words, found.groups))
-    alike = f"Indistinguishable on these logs: {groups}." if groups else ""
+    alike = " ".join(map(partial(fitted_effects.either, found), found.groups))
     match found.verdict:
         case Verdict.NOTHING:
             said = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
@@ -94,8 +95,13 @@ def answer(found: Explanation) -> list[str]:
             none = "Something is missing, but no effect of the catalogue explains it."
             said = [none, alike, posterior.residual_causes(found)]
         case Verdict.GROUP:
-            first = f"{by('Explained')} {names}."
-            said = [alike, f"As one of them: {first[0].lower()}{first[1:]}"]
+            grouped = {name for group in found.groups for name in group[0].split(" + ")}
+            beside = [m for m in found.members if m.name not in grouped]
+            certain = posterior.confidence(found, found.members[0])
+            said = [alike, f"That it is one of them: {certain}."]
+            if beside:
+                listed, by = posterior.members_in_words(found, beside)
+                said.append(f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}.")
         case _:
             said = [f"{by('Explained')} {names}.", alike]
     return [text for text in (*said, posterior.large_residual(found), posterior.largest_residual(found)) if text]
@@ -111,13 +117,6 @@ def evidence(found: Explanation) -> list[str]:
     return [text for text in (*said, posterior.answered(found), *granted_thrust(found.fit, found.model)) if text]
 
 
-def in_words(group: Sequence[str], most: int = 3) -> str:
-    """What cannot be told apart; of many, the likeliest."""
-    more = len(group) - most
-    rest = [f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] if more > 0 else []
-    return " or ".join([*group[:most], *rest])
-
-
 def what_next(
     found: Explanation, model: str, paths: Sequence[str], options: str = "", to_design: str = ""
 ) -> list[Line]:
@@ -126,8 +125,12 @@ def what_next(
     `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
     space before them.
     """
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
+    designs = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
+    changed = f"wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}"
+    healthy = "with a flight from before, or of a healthy vehicle of the kind"
+    out = [f"{healthy}: {changed}"] if found.verdict is Verdict.GROUP else []
+    out += designs
     thrust = ["thrust_scale"] * found.fit.thrust.size  # that is granted to `explain`; a model that is to fly has it
     add = f"wrenchgap add {' '.join([*found.effects, *thrust])} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
@@ -138,7 +141,7 @@ def what_next(
     elif found.effects:
         out.append(f"next: {add}")
     elif not posterior.is_nothing_missing(found):
-        out.append(f"next: wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}")
+        out.append(f"next: {changed}")
     return [Line(text) for text in out]
 
 
@@ -172,7 +175,7 @@ def members(found: Explanation) -> Table:
         group = ", ".join(f"{r.name} ({share(r.weight)}{p})" for r, p in zip(m.alike, places, strict=True))
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
-        sure = f"{100 * found.confidence(m):.0f} %"
+        sure = certainty(found.confidence(m))
         rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far))
     return table("named", ("effect", "confidence", "share", "t", "group", "nearest other"), rows, texts=(-2, -1))
 

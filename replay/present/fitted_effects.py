@@ -8,13 +8,17 @@ import numpy as np
 from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.plant import Model, Vehicle
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.present.numbers import quantity, size_in_words, user_name
+from wrenchgap.replay.present.numbers import share, size_in_words, user_name, with_std
 
 PLURAL = ("the motors", "the tilt servos")
 """Subjects of more than one thing."""
+DIFFERENT = "different from the model file's"
+"""Of effects that have no words of their own."""
 
 
 @dataclass(frozen=True)
@@ -52,26 +56,68 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     if not found:
         return ""
     one = found[0]
-    verb = f"{one.subject[:1].upper()}{one.subject[1:]} {'are' if one.subject in PLURAL else 'is'} {one.is_so}"
-    return f"{'Largest: ' if len(found) > 1 else ''}{verb} ({one.values})."
+    clause = _clause(one)
+    return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 
 
-def _in_words(effect: ModelEffect, vehicle: Vehicle, prominent: float = 0.3) -> FittedEffect:
-    """An effect in words; a further value of it is said from `prominent` times the largest on, or its typical size."""
-    parameters, stds = effect.effect.parameters(vehicle), effect.std if effect.std is not None else effect.theta
+def either(found: Explanation, group: Sequence[str], most: int = 3) -> str:
+    """What cannot be told apart, each in a pilot's words with its size and its weight; of many the likeliest."""
+    vehicle, place = found.model.vehicle, tuple(group[0].split(" + "))
+    rivals = {r.names: r for m in found.members for r in m.alike if r.members == place}
+    certain = min(found.confidence(m) for m in found.members if m.name in place)
+    own = [e for e in found.fit.effects if e.name in place]
+    said = [together(own, vehicle, share(certain - sum(r.weight for r in rivals.values())))]
+    for names, rival in rivals.items():
+        having = (s for s in found.posterior.sets if set(names) <= set(s.names) and not set(place) & set(s.names))
+        theta = next((s.theta(found.model) for s in having), {})
+        effects = [ModelEffect(find(name), theta[name]) for name in names if name in theta]
+        words = together(effects, vehicle, share(rival.weight))
+        said.append(words if len(effects) == len(names) else f"{rival.name} ({share(rival.weight)})")
+    more = len(said) - most
+    listed = said[:most] + ([f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] * (more > 0))
+    flights = "this flight" if len(found.flights) == 1 else "these flights"
+    return f"Either {', or '.join(listed)}: {flights} cannot tell which."
+
+
+def together(effects: Sequence[ModelEffect], vehicle: Vehicle, weight: str) -> str:
+    """What one or two effects say together as a clause, with their values and a weight; of more, or of two without
+    words of their own, the names alone.
+    """  # noqa: D205
+    found = [_in_words(one, vehicle, stds=True) for one in effects]
+    wordless = any(one.is_so in ("", DIFFERENT) for one in found)
+    if len(effects) > 2 or (len(effects) == 2 and wordless):
+        return f"{' + '.join(one.name for one in effects)} ({weight})"
+    if wordless:
+        return f"{found[0].values} ({weight})"
+    return f"{' and '.join(map(_clause, found))} ({' + '.join(one.values for one in found)}, {weight})"
+
+
+def _clause(one: FittedEffect) -> str:
+    return f"{one.subject} {'are' if one.subject in PLURAL else 'is'} {one.is_so}"
+
+
+def _in_words(effect: ModelEffect, vehicle: Vehicle, *, stds: bool = False, prominent: float = 0.3) -> FittedEffect:
+    """An effect in words, its values with their standard deviations where `stds`; a further value of it is said from
+    `prominent` times the largest on, or its typical size.
+    """  # noqa: D205
+    parameters, std = (
+        effect.effect.parameters(vehicle),
+        np.zeros(len(effect.theta)) if effect.std is None else effect.std,
+    )
     sizes = {
         p.name: abs(value) / p.scale
-        for p, value, std in zip(parameters, effect.theta, stds, strict=True)
-        if abs(value) > SIGNIFICANCE.alone * std
+        for p, value, one in zip(parameters, effect.theta, std, strict=True)
+        if abs(value) > SIGNIFICANCE.alone * one
     }
     clearest = sorted(sizes, key=lambda name: -sizes[name])
-    values = [Value(p.name, v, None, p.unit) for p, v in zip(parameters, effect.theta.tolist(), strict=True)]
+    rows = zip(parameters, effect.theta.tolist(), std.tolist(), strict=True)
+    values = [Value(p.name, v, one if stds else None, p.unit) for p, v, one in rows]
     by = {v.name: v for v in values if v.name in sizes}
     largest = sizes[clearest[0]] if clearest else 0.0
     said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, prominent * largest)]
-    listed = ", ".join(f"{user_name(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in said)
+    listed = ", ".join(f"{user_name(v.name, vehicle)} {with_std(v)}" for v in said)
     subject, is_so = _words(effect.name, by, clearest, vehicle) if clearest else ("", "")
-    return FittedEffect(subject, is_so, f"{effect.name} {listed}", largest)
+    return FittedEffect(subject, is_so, f"{effect.name} {listed}".rstrip(), largest)
 
 
 def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle: Vehicle) -> tuple[str, str]:
@@ -103,4 +149,4 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
             return PLURAL[0 if name == "motor_lag" else 1], f"{size} slower"
         case "command_delay":
             return "what is commanded", f"{size} late"
-    return name.replace("_", " "), "different from the model file's"
+    return name.replace("_", " "), DIFFERENT

@@ -1,5 +1,6 @@
 """How a number is printed: the one place that decides digits, signs, units and per cent."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
@@ -50,6 +51,11 @@ def share(value: float) -> str:
     return _per_cent(value, 0.095) if np.isfinite(value) else "-"
 
 
+def certainty(probability: float) -> str:
+    """How sure a name is, in whole per cent, never rounded up to what is firm."""
+    return f"{math.floor(100.0 * probability)} %"
+
+
 def _per_cent(value: float, whole: float, sign: str = "") -> str:
     """Whole per cent from the share `whole` on, a digit more below; of less than a tenth of a per cent its bound."""
     if 0 < abs(value) < 5e-4:
@@ -77,6 +83,11 @@ def unit(name: str) -> str:
 def quantity(value: float, unit_name: str, digits: int = 3) -> str:
     """A number with its unit."""
     return f"{number(value, digits)} {unit(unit_name)}".rstrip()
+
+
+def with_std(v: Value) -> str:
+    """A value with its unit, and its standard deviation where it has one."""
+    return quantity(v.value, v.unit) if not v.std else f"{number(v.value)} +- {quantity(v.std, v.unit, 2)}"
 
 
 SCALED = {"1": (100.0, "%"), "rad": (180.0 / np.pi, "deg")}

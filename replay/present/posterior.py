@@ -20,7 +20,7 @@ from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import where
-from wrenchgap.replay.present.numbers import number, quantity, share, unit_of, user_name
+from wrenchgap.replay.present.numbers import certainty, quantity, share, unit_of, user_name, with_std
 from wrenchgap.replay.present.tables import Line
 
 LIGHT = 0.02
@@ -223,20 +223,18 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> st
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
     if not shown:
         return name
-    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {_with_std(v)}' for v in shown)})"
+    limit = "; at the limit of what is plausible" if name in fit.stuck else ""
+    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {with_std(v)}' for v in shown)}{limit})"
 
 
-def _with_std(v: Value) -> str:
-    return quantity(v.value, v.unit) if not v.std else f"{number(v.value)} +- {quantity(v.std, v.unit, 2)}"
-
-
-def members_in_words(found: Explanation) -> tuple[str, Callable[[str], str]]:
-    """The named effects, those that are sure (`SearchSettings.firm`) first with their sizes, the others without where
-    one is sure; and what makes of a word, "Explained", how strongly it is said: "Explained by", or "Perhaps explained
-    by".
+def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
+    """The named effects, or these of them, those that are sure (`SearchSettings.firm`) first with their sizes, the
+    others without where one is sure; and what makes of a word, "Explained", how strongly it is said: "Explained by", or
+    "Perhaps explained by".
     """  # noqa: D205
-    sure = [m for m in found.members if found.confidence(m) >= DEFAULT.firm]
-    others = [m for m in found.members if m not in sure]
+    members = found.members if members is None else members
+    sure = [m for m in members if found.confidence(m) >= DEFAULT.firm]
+    others = [m for m in members if m not in sure]
     sized = " and ".join(
         f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in sure or others
     )
@@ -247,7 +245,7 @@ def members_in_words(found: Explanation) -> tuple[str, Callable[[str], str]]:
 
 def confidence(found: Explanation, member: Member) -> str:
     """How sure a name is."""
-    return f"confidence {100 * found.confidence(member):.0f} %"
+    return f"confidence {certainty(found.confidence(member))}"
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:

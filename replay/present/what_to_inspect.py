@@ -1,6 +1,6 @@
 """What to look at on the vehicle after something was found: a sentence for each effect, in the user's names."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,6 @@ from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
-from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.present.numbers import number, quantity, share, size_in_words
 
@@ -114,7 +113,15 @@ def of_explanation(found: Explanation) -> list[str]:
     constant = next((m for m in found.members if m.name == "constant_wrench"), None)
     if constant is not None:
         logs = [f.flight.autopilot for f in found.flights]
-        out += _of_constant(found.fit.values(constant.name), vehicle, found.confidence(constant), trim(logs))
+        named = {name for one in found.posterior.sets for name in one.names}
+        by = {
+            v.name: v.value
+            for v in found.fit.values(constant.name)
+            if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)
+        }
+        would = "makes" if found.confidence(constant) >= DEFAULT.firm else "would make"
+        causes = _causes(by, vehicle, trim(logs), named)
+        out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
     return out
 
 
@@ -136,16 +143,6 @@ def trim(logs: Sequence[Autopilot | None]) -> str:
     return ""
 
 
-def _of_constant(values: Sequence[Value], vehicle: Vehicle, confidence: float, mounting: str) -> list[str]:
-    """What a constant wrench is in a pilot's words, where it is no zero; as sure as it is itself."""
-    by = {v.name: v.value for v in values if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)}
-    causes = _causes(by, vehicle, mounting)
-    said = "What makes such a constant wrench"
-    if confidence < DEFAULT.firm:
-        said = f"Less sure (confidence {100 * confidence:.0f} %), what makes such a constant wrench"
-    return [f"{said}: {'; '.join(causes)}."] if causes else []
-
-
 def _of_constant_change(found: Changed) -> list[str]:
     """The same of a constant wrench that changed, on axes where it is beyond chance, and of the thrust."""
     by = {p.name: p.change for p in constant_changes(found)}
@@ -163,16 +160,23 @@ def constant_changes(found: Changed) -> list[Size]:
     return sorted(clear, key=lambda p: -p.significance)
 
 
-def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
+def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "", named: Collection[str] = ()) -> list[str]:
     """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it.
 
-    `mounting` is what the logs say of the autopilot's.
+    `mounting` is what the logs say of the autopilot's; effects `named` in its place are no causes of it.
     """
     weight, causes = vehicle.body.mass * GRAVITY, []
     if by.keys() & {"torque_x", "torque_y"}:
         x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight
         off = size_in_words(float(np.hypot(x, y)), "m")
-        causes.append(f"a centre of mass {off} towards the {towards(vehicle, x, y)}, or weak propellers there")
+        side = towards(vehicle, x, y)
+        of_mass = [] if {"com_offset", "payload"} & set(named) else [f"a centre of mass {off} towards the {side}"]
+        weak = (
+            []
+            if "rotor_thrust" in named
+            else ["weak propellers there" if of_mass else f"weak propellers at the {side}"]
+        )
+        causes += [", or ".join(of_mass + weak)] if of_mass or weak else []
     if "torque_z" in by:
         causes.append(f"a yaw bias of {size_in_words(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
     if tilt := float(np.hypot(by.get("force_x", 0.0), by.get("force_y", 0.0))) / weight:

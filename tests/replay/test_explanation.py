@@ -27,7 +27,7 @@ from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS, plain
-from wrenchgap.replay.present.explanation import answer, brief, in_words, members, short, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import answer, brief, members, short, summary, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.posterior import oscillation_in_words, with_values
@@ -97,12 +97,15 @@ def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, 
     fitted = replace(named.fit, parameters=parameters, theta=theta, covariance=1e-12 * np.eye(6))
     member = replace(named.members[0], name="constant_wrench")
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
+    assert "wrench: weak propellers at the back (" in words  # a centre of mass is another explanation, and no cause
+    named = replace(named, posterior=replace(named.posterior, sets=()))
+    (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
     assert "a centre of mass 12 mm towards the back (" in words
     assert "a yaw bias of" in words
     assert "2 deg off the rotors' plane" in words
     monkeypatch.setattr(type(named), "confidence", lambda *_: 0.48)
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
-    assert words.startswith("Less sure (confidence 48 %), what makes such a constant wrench: a centre of mass 12 mm")
+    assert words.startswith("What would make such a constant wrench: a centre of mass 12 mm")
     autopilot = Autopilot("ArduPilot", parameters={"AHRS_TRIM_X": np.radians(1.5), "AHRS_TRIM_Y": 0.0})
     logged = [replace(f, flight=replace(f.flight, autopilot=autopilot)) for f in named.flights]
     trimmed = replace(named, members=(member,), fit=fitted, flights=tuple(logged))
@@ -185,15 +188,35 @@ def test_the_largest_remaining_error_is_counted_in_noise(named):
     assert not any("gusts" in text for text in answer(answered))
 
 
-def test_a_group_is_told_with_all_its_members(grouped):
+def test_a_group_is_told_with_all_its_members_and_weights_that_are_its_confidence(grouped):
     assert grouped.verdict == "group"
     assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
-    assert all(name in summary(grouped) for name in grouped.groups[0])
+    said = summary(grouped)
+    assert all(name in said for name in grouped.groups[0])
+    assert said.startswith("Either all thrust is ")
+    weights = [float(w) for w in re.findall(r"(\d+) %\)", said.partition(":")[0])]
+    sure = re.search(r"one of them: confidence (\d+) %", said)
+    assert sure is not None
+    assert sum(weights) == pytest.approx(float(sure[1]), abs=1.5)
 
 
-def test_of_many_that_are_alike_the_rest_is_counted_in_words():
-    assert in_words(("a", "b", "c", "d")) == "a or b or c or one other (--details)"
-    assert in_words(("a", "b", "c", "d", "e")) == "a or b or c or one of 2 others (--details)"
+def test_explanations_that_are_alike_are_said_by_what_a_pilot_can_look_for():
+    """A rotor of 12 +- 3 % by its name, a centre of mass 5 mm off, (4, 3) mm; of three effects together the names."""
+    rotor = replace(make_effect(MODEL.vehicle, "rotor_thrust", {"rotor_2": -0.12}), std=np.full(12, 0.03))
+    mass = make_effect(MODEL.vehicle, "com_offset", (0.004, 0.003, 0.0))
+    drag = make_effect(MODEL.vehicle, "body_drag", {"linear_x": 0.1})
+    vehicle = MODEL.vehicle
+    assert (
+        fitted_effects.together([rotor], vehicle, "70 %") == "M3 is 12 % weaker (rotor_thrust M3 -0.120 +- 0.030, 70 %)"
+    )
+    words = fitted_effects.together([mass], vehicle, "26 %")
+    assert words.startswith("the centre of mass is 5.0 mm towards the front left (")
+    assert words.endswith("(com_offset x 0.00400 m, y 0.00300 m, 26 %)")
+    both = fitted_effects.together([mass, rotor], vehicle, "9 %")
+    assert " and M3 is 12 % weaker (" in both
+    assert fitted_effects.together([drag], vehicle, "3 %") == "body_drag linear_x 0.100 N s/m (3 %)"
+    assert fitted_effects.together([drag, mass], vehicle, "3 %") == "body_drag + com_offset (3 %)"
+    assert fitted_effects.together([drag, mass, rotor], vehicle, "3 %") == "body_drag + com_offset + rotor_thrust (3 %)"
 
 
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
@@ -351,8 +374,9 @@ def test_the_command_that_is_told_adds_what_was_found(named, logs, run, result_o
     assert min(after["fall_of_rms"][3:]) > 0.9
 
 
-def test_a_group_is_told_the_flight_that_separates_it_first(grouped):
-    design, add = commands(what_next(grouped, NAME, ["a.mcap", "day 2.mcap"]))
+def test_a_group_is_told_the_healthy_flight_and_the_flight_that_separates_it_first(grouped):
+    healthy, design, add = commands(what_next(grouped, NAME, ["a.mcap", "day 2.mcap"]))
+    assert healthy == ["changed", "a.mcap", "day 2.mcap", "--healthy", "HEALTHY_LOG", "-m", NAME]
     assert design[0] == "design"
     assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
     assert design[3:] == ["-m", NAME, "--from", "a.mcap", "day 2.mcap", "-o", "separate.toml"]
@@ -390,7 +414,8 @@ def test_a_command_that_is_told_reads_the_logs_as_they_were_read(logs, run, tmp_
 
 
 def test_the_flight_that_separates_is_designed_for_the_logs_as_they_were_read(grouped):
-    design, add = commands(what_next(grouped, NAME, ["a.mcap"], " --cutoff 7 --shift imu=0.1", " --shift imu=0.1"))
+    read = " --cutoff 7 --shift imu=0.1", " --shift imu=0.1"
+    _, design, add = commands(what_next(grouped, NAME, ["a.mcap"], *read))
     assert design[-6:] == ["--from", "a.mcap", "--shift", "imu=0.1", "-o", "separate.toml"]
     assert add[-8:] == ["--from", "a.mcap", "--cutoff", "7", "--shift", "imu=0.1", "-o", "fitted.toml"]
 
