@@ -118,7 +118,7 @@ class FileDrop:
 
     def _check(self, name: str, size: int) -> None:
         if self._handing.is_alive():
-            raise UsageError(f"the page has not taken the last file yet; drop {name} again in a moment")
+            raise UsageError(f"{name}: the page has not taken the last file yet; drop {name} again in a moment")
         if NAME.fullmatch(name) is None or len(name.encode()) > LONGEST_NAME:
             raise UsageError(
                 "a file whose name is no plain one was dropped; give it letters, digits and ._- and drop it again"
