@@ -111,6 +111,32 @@ def greedy_trajectories(folder: Path) -> Outcome:
     return Outcome(refused == len(texts) and most < 500 and longest < 20, said)
 
 
+def greedy_descriptions(folder: Path) -> Outcome:
+    """MJCF and URDF of a few lines that take gigabytes or minutes, crash their compiler, or are too deep to walk."""
+    body = '<body name="v"><freejoint/><geom size="0.1"/>{}</body>'
+    lines = (
+        '<size nuserdata="1500000000"/>',
+        '<size memory="100G"/>',
+        '<asset><texture name="t" type="2d" builtin="checker" width="60000" height="60000"/></asset>',
+        '<asset><mesh name="m" builtin="cone" params="100000000 1"/></asset>',
+        '<asset><model name="n" file="v.xml"/></asset><worldbody><attach model="n" prefix="p"/></worldbody>',
+        '<worldbody><replicate count="+200000"><geom size="0.1"/></replicate></worldbody>',
+        f"<worldbody>{'<body>' * 2000}{'</body>' * 2000}</worldbody>",
+    )
+    texts = [f"<mujoco><worldbody>{body.format('')}</worldbody>{line}</mujoco>" for line in lines]
+    texts.append(f'<robot name="r">{"<link>" * 1500}{"</link>" * 1500}</robot>')
+    texts.append('<?xml version="1.0" encoding="idna"?><robot name="r"><link name="l"/></robot>')
+    refused, most, longest = 0, 0.0, 0.0
+    for text in texts:
+        (folder / "v.xml").write_text(text, encoding="utf-8")
+        asked = ("model", "new", "--from", str(folder / "v.xml"), "-o", str(folder / "o.toml"))
+        code, said, memory, time = measured(*asked)
+        refused += code == 2 and said.count("\n") == 1 and "Traceback" not in said
+        most, longest = max(most, memory), max(longest, time)
+    words = f"{refused} of {len(texts)} refused in one line, {most:,.0f} MB, {longest:.1f} s at most"
+    return Outcome(refused == len(texts) and most < 2500 and longest < 40, words)
+
+
 OPTION, COMPUTED = "--budget", "computed"
 CASES: tuple[tuple[str, str, str, float, float], ...] = (
     (
@@ -167,6 +193,12 @@ ATTACKS = (
         "a model file whose topic has 99,999,999,999 columns; `inspect -m`",
         "refused in one line that says which; 500 MB, 10 s of processor time",
         columns_without_end,
+    ),
+    Attack(
+        "descriptions of a few lines with 1.5e9 numbers, 1e8 faces, themselves, 200,000 copies; `model new --from`",
+        "refused in one line each; 2,500 MB, 40 s of processor time",
+        greedy_descriptions,
+        slow=True,
     ),
     Attack(
         "a model file with a controller at 200 Hz and an IMU at 1,000,003 Hz; `simulate`",

@@ -7,14 +7,20 @@ the torque. Where u is filtered to first order, the rotors lag. The IMU is at th
 """
 
 import math
+import pickle
+import signal
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
+from wrenchgap._safe_path import absolute, environment
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.drafts.draft import Draft, Sourced
@@ -34,27 +40,83 @@ COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12",
 """Bodies keep their names; those without mass (frames) become too light to matter."""
 
 
+START = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
+Robot = tuple[list[Link], dict[int, Motor], Sourced | None]
+"""Links of the flying tree, the root first, motors by link, and the place of the IMU."""
+
+
 def from_mjcf(path: Path) -> Draft:
     """A draft of a MuJoCo model. Raises ModelError, in one line, for what MuJoCo cannot compile."""
-    mujoco = _mujoco(path)
     files_of(path)
-    model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_path(str(path)))
-    links = _links(mujoco, model, path)
-    numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
-    motors = _actuators(mujoco, model, numbers, links)
-    draft = draft_of(path.stem, path.name, links, motors, "MJCF")
-    return replace(draft, imu_position=_accelerometer(mujoco, model, numbers))
+    links, motors, imu = _asked(path, None)
+    return replace(draft_of(path.stem, path.name, links, motors, "MJCF"), imu_position=imu)
 
 
 def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
     """A draft of a URDF. Raises ModelError, in one line, for what MuJoCo cannot compile."""
-    mujoco = _mujoco(path)
-    text = ElementTree.tostring(_held(document, path), encoding="unicode")
-    model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_string(text))
-    links = _links(mujoco, model, path)
+    links, _, _ = _asked(path, ElementTree.tostring(_held(document, path), encoding="unicode"))
     named = {**{one.name: k for k, one in enumerate(links)}, **{one.joint_name: k for k, one in enumerate(links)}}
     found = motors_of(document)
     return draft_of(path.stem, path.name, links, {named[n]: m for n, m in found.items() if n in named}, "URDF")
+
+
+def _asked(path: Path, text: str | None, memory: int = 2_000_000_000, seconds: int = 20) -> Robot:
+    """What another process makes of an MJCF file, or of the text of a URDF, with so much address space [bytes] and
+    processor time [s]: a vehicle of a hundred bodies takes a hundredth of either.
+    """  # noqa: D205
+    question = pickle.dumps((path.absolute(), text, memory, seconds))
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # each takes address space
+    command = [sys.executable, "-c", START, *absolute(sys.path)]
+    with suppress(subprocess.TimeoutExpired):
+        done = subprocess.run(
+            command,
+            input=question,
+            capture_output=True,
+            env=environment() | threads,
+            timeout=5.0 * seconds,
+            check=False,
+        )
+        if done.returncode == 0:
+            answer: Robot | ModelError = pickle.loads(done.stdout)
+            if isinstance(answer, ModelError):
+                raise answer
+            return answer
+        if done.returncode == -signal.SIGSEGV:
+            raise ModelError(f"{path.name}: MuJoCo crashes when it compiles it")
+        if b"Traceback" in done.stderr and b"MemoryError" not in done.stderr:
+            raise RuntimeError(done.stderr.decode(errors="replace"))
+    raise ModelError(
+        f"{path.name}: MuJoCo does not compile it within {memory / 1e9:g} GB and {seconds} s; take out what no vehicle "
+        "needs"
+    )
+
+
+def serve() -> None:
+    """Answer one question of `_asked`, from standard input to standard output."""
+    path, text, memory, seconds = pickle.load(sys.stdin.buffer)
+    with suppress(ImportError):  # Windows
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    try:
+        answer: Robot | ModelError = _robot(path, text)
+    except ModelError as error:
+        answer = error
+    sys.stdout.buffer.write(pickle.dumps(answer))
+
+
+def _robot(path: Path, text: str | None) -> Robot:
+    """Of an MJCF file, or of the text of a URDF."""
+    mujoco = _mujoco(path)
+    if text is None:
+        model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_path(str(path)))
+    else:
+        model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_string(text))
+    links = _links(mujoco, model, path)
+    numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
+    return links, _actuators(mujoco, model, numbers, links), _accelerometer(mujoco, model, numbers)
 
 
 def _mujoco(path: Path) -> Any:
@@ -93,11 +155,11 @@ def _elements(one: Path, path: Path, max_copies: int = 1000) -> list[ElementTree
         raise ModelError(f"{path.name}: {one.name} has a DOCTYPE, which MJCF does not need; take it out")
     try:
         found = list(ElementTree.fromstring(text.encode()).iter())
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
         raise ModelError(f"{path.name}: {one.name} is not XML: {error}") from None
     copies = 1
     for count in (e.get("count", "") for e in found if e.tag.lower() in REPEATING):
-        copies *= math.prod(int(n) for n in count.split() if n.isdecimal() and n != "0")
+        copies *= math.prod(int(n) for n in count.replace("+", " ").split() if n.isdecimal() and n != "0")
     if copies > max_copies:
         raise ModelError(
             f"{path.name}: {one.name} repeats bodies {copies:,} times; a vehicle has at most {max_copies:,}"

@@ -209,14 +209,16 @@ def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tu
         return None, (f"the flight itself could not be read ({error}); parameters only.",)
 
 
-def _described(source: Path) -> Draft:
-    """The draft of a robot description, which its root element tells."""
+def _described(source: Path, most_nested: int = 200) -> Draft:
+    """The draft of a robot description, which its root element tells; readers of deeper ones run out of stack."""
     try:
         document = ElementTree.parse(source).getroot()
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{source.name}: is not XML: {error}") from None
     except OSError as error:
         raise ModelError(f"{source}: cannot be read: {error.strerror}") from None
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
+        raise ModelError(f"{source.name}: is not XML: {error}") from None
+    if _depth(document) > most_nested:
+        raise ModelError(f"{source.name}: elements lie in one another more than {most_nested} deep")
     with np.errstate(all="ignore"):  # numbers beyond all sizes are refused once they are all together
         match document.tag:
             case "robot":
@@ -226,6 +228,14 @@ def _described(source: Path) -> Draft:
             case "mujoco":
                 return compiled.from_mjcf(source)
     raise ModelError(f"{source.name}: begins with <{document.tag}>, expected <robot> (URDF), <sdf> or <mujoco>")
+
+
+def _depth(document: ElementTree.Element) -> int:
+    """How deep elements lie in one another."""
+    level, depth = [document], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+    return depth
 
 
 def _package(source: Path, user: Given) -> Draft:

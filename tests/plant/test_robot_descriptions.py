@@ -301,6 +301,28 @@ def test_a_description_without_end_is_refused(tmp_path):
         read(tmp_path, "quad.sdf", chained)
 
 
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('<size nuserdata="1500000000"/>', "could not allocate|does not compile it within|unknown exception"),
+        ('<asset><texture name="t" type="2d" builtin="checker" width="60000" height="60000"/></asset>', "allocate"),
+        ('<asset><model name="n" file="quad.xml"/></asset><worldbody><attach model="n" prefix="p"/></worldbody>', ""),
+        ('<worldbody><replicate count="+200000"><geom size="0.1"/></replicate></worldbody>', "repeats bodies 200,000"),
+        ("<a>" * 1500 + "</a>" * 1500, "more than 200 deep"),
+    ],
+)
+def test_a_line_that_asks_for_any_size_is_refused(tmp_path, more, said):
+    """They took 11 GB and minutes, or ended the process: MuJoCo compiles elsewhere, within limits."""
+    with pytest.raises(ModelError, match=f"(?i){said}"):
+        read(tmp_path, "quad.xml", mjcf().replace("</mujoco>", f"{more}</mujoco>"))
+
+
+@pytest.mark.parametrize("encoding", ["nosuch", "idna", "utf-7"])
+def test_an_encoding_that_nobody_reads_is_said(tmp_path, encoding):
+    with pytest.raises(ModelError, match="is not XML"):
+        read(tmp_path, "quad.urdf", f'<?xml version="1.0" encoding="{encoding}"?>{urdf()}')
+
+
 def gazebo(up=0.0125, down=0.025, drag=8e-5):
     said = f"<timeConstantUp>{up}</timeConstantUp><timeConstantDown>{down}</timeConstantDown>"
     said += f"<rotorDragCoefficient>{drag}</rotorDragCoefficient></plugin>"
