@@ -93,6 +93,12 @@ def integral(time: Array, values: Array) -> Array:
     return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
 
 
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First index and one past the last of every run of true values (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def varying(values: Array) -> NDArray[np.bool_]:
     """Which columns (C,) of values (N, C) are numbers that change; most do within the first rows."""
     if not len(values):

@@ -4,7 +4,8 @@
     attitude    IMU against attitude: units, axes, gravity, frames
     gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
     accelerometer_scale  the accelerometer against gravity and the odometry's acceleration
-    sensor_scales  what both compare with the odometry, axis by axis; misread_axes: whether an axis reads another's
+    sensor_windows  a sensor of the IMU and the odometry through the same windows of time
+    sensor_scales  its scale by them, axis by axis; misread_axes: whether an axis reads another's
     late_sensors  whether one of the IMU's sensors is later than the other
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
@@ -59,12 +60,12 @@ AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]],
 def checks(flight: Flight) -> tuple[Check, ...]:
     """Everything that can be asked of a flight without knowing the vehicle, bad ones first."""
     found = [check for ask in ALONE for check in ask(flight)]
-    stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
-    moved = None if stuck else motion_means(flight)
-    found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
-    found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
-    found += [] if stuck else accelerometer_scale.accelerometer_scale(flight, moved, found)
-    found += [] if stuck else late_sensors.late_sensors(flight, found)
+    if not any(check.name == "constant-channel" and check.level == "bad" for check in found):  # the IMU is stuck
+        moved = motion_means(flight)
+        found += [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
+        found += gyroscope_scale.gyroscope_scale(flight, found)
+        found += accelerometer_scale.accelerometer_scale(flight, moved, found)
+        found += late_sensors.late_sensors(flight, found)
     found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 

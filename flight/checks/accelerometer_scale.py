@@ -21,14 +21,19 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.channels import is_clipped
 from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_scales import sensor_scales, steady_blocks
+from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.sensor_windows import steady_blocks
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated
 from wrenchgap.flight.unmeasured import unmeasured_axes
+
+BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odometry-scale", "clock-unit")
+"""Checks that leave no ratio to speak of where they are bad."""
 
 
 @dataclass(frozen=True)
@@ -59,26 +64,21 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical; calibrate it (the ground station does, on the ground)"
-    clipped = any(c.name == "clipped" and c.words.startswith("accelerometer") for c in known)
-    mend = None if clipped else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
+    mend = None if is_clipped(known, "accelerometer") else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
     return Check("accelerometer-scale", "bad" if off > SCALE.stops else "warn", words, mend)
 
 
 def _axes(flight: Flight) -> Check | None:
     """Axes that contradict the odometry."""
-    found = {axis: scale.fault() for axis, scale in (sensor_scales(flight, "accelerometer") or {}).items()}
-    wrong = {axis: fault.words for axis, fault in found.items() if fault is not None and fault.size > SCALE.askew}
+    scales = sensor_scales(flight, "accelerometer") or {}
+    faults = ((axis, scale.fault()) for axis, scale in scales.items())
+    wrong = {axis: fault.words for axis, fault in faults if fault is not None and fault.size > SCALE.askew}
     if not wrong:
         return None
     said = "; ".join(f"{axis} {words}" for axis, words in wrong.items())
-    words = (
-        f"The accelerometer does not read the odometry's acceleration: {said}. One of the two failed or was set anew"
-    )
-    return Check("accelerometer-scale", "bad", words, f"--unmeasured {','.join(f'force_{axis}' for axis in wrong)}")
-
-
-BEFORE = ("accelerometer-unit", "body-frame", "inertial-frame", "velocity", "odometry-scale", "clock-unit")
-"""Checks that leave no ratio to speak of where they are bad."""
+    words = f"The accelerometer does not read the odometry's acceleration: {said}. One of the two failed or was set "
+    mend = f"--unmeasured {','.join(f'force_{axis}' for axis in wrong)}"
+    return Check("accelerometer-scale", "bad", f"{words}anew", mend)
 
 
 def gravity_ratio(

@@ -21,7 +21,7 @@ from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.clocks import UNIT_RATES, Timing
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.mapping_units import topic_of
-from wrenchgap.flight.row_kernels import varying
+from wrenchgap.flight.row_kernels import runs, varying
 from wrenchgap.flight.stamps import Steps, thinned
 from wrenchgap.flight.unmeasured import sentence, unmeasured_axes, zero_axes
 
@@ -101,10 +101,9 @@ def constant(flight: Flight) -> Iterator[Check]:
         yield Check("constant-channel", "warn", words)
     for name, values in columns:
         flat = [str(i) for i in np.flatnonzero(~varying(values) & ~np.isnan(values[0]))]
-        if name == "commanded wrench" and len(flat) > 3:
-            yield Check("constant-channel", "warn", f"{name}: components {', '.join(flat)} never change.")
-        elif flat and name != "commanded wrench":
-            yield Check("constant-channel", "warn", f"{name}: component(s) {', '.join(flat)} never change.")
+        usual, word = (3, "components") if name == "commanded wrench" else (0, "component(s)")
+        if len(flat) > usual:
+            yield Check("constant-channel", "warn", f"{name}: {word} {', '.join(flat)} never change.")
 
 
 @dataclass(frozen=True)
@@ -153,6 +152,11 @@ def clipped(flight: Flight) -> Iterator[Check]:
             yield Check("clipped", "bad" if share > CLIPPING.stops else "warn", words)
 
 
+def is_clipped(found: Sequence[Check], sensor: str) -> bool:
+    """Whether `clipped` has found the sensor."""
+    return any(c.name == "clipped" and c.words.startswith(sensor) for c in found)
+
+
 def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[Clipped]:
     """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are the channels of all sensors."""
     for sign in (1.0, -1.0):
@@ -161,9 +165,9 @@ def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[C
         count, most = int(np.count_nonzero(at)), CLIPPING.largest_share * len(values)
         if not np.isfinite(end) or end == 0.0 or not CLIPPING.fewest_samples <= count < most:
             continue  # no range ends at zero: a simulator without noise rests there
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
-        runs = ((a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)
-        flat = sum(b - a for a, b in runs if any(np.any(np.abs(np.diff(v[a:b], axis=0)) > 0.0) for v in readings))
+        repeated = [slice(a, b) for a, b in runs(at) if b - a > 1]
+        going_on = (r for r in repeated if any(np.any(np.abs(np.diff(v[r], axis=0)) > 0.0) for v in readings))
+        flat = sum(r.stop - r.start for r in going_on)
         if flat >= CLIPPING.fewest_samples and count > CLIPPING.oftener * _most_beside(sign * values, sign * end):
             yield Clipped(name, end, count, count / len(values))
 
@@ -183,10 +187,8 @@ def limited(flight: Flight) -> Iterator[Check]:
     found = [c for v in speeds.T for c in flat_tops("", v, (speeds,)) if c.value == top != 1.0]
     if len(found) > 1:
         share = 100.0 * float(np.mean(np.any(speeds == top, axis=1)))
-        words = (
-            f"the commands of {len(found)} rotors stop at {top:.4g} ({share:.2g} % of the samples): is it their limit, "
-        )
-        words += "or that of what was logged? What the rotors made beyond is in no prediction"
+        words = f"the commands of {len(found)} rotors stop at {top:.4g} ({share:.2g} % of the samples): is it their "
+        words += "limit, or that of what was logged? What the rotors made beyond is in no prediction"
         yield Check("clipped", "warn", words)
 
 
@@ -253,10 +255,8 @@ def stamps(flight: Flight) -> Iterator[Check]:
             by_message.setdefault(("gaps", words), []).append(role)
         spread = Steps(series.time).jitter
         if spread > 0.3 * series.period:
-            words = (
-                f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on arrival?"
-            )
-            by_message.setdefault(("jitter", f"{words} Record header stamps."), []).append(role)
+            words = f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on "
+            by_message.setdefault(("jitter", f"{words}arrival? Record header stamps."), []).append(role)
     for (name, message), roles in by_message.items():  # topics of one recorder share their gaps
         yield Check(name, "warn", f"{', '.join(roles)}: {message}")
 
@@ -292,10 +292,8 @@ def clocks(timing: Timing, mapping: Mapping[str, str], slow_link: float = 0.1) -
     relations = {topic: clock for topic, clock in timing.relations.items() if topic not in strange}
     alone = relations and not timing.mapped and not any(clock.same for clock in relations.values())
     for topic, clock in relations.items():
-        described = (
-            f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times its "
-        )
-        described += f"rate (residual {1e3 * clock.residual:.1f} ms)"
+        described = f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times "
+        described += f"its rate (residual {1e3 * clock.residual:.1f} ms)"
         if alone:
             words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
             yield Check("clock", "ok", f"{words} ({topic}: {described}).")

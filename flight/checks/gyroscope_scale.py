@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.channels import is_clipped
 from wrenchgap.flight.checks.remedies import factor, option, turns
-from wrenchgap.flight.checks.scale_bounds import Scale
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales
 from wrenchgap.flight.flight import Flight
+
+BEFORE = ("body-frame", "inertial-frame", "clock-unit")
+"""Checks that leave no scale to speak of where they are bad."""
 
 
 def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
@@ -27,7 +30,7 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
         why = "no attitude is logged" if flight.odometry is None else "attitude or IMU come too slowly or too briefly"
         yield Check("gyroscope-scale", "ok", f"Not tested: {why}.")
     elif off := {axis: scale for axis, scale in scales.items() if scale.off}:
-        yield _wrong(flight, scales, off, _is_clipped(known))
+        yield _wrong(flight, scales, off, is_clipped(known, "gyroscope"))
     else:
         yield Check("gyroscope-scale", "ok", _bounds_words(scales))
 
@@ -35,23 +38,17 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
 def without_factor(found: Sequence[Check]) -> list[Check]:
     """The checks; of a gyroscope that is clipped, or has no one scale, none offers a factor."""
     unsteady = any(c.name == "gyroscope-scale" and c.level != "ok" and c.mend is None for c in found)
-    if not unsteady and not _is_clipped(found):
+    if not unsteady and not is_clipped(found, "gyroscope"):
         return [*found]
     return [replace(c, mend=None) if c.name == "gyroscope" and "unit or scale" in c.words else c for c in found]
 
 
-def _is_clipped(found: Sequence[Check]) -> bool:
-    return any(c.name == "clipped" and c.words.startswith("gyroscope") for c in found)
-
-
 def _bounds_words(scales: dict[str, Scale]) -> str:
     """The bounds of every axis, and of which axes they say nothing."""
-    best = {axis: scale.best for axis, scale in scales.items()}
-    told = {
-        axis: f"{axis} {b.low:.3f} to {b.high:.3f}" if 0.0 < b.low < b.high < 2.0 else axis for axis, b in best.items()
-    }
-    known = [told[axis] for axis, b in best.items() if b.width < SCALE.known]
-    unknown = [told[axis] for axis, b in best.items() if not b.width < SCALE.known]
+    known, unknown = list[str](), list[str]()
+    for axis, b in ((axis, scale.best) for axis, scale in scales.items()):
+        said = f"{axis} {b.low:.3f} to {b.high:.3f}" if 0.0 < b.low < b.high < 2.0 else axis
+        (known if b.width < SCALE.known else unknown).append(said)
     words = [f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({', '.join(known)})."] if known else []
     words += [f"Not known, for too little motion next to noise: {', '.join(unknown)}."] if unknown else []
     return " ".join(words)
@@ -81,7 +78,3 @@ def _wrong(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale], clip
     elif not turns(flight, "imu", "gyroscope"):  # else the sensor's axes are not the body's
         mend = option(flight, ",".join(f"gyro.{axis}*{factor(1.0 / s.value)}" for axis, s in off.items()), "imu")
     return Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
-
-
-BEFORE = ("body-frame", "inertial-frame", "clock-unit")
-"""Checks that leave no scale to speak of where they are bad."""

@@ -265,9 +265,8 @@ def _runs(time: Array, column: Array, *, limited: bool, dies: bool) -> Iterator[
     run may last to the end.
     """
     steps = np.diff(column)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], steps == 0.0, [False])).astype(int)))
     usual = None
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in row_kernels.runs(steps == 0.0):
         short = last - first < MASKING.frozen_samples or time[last] - time[first] < MASKING.frozen_seconds
         ends = last == len(steps)
         if short or first == 0 or (ends and not dies):

@@ -1,13 +1,7 @@
-"""A sensor of the IMU against the odometry, axis by axis: what its integral should be, and what it is.
+"""The scale of a sensor of the IMU against the odometry, axis by axis, and whether it is one number.
 
-Over windows of time the odometry says by how much the integral of a sensor grows, T, and the sensor says R = k T, k its
-scale. For the gyroscope T is the angle by which the attitude turns about an axis of the body; for the accelerometer it
-is the sum of R_EB^T (dv + g e_z dt), v the odometry's velocity:
-
-    omega_B = log(q_k^-1 q_k+1) / dt,    f_B = R_EB^T (dv/dt + g e_z)       in every axis, at all times.
-
-Both are seen through the same windows, in two bands (`SCALE.windows`), after the delay between them and, in every
-block, a bias and its drift. Noise on both is why k is given as two bounds and not as a slope: seen from the odometry,
+Odometry and sensor are seen through the same windows (`sensor_windows`), in two bands (`SCALE.windows`). Noise on both
+is why the scale k is given as two bounds and not as a slope: seen from the odometry,
 
     sum T R / sum T^2  <=  k  <=  sum R^2 / sum T R,
 
@@ -15,266 +9,270 @@ the first too small by the odometry's noise, the second too large by the sensor'
 Noise, lag and delay move the bounds apart and never both past one. A scale is the same in both bands; a filter acts on
 the faster one, and an estimator that corrects what it integrates of this very sensor on the slower one: where the
 bands differ, there is no such number and nothing is said.
+
+Scales of two halves of a flight differ where their bounds leave a gap beyond doubt. A signal that is cut off at some
+size is so in all parts of a lively flight; there the sizes of T and of R, each sorted by itself, are in another
+proportion among the small than among the large.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
-from wrenchgap.flight import so3
-from wrenchgap.flight.checks.misread_axes import misread_of
-from wrenchgap.flight.checks.motion import INTERVALS
-from wrenchgap.flight.checks.scale_bounds import Scale, bounds_of, halves_of, lost_of, parts_of, sizes_of
+from wrenchgap.flight.checks.misread_axes import Misread, misread_of
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.flight import AXES, GRAVITY, Array, Flight, Indices, OdometrySeries, Series
-from wrenchgap.flight.row_kernels import integral
-from wrenchgap.flight.stamps import interpolated, spread
+from wrenchgap.flight.checks.sensor_windows import Sensor, Windows, blocks_of, delay_of, windows_of
+from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
-Sensor = Literal["gyroscope", "accelerometer"]
-Span = tuple[float, float]
-Pair = tuple[Array, Array]
+
+@dataclass(frozen=True)
+class Bounds:
+    """Of a scale k: `low` and `high`, and the standard deviation of both."""
+
+    low: float
+    high: float
+    std: float
+
+    @property
+    def middle(self) -> float:
+        """The scale itself."""
+        return float(np.sqrt(self.low * self.high)) if self.low > 0.0 < self.high else np.nan
+
+    @property
+    def width(self) -> float:
+        """Between the bounds."""
+        return self.high - self.low
+
+    def apart(self, other: Bounds) -> bool:
+        """Whether two scales differ beyond doubt, and by more than is said."""
+        gap = max(self.low - other.high, other.low - self.high)
+        return min(self.low, other.low) > 0.0 and gap > max(
+            SCALE.said, SCALE.sure * float(np.hypot(self.std, other.std))
+        )
+
+    @property
+    def off(self) -> bool:
+        """Whether one is surely not between the bounds."""
+        return self.low - SCALE.sure * self.std > 1.0 or 0.0 < self.high + SCALE.sure * self.std < 1.0
 
 
-class Windows(NamedTuple):
-    """Integrals of odometry and sensor over windows (K, 3), the latter's change with a delay, and their parts (K,)."""
+IN_TIME = ("in the first half of the flight", "in the second")
+IN_MOTION = ("in the calmer half of the flight", "in the livelier")
+IN_PARTS = ("in most parts of the flight", "in others")
+IN_SIZE = ("in the smaller half of the turns", "in the larger")
 
-    shown: Array
-    read: Array
-    change: Array
-    part: Indices
+
+@dataclass(frozen=True)
+class Halves:
+    """Of a flight, by `names`, and the scale in each."""
+
+    names: tuple[str, str]
+    scales: tuple[float, float]
+
+    @property
+    def words(self) -> str:
+        """Both numbers."""
+        return ", ".join(f"{k:.2f} {name}" for name, k in zip(self.names, self.scales, strict=True))
+
+
+@dataclass(frozen=True)
+class Lost:
+    """When [s] an axis and the attitude part, or come together: correlation of their turns `before` and `after`."""
+
+    time: float
+    before: float
+    after: float
+
+    @property
+    def words(self) -> str:
+        """Time and both numbers."""
+        side = "from {:.0f} s on" if self.before > self.after else "until {:.0f} s"
+        return f"{side.format(self.time)} (correlation {self.before:.2f} before, {self.after:.2f} after)"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with an axis, in words that follow its name, and by which share its scale is off."""
+
+    words: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Of one axis: bounds by band; the halves in which they differ, when it showed no turns, what it read instead."""
+
+    bounds: tuple[Bounds, ...]
+    halves: Halves | None = None
+    lost: Lost | None = None
+    misread: Misread | None = None
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether there is no one scale."""
+        return any(one is not None for one in (self.misread, self.lost, self.halves))
+
+    def fault(self) -> Fault | None:
+        """What is wrong, if anything."""
+        if self.misread is not None:
+            return Fault(f"reads {self.misread.words}", np.inf)
+        if self.lost is not None:
+            return Fault(f"shows nothing of the attitude's turns {self.lost.words}", np.inf)
+        if self.halves is not None:
+            return Fault(f"has the scale {self.halves.words}", 1.0 - min(self.halves.scales) / max(self.halves.scales))
+        return Fault(f"has the scale {self.value:.3f}", abs(self.value - 1.0)) if self.off else None
+
+    @property
+    def value(self) -> float:
+        """The scale, of the band that knows it best."""
+        return self.best.middle
+
+    @property
+    def best(self) -> Bounds:
+        """Of the band that knows it best."""
+        return min(self.bounds, key=lambda b: b.width + b.std)
+
+    def allows(self, value: float) -> bool:
+        """Whether the scale may be this one."""
+        slack = [SCALE.sure * b.std + SCALE.steady for b in self.bounds]
+        return all(b.low - s < value < b.high + s for b, s in zip(self.bounds, slack, strict=True))
+
+    @property
+    def off(self) -> bool:
+        """Whether all bands say that it is off, by at least `SCALE.said` and by the same."""
+        middles, beyond = [b.middle for b in self.bounds], abs(self.value - 1.0)
+        said = min(abs(m - 1.0) for m in middles) >= SCALE.said - SCALE.steady and beyond >= SCALE.said
+        apart = max(SCALE.steady, SCALE.steady_share * beyond)
+        steady = max(b.width for b in self.bounds) < apart and float(np.ptp(middles)) < apart
+        return all(b.off for b in self.bounds) and said and steady
 
 
 def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
     """The scale by measured axis ("x"); None where odometry or IMU are missing, too slow, or too short."""
-    blocks = _blocks(flight, sensor)
-    shift = _delay(blocks)
+    blocks = blocks_of(flight, sensor)
+    shift = delay_of(blocks)
     if shift is None:
         return None
-    seen = [[block.windows(window, shift) for block in blocks] for window in SCALE.windows]
-    when = np.concatenate([block.time[0] + SCALE.part * np.arange(block.parts) for block in blocks])
-    axes, found = AXES[3:] if sensor == "gyroscope" else AXES[:3], {}
-    for k in [k for k, axis in enumerate(axes) if axis not in unmeasured_axes(flight)]:
-        every = [np.stack([_sums(_pairs(band, j, k), band, blocks) for j in range(3)]) for band in seen]
-        alone = [_pairs(band, k, k) if sensor == "gyroscope" else _alone(band, k) for band in seen]
-        own = [_sums(pairs, band, blocks) for pairs, band in zip(alone, seen, strict=True)]
-        halves, lost = halves_of(own), None
-        if sensor == "gyroscope":  # a vehicle that bounces is no lost axis, and what pushes it is seldom plain
-            halves, lost = halves or parts_of(own), lost_of(own[0], when)
-        scale = Scale(tuple(map(bounds_of, own)), halves, lost, misread_of(every, k, when))
-        if scale.halves is None:
-            turned, known = (np.concatenate([pair[side] for pair in alone[0]]) for side in (0, 1))
-            scale = replace(scale, halves=sizes_of(turned, known, scale))
-        found["xyz"[k]] = scale
-    return found
+    bands = [windows_of(blocks, window, shift) for window in SCALE.windows]
+    axes, absent = AXES[3:] if sensor == "gyroscope" else AXES[:3], unmeasured_axes(flight)
+    of = _gyroscope_scale if sensor == "gyroscope" else _accelerometer_scale
+    return {"xyz"[k]: of(bands, k) for k, axis in enumerate(axes) if axis not in absent}
 
 
-def sensor_delay(flight: Flight, sensor: Sensor) -> tuple[float, float] | None:
-    """By how much the odometry is late behind a sensor [s], and the standard deviation; None as for `sensor_scales`.
-
-    The deviation is that of the delays without one of `SCALE.delays` groups of blocks after the other (jackknife; Tukey
-    1958).
-    """
-    blocks = _blocks(flight, sensor)
-    count = min(len(blocks), SCALE.delays)
-    if count < SCALE.fewest_parts // 2:
-        return None
-    delay = _delay(blocks)
-    if delay is None:
-        return None
-    others = [_minimum([b for k, b in enumerate(blocks) if k % count != g], delay) for g in range(count)]
-    known = [other for other in others if other is not None]
-    return (delay, float(np.sqrt((count - 1) * np.var(known)))) if len(known) == count else None
+def _gyroscope_scale(bands: Sequence[Windows], axis: int) -> Scale:
+    every = _all_sums(bands, axis)
+    own = [sums[axis] for sums in every]
+    when = bands[0].when
+    halves, lost = halves_of(own) or parts_of(own), lost_of(own[0], when)
+    scale = Scale(tuple(map(bounds_of, own)), halves, lost, misread_of(every, axis, when))
+    return _by_size(scale, bands[0].shown[:, axis], bands[0].read[:, axis])
 
 
-def delay_step(flight: Flight) -> tuple[float, float] | None:
-    """From when on [s], and by how much [s], the odometry is later behind the gyroscope than before; None if it is not.
-
-    Two means of delays by block, by Student's t, which for so few is sqrt(n log(1 + t^2 / n)) standard deviations of a
-    Gaussian with n degrees of freedom (Wallace 1959).
-    """
-    every = [(float(block.time[0]), _delay([block])) for block in _blocks(flight, "gyroscope")]
-    known = np.array([(time, delay) for time, delay in every if delay is not None]).reshape(-1, 2)
-    most, found, degrees = SCALE.certain, None, len(known) - 2
-    for k in range(2, degrees + 1):
-        before, after = known[:k, 1], known[k:, 1]
-        step = float(np.mean(after) - np.mean(before))
-        variance = (np.var(before) * len(before) + np.var(after) * len(after)) / degrees + SCALE.settled**2
-        t2 = step**2 / (variance * (1.0 / len(before) + 1.0 / len(after)))
-        certain = float(np.sqrt(degrees * np.log1p(t2 / degrees)))
-        if abs(step) > SCALE.stepped and certain > most:
-            most, found = certain, (float(known[k, 0]), step)
-    return found
+def _accelerometer_scale(bands: Sequence[Windows], axis: int) -> Scale:
+    """A vehicle that bounces is no lost axis, and what pushes it is seldom plain: neither is asked."""
+    alone = [_alone(band, axis) for band in bands]
+    own = [_sums(*pair, band) for pair, band in zip(alone, bands, strict=True)]
+    misread = misread_of(_all_sums(bands, axis), axis, bands[0].when)
+    return _by_size(Scale(tuple(map(bounds_of, own)), halves_of(own), misread=misread), *alone[0])
 
 
-def _blocks(flight: Flight, sensor: Sensor) -> list[_Block]:
-    """Those that can be compared; none where odometry or IMU are missing, too slow, or too short."""
-    odometry, imu = flight.odometry, flight.imu
-    if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
-        return []
-    found = [b for span in steady_blocks(odometry, imu) if (b := _Block.of(flight, span, sensor)) is not None]
-    return found if sum(block.parts for block in found) >= SCALE.fewest_parts else []
+def _by_size(scale: Scale, shown: Array, read: Array) -> Scale:
+    """The scale, with those of small and large turns where these alone differ."""
+    return scale if scale.halves is not None else replace(scale, halves=sizes_of(shown, read, scale))
 
 
-def steady_blocks(*series: Series) -> list[Span]:
-    """Start and stop [s] of blocks in which all series go on, evenly spread."""
-    start, stop = max(s.time[0] for s in series), min(s.time[-1] for s in series)
-    gaps = sorted((gap.start, gap.stop) for s in series for gap in s.gaps)
-    found, since = [], start
-    for until, then in [*gaps, (stop, stop)]:
-        length = min(until, stop) - since  # a gap may lie behind the end of another series
-        count = max(1, int(np.ceil(length / SCALE.block)))
-        size = length / count
-        found += [(since + k * size, since + (k + 1) * size) for k in range(count) if size > 2.0 * SCALE.part]
-        since = max(since, then)
-    return [found[k] for rows in spread(len(found), SCALE.most_blocks, 1) for k in range(rows.start, rows.stop)]
+def _all_sums(bands: Sequence[Windows], axis: int) -> list[Array]:
+    """By band, sums (3, 3, P) of what the odometry shows on each axis and the sensor reads on this one."""
+    return [np.stack([_sums(shown, band.read[:, axis], band) for shown in band.shown.T]) for band in bands]
 
 
-@dataclass(frozen=True)
-class _Block:
-    """What the odometry says of a sensor's integral until `time` (N,), `shown` (N, 3); its own samples about them."""
-
-    time: Array
-    shown: Array
-    own_time: Array
-    read: Array
-    summed: Array
-
-    @classmethod
-    def of(cls, flight: Flight, span: Span, sensor: Sensor) -> Self | None:
-        odometry, imu = flight.odometry, flight.imu
-        assert odometry is not None
-        assert imu is not None
-        rows = slice(*np.searchsorted(odometry.time, (span[0] + SCALE.margin, span[1] - SCALE.margin)))
-        every = max(1, round(SCALE.spacing / odometry.period))
-        own = slice(*np.searchsorted(imu.time, span))
-        own_time = imu.time[own]
-        if len(odometry.time[rows][::every]) < 2 * SCALE.part / max(SCALE.spacing, odometry.period):
-            return None
-        time, steps = (_turns if sensor == "gyroscope" else _pushes)(odometry, rows, every)
-        if len(own_time) < len(time):
-            return None
-        read = np.ascontiguousarray((imu.omega_B if sensor == "gyroscope" else imu.specific_force_B)[own])
-        shown = np.vstack((np.zeros(3), np.cumsum(steps, axis=0)))
-        return cls(time, shown, own_time, read, integral(own_time, read))
-
-    @property
-    def parts(self) -> int:
-        """Whole parts of `SCALE.part`."""
-        return max(1, round(float(self.time[-1] - self.time[0]) / SCALE.part))
-
-    def windows(self, window: float, shift: float) -> Windows:
-        """Windows of this length [s], the odometry being late by `shift` [s]."""
-        period = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        width = max(1, round(window / period))
-        start = np.arange(0, len(self.time) - width, max(1, width // 2))
-        ends = np.stack((start, start + width))
-        at = self.time[ends] - shift
-        read, change = (
-            np.diff([interpolated(t, self.own_time, v) for t in at], axis=0)[0] for v in (self.summed, self.read)
-        )
-        shown = np.diff(self.shown[ends], axis=0)[0]
-        when = self.time[start]
-        part = np.minimum(((when - when[0]) / SCALE.part).astype(int), self.parts - 1)
-        straight = _straightened(when, np.concatenate((shown, read, change), axis=1))
-        return Windows(straight[:, :3], straight[:, 3:6], straight[:, 6:], part)
-
-
-def _turns(odometry: OdometrySeries, rows: slice, every: int) -> tuple[Array, Array]:
-    """Times (N,) and the angles (N-1, 3) by which the attitude turns in between, about the axes of B."""
-    quat = so3.continuous(odometry.quat_EB[rows][::every])
-    return odometry.time[rows][::every], so3.rotation_between(quat[:-1], quat[1:])
-
-
-def _pushes(odometry: OdometrySeries, rows: slice, every: int) -> tuple[Array, Array]:
-    """Times (N,) and R_EB^T (dv + g e_z dt) (N-1, 3) in between, v that of the positions where none is logged."""
-    known, velocity = odometry.time[rows][::every], odometry.velocity_E
-    if velocity is None:
-        place, time = odometry.position_E[rows][::every], 0.5 * (known[1:] + known[:-1])
-        speed = np.diff(place, axis=0) / np.diff(known)[:, None]
-    else:
-        time, speed = known, velocity[rows][::every]
-    quat = so3.interpolate(0.5 * (time[1:] + time[:-1]), known, so3.continuous(odometry.quat_EB[rows][::every]))
-    pushed = np.diff(speed, axis=0) + np.diff(time)[:, None] * np.array([0.0, 0.0, GRAVITY])
-    return time, so3.rotate_inverse(quat, pushed)
-
-
-def _straightened(time: Array, values: Array) -> Array:
-    """Values (K, C) without their mean and slope over time: a bias, and its drift."""
-    lever = time - np.mean(time)
-    slope = lever @ values / np.maximum(lever @ lever, 1e-30)
-    return np.asarray(values - np.mean(values, axis=0) - np.outer(lever, slope))
-
-
-def _delay(blocks: Sequence[_Block]) -> float | None:
-    """By how much the odometry is late behind a sensor [s]; None where they have no motion in common.
-
-    The minimum next to zero, unless clearly less is left in one that a search in steps finds: a motion that swings is
-    alike one of its periods later.
-    """
-    near = _minimum(blocks, 0.0) if blocks else None
-    if near is None:
-        return None
-    steps = np.linspace(-SCALE.longest_delay, SCALE.longest_delay, SCALE.steps)
-    far = _minimum(blocks, min(steps, key=lambda shift: _left(blocks, shift)[0]))
-    clearly = far is not None and _left(blocks, far)[0] < SCALE.clearly * _left(blocks, near)[0]
-    return far if clearly else near
-
-
-def _minimum(blocks: Sequence[_Block], shift: float) -> float | None:
-    """The delay [s] that leaves least, downhill (Gauss-Newton) from `shift`; None where that leads too far."""
-    for _ in range(5):
-        step = _left(blocks, shift)[1]
-        shift += step
-        if abs(shift) > SCALE.longest_delay:
-            return None
-        if abs(step) < SCALE.settled:
-            break
-    return shift
-
-
-def _left(blocks: Sequence[_Block], shift: float) -> tuple[float, float]:
-    """What a sensor reads (a sum of squares) that the odometry does not show, late by `shift` [s], and a better shift.
-
-    Each axis of each block has a scale of its own: one that reads the opposite does not decide.
-    """
-    seen = [block.windows(SCALE.windows[0], shift) for block in blocks]
-    left = np.concatenate([w.read - w.shown * _ratio(w.shown * w.read, w.shown**2) for w in seen])
-    change = np.concatenate([w.change for w in seen])
-    return float(np.sum(left**2)), float(_ratio((change * left).ravel(), change.ravel() ** 2))
-
-
-def _ratio(above: Array, below: Array) -> Array:
-    """Of sums over rows."""
-    return np.asarray(np.sum(above, axis=0) / np.maximum(np.sum(below, axis=0), 1e-30))
-
-
-def _pairs(band: Sequence[Windows], shown: int, read: int) -> list[Pair]:
-    """T and R by block, of these axes."""
-    return [(w.shown[:, shown], w.read[:, read]) for w in band]
-
-
-def _alone(band: Sequence[Windows], axis: int) -> list[Pair]:
-    """T and R of one axis, by block, less what the odometry shows on the others.
+def _alone(band: Windows, axis: int) -> tuple[Array, Array]:
+    """T and R (K,) of one axis less what the odometry shows on the others.
 
     An accelerometer askew reads of those too, and what pushes along z is ten times as large as what pushes along x.
     """
-    shown = np.concatenate([w.shown for w in band])
-    others = np.delete(shown, axis, axis=1)
-    both = np.stack((shown[:, axis], np.concatenate([w.read[:, axis] for w in band])), axis=1)
+    others = np.delete(band.shown, axis, axis=1)
+    both = np.stack((band.shown[:, axis], band.read[:, axis]), axis=1)
     left = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
-    return [(v[:, 0], v[:, 1]) for v in np.split(left, np.cumsum([len(w.shown) for w in band])[:-1])]
+    return left[:, 0], left[:, 1]
 
 
-def _sums(pairs: Sequence[Pair], band: Sequence[Windows], blocks: Sequence[_Block]) -> Array:
-    """Sums (3, P) of T^2, T R and R^2 of pairs by part in the order of time; loud parts turned down."""
-    parts = [
-        [np.bincount(w.part, weights=v, minlength=block.parts) for v in (t * t, t * r, r * r)]
-        for (t, r), w, block in zip(pairs, band, blocks, strict=True)
-    ]
-    sums = np.concatenate(parts, axis=1)
+def _sums(shown: Array, read: Array, band: Windows) -> Array:
+    """Sums (3, P) of T^2, T R and R^2 by part in the order of time; loud parts turned down."""
+    products = shown * shown, shown * read, read * read
+    sums = np.stack([np.bincount(band.part, weights=v, minlength=len(band.when)) for v in products])
     return np.asarray(sums * np.minimum(1.0, np.percentile(sums[0], SCALE.loudest) / np.maximum(sums[0], 1e-30)))
+
+
+def bounds_of(sums: Array) -> Bounds:
+    """Bounds on a scale from sums (3, P) by part; standard deviation from the parts."""
+    tt, tr, rr = sums
+    total = [float(np.sum(v)) for v in sums]
+    if total[0] <= 0.0 or total[1] <= 0.0:
+        return Bounds(-np.inf, np.inf, np.inf)
+    low, high = total[1] / total[0], total[2] / total[1]
+    count = len(tt)
+    scatter = [np.sqrt(np.sum(e**2) * count / (count - 1)) for e in (tr - low * tt, rr - high * tr)]
+    return Bounds(low, high, float(max(scatter[0] / total[0], scatter[1] / total[1])))
+
+
+def halves_of(bands: Sequence[Array]) -> Halves | None:
+    """Halves of the parts in which all bands say another scale: the first and second, or the calmer and livelier."""
+    calmer = [np.argsort(sums[0], kind="stable") for sums in bands]
+    for names, orders in ((IN_TIME, [np.arange(bands[0].shape[1])] * len(bands)), (IN_MOTION, calmer)):
+        pairs = [
+            tuple(bounds_of(sums[:, rows]) for rows in np.array_split(order, 2))
+            for sums, order in zip(bands, orders, strict=True)
+        ]
+        if all(a.apart(b) for a, b in pairs):
+            a, b = min(pairs, key=lambda pair: pair[0].width + pair[1].width)
+            return Halves(names, (a.middle, b.middle))
+    return None
+
+
+def parts_of(bands: Sequence[Array]) -> Halves | None:
+    """The scale of most parts, and that of some which is a unit's factor away: a stretch in another unit.
+
+    Parts count in which both are plainly one motion, so that the bounds of each are a tenth apart.
+    """
+    few = SCALE.fewest_parts // 2
+    for tt, tr, rr in bands:
+        plain = tr**2 > SCALE.plain**2 * tt * rr
+        scales = np.sort(np.sqrt(rr[plain] / tt[plain]))
+        if len(scales) > 2 * few:
+            usual = float(np.median(scales))
+            odd = max((float(scales[few - 1]), float(scales[-few])), key=lambda k: abs(np.log(k / usual)))
+            if abs(np.log(odd / usual)) > np.log(SCALE.unit):
+                return Halves(IN_PARTS, (usual, odd))
+    return None
+
+
+def sizes_of(turned: Array, known: Array, scale: Scale) -> Halves | None:
+    """Scales of the smaller and the larger turns (K,), where they differ as no one scale, and no noise, does.
+
+    The noise of either is at most the share of its power by which the bounds of `scale` are apart.
+    """
+    parts = [[float(np.sum(half)) for half in np.array_split(np.sort(v**2), 2)] for v in (turned, known)]
+    if min(part for halves in parts for part in halves) <= 0.0 or not scale.bounds[0].low > 0.0:
+        return None
+    small, large = (float(np.sqrt(r / t)) for t, r in zip(*parts, strict=True))
+    noise = np.log1p(0.5 * (scale.bounds[0].high / scale.bounds[0].low - 1.0) * max(sum(p) / p[0] for p in parts)) / 2.0
+    least = max(SCALE.steady, SCALE.steady_share * abs(np.log(scale.value))) if scale.off else SCALE.known
+    return Halves(IN_SIZE, (small, large)) if abs(np.log(small / large)) > least + noise else None
+
+
+def lost_of(sums: Array, when: Array) -> Lost | None:
+    """The time from which on, or until which, an axis shows nothing of the attitude's turns; parts begin at `when`."""
+    tt, tr, rr = sums
+    alike, found = tr / np.sqrt(np.maximum(tt * rr, 1e-30)), []
+    for k in range(SCALE.fewest_parts // 2, len(when) - SCALE.fewest_parts // 2 + 1):
+        sides = [(alike[rows], tt[rows]) for rows in (slice(k), slice(k, None))]
+        means = [(float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.mean(w))) for c, w in sides]
+        (seen, usual), (unseen, motion) = max(means), min(means)
+        if motion > SCALE.similar * usual and seen > SCALE.shown and abs(unseen) < SCALE.unseen:
+            found.append(Lost(float(when[k]), means[0][0], means[1][0]))
+    return max(found, key=lambda lost: abs(lost.before - lost.after), default=None)

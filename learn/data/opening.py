@@ -16,13 +16,14 @@ from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.formats.header_names import CRAZYFLIE
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
+from wrenchgap.flight.row_kernels import runs
 from wrenchgap.flight.unmeasured import Why, sentence, zero_axes
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
 from wrenchgap.learn.data.measurement import Record, commands_of, measured_axes, names_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
-from wrenchgap.learn.data.phases.phase import Phase, phase_names, runs, used_samples
+from wrenchgap.learn.data.phases.phase import Phase, phase_names, used_samples
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, rows_of, times_outside
 from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.model import Model

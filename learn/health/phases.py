@@ -14,10 +14,10 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Mask, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
-from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.ground import CONTACT, grounded
-from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, runs, signals_of, used_samples
+from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, signals_of, used_samples
 from wrenchgap.learn.health.rotors import Thrusts, is_multirotor
 
 

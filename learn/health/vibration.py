@@ -17,8 +17,8 @@ from scipy.signal import find_peaks, welch
 
 from wrenchgap.flight.check import Level
 from wrenchgap.flight.flight import Array, Flight, ImuSeries, Indices, Mask
+from wrenchgap.flight.row_kernels import runs
 from wrenchgap.flight.unmeasured import unmeasured_axes
-from wrenchgap.learn.data.phases.phase import runs
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.phases import AIRBORNE, FlightPhases, NoPhases, doubtful
 

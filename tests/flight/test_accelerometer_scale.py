@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
 from wrenchgap.flight.checks.motion import motion_means
-from wrenchgap.flight.checks.sensor_scales import steady_blocks
+from wrenchgap.flight.checks.sensor_windows import steady_blocks
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries
 
 G = np.array([0.0, 0.0, 9.80665])

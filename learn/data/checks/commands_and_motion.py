@@ -8,11 +8,10 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Samples
-from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.feedback_regressors import lagged
 from wrenchgap.learn.data.measurement import derivative, felt_at_origin, from_actuators, low_pass, measured_axes
-from wrenchgap.learn.data.phases.phase import runs
 from wrenchgap.learn.data.read_options import rows_of
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle

@@ -17,10 +17,11 @@ import numpy as np
 from wrenchgap.flight.check import UNPOWERED, Check, TimeLeftOut
 from wrenchgap.flight.flight import Array, Gap, Samples
 from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
+from wrenchgap.flight.row_kernels import runs
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.ground import clearance, grounded, within
-from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, closed, runs, signals, sizes, used_samples
+from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, closed, signals, sizes, used_samples
 from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, Between, times_outside
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Mask
-from wrenchgap.flight.row_kernels import lengths
-from wrenchgap.learn.data.phases.phase import Phase, Signals, closed, command_scale, runs, sizes
+from wrenchgap.flight.row_kernels import lengths, runs
+from wrenchgap.learn.data.phases.phase import Phase, Signals, closed, command_scale, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Mask, Samples
 from wrenchgap.flight.memory import give_back, on_disk
-from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import derivative, felt_at_origin, low_pass
 from wrenchgap.plant.state import Commands
@@ -67,12 +67,6 @@ def used_samples(time: Array, phases: Sequence[Phase]) -> Mask:
         if phase.left_out:
             keep &= (time < phase.start) | (time > phase.stop)
     return keep
-
-
-def runs(flags: Mask) -> list[tuple[int, int]]:
-    """First index and one past the last of every run of true values (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def closed(flags: Mask, most: int) -> Mask:
