@@ -20,7 +20,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks.motion import INTERVALS
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.flight import GRAVITY, Array, Flight, Indices, OdometrySeries, Series
+from wrenchgap.flight.flight import GRAVITY, Array, Flight, ImuSeries, Indices, OdometrySeries, Series
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated, spread
 
@@ -54,7 +54,8 @@ def blocks_of(flight: Flight, sensor: Sensor) -> list[Block]:
     odometry, imu = flight.odometry, flight.imu
     if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
         return []
-    found = [b for span in steady_blocks(odometry, imu) if (b := Block.of(flight, span, sensor)) is not None]
+    every = (Block.of(odometry, imu, span, sensor) for span in steady_blocks(odometry, imu))
+    found = [block for block in every if block is not None]
     return found if sum(block.parts for block in found) >= SCALE.fewest_parts else []
 
 
@@ -83,11 +84,8 @@ class Block:
     summed: Array
 
     @classmethod
-    def of(cls, flight: Flight, span: Span, sensor: Sensor) -> Self | None:
-        """The block of a flight from start to stop [s]; None where it has too few samples."""
-        odometry, imu = flight.odometry, flight.imu
-        assert odometry is not None
-        assert imu is not None
+    def of(cls, odometry: OdometrySeries, imu: ImuSeries, span: Span, sensor: Sensor) -> Self | None:
+        """From start to stop [s]; None where that has too few samples."""
         rows = slice(*np.searchsorted(odometry.time, (span[0] + SCALE.margin, span[1] - SCALE.margin)))
         every = max(1, round(SCALE.spacing / odometry.period))
         own = slice(*np.searchsorted(imu.time, span))

@@ -20,8 +20,6 @@ from wrenchgap.plant.reader import quoted, text_of
 
 LONGEST = 2**16
 """Characters: files of parameters have some thousands, and a parser needs a hundred times as many bytes."""
-DEEPEST = 20
-"""Expressions within one another."""
 OPERATIONS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -84,13 +82,13 @@ def _statements(text: str, where: str) -> list[ast.stmt]:
         ) from None
 
 
-def _evaluated(node: ast.expr, known: Mapping[str, Constant], numpy: set[str], depth: int = 0) -> Constant:
-    """The constant that an expression is; raises `_Unread` for any other."""
-    if depth > DEEPEST:
+def _evaluated(node: ast.expr, known: Mapping[str, Constant], numpy: set[str], levels: int = 20) -> Constant:
+    """The constant that an expression is; raises `_Unread` for any other, and for more `levels` within one another."""
+    if levels < 0:
         raise _Unread(node)
 
     def inner(one: ast.expr) -> Constant:
-        return _evaluated(one, known, numpy, depth + 1)
+        return _evaluated(one, known, numpy, levels - 1)
 
     match node:
         case ast.Constant(value=str() as text):

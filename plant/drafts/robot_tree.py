@@ -207,8 +207,8 @@ def motors_of(document: Element) -> dict[str, Motor]:
 
 def _lag(plugin: Element) -> tuple[float, float] | None:
     """Time constants up and down [s]; one that is not said is the other's."""
-    said = [_not_negative(plugin, f"timeConstant{way}") for way in ("Up", "Down")]
-    up, down = said[0] if said[0] is not None else said[1], said[1] if said[1] is not None else said[0]
+    up, down = (_not_negative(plugin, f"timeConstant{way}") for way in ("Up", "Down"))
+    up, down = down if up is None else up, up if down is None else down
     return None if up is None or down is None else (up, down)
 
 

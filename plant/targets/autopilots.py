@@ -34,8 +34,6 @@ from wrenchgap.plant.wrench_model import ModelEffect
 
 Parameters = Mapping[str, float]
 
-MOST_TILTS = 4
-"""Tilt servos of PX4."""
 CT = 6.5
 """PX4's default of CA_ROTORn_CT."""
 
@@ -161,10 +159,10 @@ def _px4(values: Values, before: Parameters) -> Values:
     return out | _tilt_servos(directions, before)
 
 
-def _tilt_servos(directions: Array, before: Parameters) -> Values:
+def _tilt_servos(directions: Array, before: Parameters, servos: int = 4) -> Values:
     """Angles of the ends of tilt servos as they were set, turned as the rotors (R, 3) lean at no commanded tilt."""
     out: Values = {}
-    for n in range(MOST_TILTS):
+    for n in range(servos):
         rotors = [r for r in range(len(directions)) if before.get(f"CA_ROTOR{r}_TILT") == n + 1]
         ends = [f"CA_SV_TL{n}_{end}" for end in ("MINA", "MAXA")]
         if rotors and all(name in before for name in ends):

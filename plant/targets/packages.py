@@ -26,23 +26,27 @@ def rotorpy(vehicle: Vehicle, values: Values) -> str:
     if len(rotors) != 4:
         raise ModelError(f"{vehicle.name}: has {len(rotors)} rotors; RotorPy inverts the allocation of four")
     arms, J = values["hub"] - values["com"], values["inertia"]
-    k_eta = float(values["level"] / np.mean(values["hover"] ** 2))
-    quad: dict[str, object] = {"mass": float(values["mass"])}
-    quad |= {f"I{a}{b}": float(J[i, k]) for (i, a), (k, b) in _pairs()}
-    quad |= {"num_rotors": 4, "rotor_radius": float(rotors.radius.mean())}
-    quad |= {"rotor_pos": {f"r{r + 1}": arm for r, arm in enumerate(arms)}}
-    quad |= {"rotor_directions": np.sign(values["yaw"]), "rI": values["imu"] - values["com"]}
-    quad |= {f"c_D{axis}": float(values["quadratic"][k]) for k, axis in enumerate("xyz")}
-    along, up = values["linear"][:2].mean() / values["hover"].sum(), values["linear"][2] / values["hover"].sum()
-    quad |= {
+    k_eta, speeds = values["level"] / np.mean(values["hover"] ** 2), values["hover"].sum()
+    quad = {
+        "mass": values["mass"],
+        **{f"I{'xyz'[i]}{'xyz'[k]}": J[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))},
+        "num_rotors": 4,
+        "rotor_radius": rotors.radius.mean(),
+        "rotor_pos": {f"r{r + 1}": arm for r, arm in enumerate(arms)},
+        "rotor_directions": np.sign(values["yaw"]),
+        "rI": values["imu"] - values["com"],
+        **{f"c_D{axis}": values["quadratic"][k] for k, axis in enumerate("xyz")},
         "k_eta": k_eta,
-        "k_m": k_eta * float(np.abs(values["yaw"]).mean()),
-        "k_d": float(along),
-        "k_z": float(up),
+        "k_m": k_eta * np.abs(values["yaw"]).mean(),
+        "k_d": values["linear"][:2].mean() / speeds,
+        "k_z": values["linear"][2] / speeds,
+        "k_h": max(float(values["lift"]), 0.0),
+        "k_flap": 0.0,
+        "tau_m": values["lag"].mean() or INSTANT,
+        "rotor_speed_min": rotors.speed_min.max(),
+        "rotor_speed_max": rotors.speed_max.min(),
+        "motor_noise_std": 0.0,
     }
-    quad |= {"k_h": max(float(values["lift"]), 0.0), "k_flap": 0.0, "tau_m": float(values["lag"].mean()) or INSTANT}
-    quad |= {"rotor_speed_min": float(rotors.speed_min.max()), "rotor_speed_max": float(rotors.speed_max.min())}
-    quad["motor_noise_std"] = 0.0
     lines = [f"    {key!r}: {_python(value)}," for key, value in quad.items()]
     return "\n".join(["import numpy as np", "", "quad_params = {", *lines, "}"]) + "\n"
 
@@ -51,7 +55,8 @@ def _python(value: object) -> str:
     """Python that makes a number, an array or a dict of them."""
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key!r}: {_python(one)}' for key, one in value.items())}}}"
-    return f"np.array({value.tolist()!r})" if isinstance(value, np.ndarray) else repr(value)
+    plain = np.asarray(value).tolist()
+    return f"np.array({plain!r})" if isinstance(plain, list) else repr(plain)
 
 
 def drone_models(vehicle: Vehicle, values: Values) -> str:
@@ -63,8 +68,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
     thrust = float(values["level"]) * values["curve"] * powers
     torque = float(values["level"]) * float(np.abs(values["yaw"]).mean()) * values["twist"] * powers
     up, down = (1.0 / (float(x) or INSTANT) for x in values["lag"])
-    document = tomlkit.document()
-    quad = {
+    drone = {
         "gravity_vec": [0.0, 0.0, -GRAVITY],
         "mass": float(values["mass"]),
         "L": length,
@@ -77,9 +81,7 @@ def drone_models(vehicle: Vehicle, values: Values) -> str:
         "drag_matrix": np.diag(-values["linear"]).tolist(),
         "prop_inertia": 0.0,
     }
-    for key, value in quad.items():
-        document[key] = value
-    return tomlkit.dumps(document)
+    return tomlkit.dumps(drone)
 
 
 def _check_upward(vehicle: Vehicle, values: Values, package: str, tolerance: float = 0.02) -> None:
@@ -87,7 +89,3 @@ def _check_upward(vehicle: Vehicle, values: Values, package: str, tolerance: flo
     arms, _ = vehicle.geometry()
     if arms.tilts.any() or np.abs(values["direction"] - [0.0, 0.0, 1.0]).max() > tolerance:
         raise ModelError(f"{vehicle.name}: has rotors that do not point up; those of {package} do")
-
-
-def _pairs() -> list[tuple[tuple[int, str], tuple[int, str]]]:
-    return [((i, "xyz"[i]), (k, "xyz"[k])) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))]

@@ -12,7 +12,7 @@ Sources: MuJoCo XML reference; sdformat.org; gz-sim, MulticopterMotorModel.
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
@@ -31,6 +31,8 @@ LINK = 1e-4
 PLUGIN = ("gz-sim-multicopter-motor-model-system", "gz::sim::systems::MulticopterMotorModel")
 ENDLESS = 1e3
 """[rad], the limit of an arm that tilts without one: it is no rotor, which turns without limits."""
+Entry = str | float | Sequence[float] | Array
+"""What an attribute or an element holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,45 +89,37 @@ def upright(direction: Array) -> Array:
 
 def mjcf(vehicle: Vehicle, values: Values) -> str:
     """MuJoCo's XML."""
-    links = links_of(vehicle, values, rotors=False)
     _, rotors = vehicle.geometry()
     root = Element("mujoco", model=printable(vehicle.name))
     _child(root, "compiler", angle="radian", autolimits="true")
-    _child(root, "option", gravity=_numbers([0.0, 0.0, -GRAVITY]), integrator="RK4", timestep="0.001")
+    _child(root, "option", gravity=(0.0, 0.0, -GRAVITY), integrator="RK4", timestep="0.001")
     base = _child(_child(root, "worldbody"), "body", name="base", pos="0 0 1")
     _child(base, "freejoint", name="free")
+    links = {one.name: one for one in links_of(vehicle, values, rotors=False)}
     bodies = {"base": base}
-    for one in links:
-        if one.axis is not None:
-            bodies[one.name] = _child(base, "body", name=one.name, pos=_numbers(one.place))
-            assert one.limits is not None
-            ends = {"range": _numbers(one.limits)}
-            _child(bodies[one.name], "joint", name=one.name, type="hinge", axis=_numbers(one.axis), **ends)
-        full = [one.inertia[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-        at = {"pos": _numbers(one.com - one.place), "mass": _numbers([one.mass])}
-        bodies[one.name].insert(1, Element("inertial", at | {"fullinertia": _numbers(full)}))
-    _child(base, "site", name="imu", pos=_numbers(values["imu"]))
-    sensor = _child(root, "sensor")
+    for name, one in links.items():
+        if one.axis is not None and one.limits is not None:
+            bodies[name] = _child(base, "body", name=name, pos=one.place)
+            _child(bodies[name], "joint", name=name, type="hinge", axis=one.axis, range=one.limits)
+        moments = one.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        _child(bodies[name], "inertial", pos=one.com - one.place, mass=one.mass, fullinertia=moments)
+    _child(base, "site", name="imu", pos=values["imu"])
+    sensor, actuator = _child(root, "sensor"), _child(root, "actuator")
     for kind in ("accelerometer", "gyro"):
         _child(sensor, kind, name=f"imu_{kind}", site="imu")
-    actuator = _child(root, "actuator")
-    nominal = vehicle.body.mass * GRAVITY / len(rotors)
+    nominal, full = vehicle.body.mass * GRAVITY / len(rotors), rotors.c_f * rotors.speed_max**2
     lag = float(values["lag"].mean())
-    for r in range(len(rotors)):
-        parent = bodies.get(f"arm_{rotors.arm[r]}", base)
-        start = next(one.place for one in links if bodies[one.name] is parent)
-        x, y, z, w = Rotation.from_matrix(upright(values["direction"][r])).as_quat()
-        quat = {"quat": _numbers([w, x, y, z])}
-        _child(parent, "site", name=f"rotor_{r}", pos=_numbers(values["hub"][r] - start), **quat)
+    for r, (arm, at, along) in enumerate(zip(rotors.arm, values["hub"], values["direction"], strict=True)):
+        name, holder = f"rotor_{r}", f"arm_{arm}" if f"arm_{arm}" in links else "base"
+        quat = np.roll(Rotation.from_matrix(upright(along)).as_quat(), 1)  # the scalar first
+        _child(bodies[holder], "site", name=name, pos=at - links[holder].place, quat=quat)
         gain = float(values["level"] * values["balance"][r]) / nominal
-        rotor = {"name": f"rotor_{r}", "site": f"rotor_{r}"}
-        rotor["gear"] = _numbers([0.0, 0.0, gain, 0.0, 0.0, gain * values["yaw"][r]])
-        rotor["ctrlrange"] = _numbers([0.0, rotors.c_f[r] * rotors.speed_max[r] ** 2])
-        _child(actuator, "general", **rotor, **({"dyntype": "filterexact", "dynprm": _numbers([lag])} if lag else {}))
-    for one in links:
+        gear, limits = (0.0, 0.0, gain, 0.0, 0.0, gain * values["yaw"][r]), (0.0, full[r])
+        lagged: dict[str, Entry] = {"dyntype": "filterexact", "dynprm": lag} if lag else {}
+        _child(actuator, "general", name=name, site=name, gear=gear, ctrlrange=limits, **lagged)
+    for name, one in links.items():
         if one.axis is not None:
-            stiff = {"kp": _numbers([1e4 * float(np.trace(one.inertia))]), "dampratio": "1"}
-            _child(actuator, "position", name=one.name, joint=one.name, **stiff)
+            _child(actuator, "position", name=name, joint=name, kp=1e4 * float(np.trace(one.inertia)), dampratio="1")
     return _text(root)
 
 
@@ -136,23 +130,24 @@ def sdf(vehicle: Vehicle, values: Values) -> str:
     links = links_of(vehicle, values, rotors=True)
     for one in links:
         link = _child(model, "link", name=one.name)
-        _leaf(link, "pose", _pose(one.place, one.turned))
+        _leaf(link, "pose", (*one.place, *_euler(one.turned)))
         inertial = _child(link, "inertial")
-        _leaf(inertial, "pose", _pose(one.turned.T @ (one.com - one.place), np.eye(3)))
-        _leaf(inertial, "mass", _numbers([one.mass]))
-        _inertia(_child(inertial, "inertia"), one, lambda e, key, text: _leaf(e, key, text))
+        _leaf(inertial, "pose", (*one.turned.T @ (one.com - one.place), 0.0, 0.0, 0.0))
+        _leaf(inertial, "mass", one.mass)
+        moments = _child(inertial, "inertia")
+        for key, value in _moments(one).items():
+            _leaf(moments, key, value)
         if one.axis is None:
             continue
-        kind = "continuous" if one.limits is None else "revolute"
-        joint = _child(model, "joint", name=f"{one.name}_joint", type=kind)
+        joint = _child(model, "joint", name=f"{one.name}_joint", type="revolute" if one.limits else "continuous")
         _leaf(joint, "parent", one.parent)
         _leaf(joint, "child", one.name)
         axis = _child(joint, "axis")
-        _leaf(axis, "xyz", _numbers(one.turned.T @ one.axis))
+        _leaf(axis, "xyz", one.turned.T @ one.axis)
         if one.limits is not None:
             limit = _child(axis, "limit")
             for end, value in zip(("lower", "upper"), one.limits, strict=True):
-                _leaf(limit, end, _numbers([value]))
+                _leaf(limit, end, value)
     for one in links:
         if one.rotor is not None:
             _motor(model, vehicle, values, one.rotor)
@@ -165,20 +160,20 @@ def urdf(vehicle: Vehicle, values: Values) -> str:
     links = {one.name: one for one in links_of(vehicle, values, rotors=True)}
     for one in links.values():
         inertial = _child(_child(root, "link", name=one.name), "inertial")
-        _origin(inertial, one.turned.T @ (one.com - one.place), np.eye(3))
-        _child(inertial, "mass", value=_numbers([one.mass]))
-        _inertia(_child(inertial, "inertia"), one, lambda e, key, text: e.set(key, text))
+        _child(inertial, "origin", xyz=one.turned.T @ (one.com - one.place), rpy=(0.0, 0.0, 0.0))
+        _child(inertial, "mass", value=one.mass)
+        _child(inertial, "inertia", **_moments(one))
         if one.axis is None:
             continue
-        kind = "continuous" if one.limits is None else "revolute"
-        joint, parent = _child(root, "joint", name=f"{one.name}_joint", type=kind), links[one.parent]
-        _origin(joint, parent.turned.T @ (one.place - parent.place), parent.turned.T @ one.turned)
+        joint = _child(root, "joint", name=f"{one.name}_joint", type="revolute" if one.limits else "continuous")
+        to_parent = links[one.parent].turned.T
+        place = to_parent @ (one.place - links[one.parent].place)
+        _child(joint, "origin", xyz=place, rpy=_euler(to_parent @ one.turned))
         _child(joint, "parent", link=one.parent)
         _child(joint, "child", link=one.name)
-        _child(joint, "axis", xyz=_numbers(one.turned.T @ one.axis))
+        _child(joint, "axis", xyz=one.turned.T @ one.axis)
         if one.limits is not None:
-            ends = {end: _numbers([x]) for end, x in zip(("lower", "upper"), one.limits, strict=True)}
-            _child(joint, "limit", **ends, effort="100", velocity="10")
+            _child(joint, "limit", lower=one.limits[0], upper=one.limits[1], effort="100", velocity="10")
     gazebo = _child(root, "gazebo")
     for one in links.values():
         if one.rotor is not None:
@@ -189,10 +184,8 @@ def urdf(vehicle: Vehicle, values: Values) -> str:
 def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
     """The motor plugin of a rotor."""
     _, rotors = vehicle.geometry()
-    thrust = float(values["level"] * values["balance"][r])
     up, down = (float(x) if x > 0.0 else INSTANT for x in values["lag"])
-    drag = float(values["linear"][:2].mean() / values["hover"].sum())
-    settings = {
+    settings: dict[str, Entry] = {
         "robotNamespace": printable(vehicle.name),
         "jointName": f"rotor_{r}_joint",
         "linkName": f"rotor_{r}",
@@ -200,11 +193,11 @@ def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
         "timeConstantUp": up,
         "timeConstantDown": down,
         "maxRotVelocity": rotors.speed_max[r],
-        "motorConstant": thrust / values["hover"][r] ** 2,
-        "momentConstant": abs(float(values["yaw"][r])),
+        "motorConstant": values["level"] * values["balance"][r] / values["hover"][r] ** 2,
+        "momentConstant": abs(values["yaw"][r]),
         "commandSubTopic": "command/motor_speed",
         "motorNumber": str(r),
-        "rotorDragCoefficient": drag,
+        "rotorDragCoefficient": values["linear"][:2].mean() / values["hover"].sum(),
         "rollingMomentCoefficient": 0.0,
         "motorSpeedPubTopic": f"motor_speed/{r}",
         "rotorVelocitySlowdownSim": "10",
@@ -212,34 +205,31 @@ def _motor(parent: Element, vehicle: Vehicle, values: Values, r: int) -> None:
     }
     plugin = _child(parent, "plugin", filename=PLUGIN[0], name=PLUGIN[1])
     for name, value in settings.items():
-        _leaf(plugin, name, value if isinstance(value, str) else _numbers([value]))
+        _leaf(plugin, name, value)
 
 
-def _inertia(parent: Element, one: Link, put: Callable[[Element, str, str], object]) -> None:
+def _moments(one: Link) -> dict[str, Entry]:
     """The six entries of a link's inertia, in its frame."""
     own = one.turned.T @ one.inertia @ one.turned
-    for i, k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-        put(parent, f"i{'xyz'[i]}{'xyz'[k]}", _numbers([own[i, k]]))
+    return {f"i{'xyz'[i]}{'xyz'[k]}": own[i, k] for i in range(3) for k in range(i, 3)}
 
 
-def _child(parent: Element, tag: str, **attributes: str) -> Element:
-    return ElementTree.SubElement(parent, tag, attributes)
+def _euler(turned: Array) -> Array:
+    """Roll, pitch and yaw (3,) [rad]."""
+    return np.asarray(Rotation.from_matrix(turned).as_euler("xyz"))
 
 
-def _leaf(parent: Element, name: str, text: str) -> None:
-    _child(parent, name).text = text
+def _child(parent: Element, tag: str, **attributes: Entry) -> Element:
+    return ElementTree.SubElement(parent, tag, {name: _entry(value) for name, value in attributes.items()})
 
 
-def _origin(parent: Element, place: Array, turned: Array) -> None:
-    _child(parent, "origin", xyz=_numbers(place), rpy=_numbers(Rotation.from_matrix(turned).as_euler("xyz")))
+def _leaf(parent: Element, name: str, value: Entry) -> None:
+    _child(parent, name).text = _entry(value)
 
 
-def _pose(place: Array, turned: Array) -> str:
-    return _numbers([*place, *Rotation.from_matrix(turned).as_euler("xyz")])
-
-
-def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(f"{float(value) + 0.0:.12g}" for value in values)
+def _entry(value: Entry) -> str:
+    """A text as it is, a number or several in 12 digits."""
+    return value if isinstance(value, str) else " ".join(f"{float(one) + 0.0:.12g}" for one in np.atleast_1d(value))
 
 
 def _text(root: Element) -> str:
