@@ -50,9 +50,14 @@ class Size:
         return self.suspect - self.healthy
 
     @property
+    def change_std(self) -> float:
+        """What the change is uncertain by: what flights differ by, and its standard deviation within them."""
+        return float(np.hypot(self.scatter, self.std))
+
+    @property
     def significance(self) -> float:
-        """The change in units of what it is uncertain by, scatter and standard deviation together."""
-        return abs(self.change) / max(float(np.hypot(self.scatter, self.std)), 1e-30)
+        """The change in units of what it is uncertain by."""
+        return abs(self.change) / max(self.change_std, 1e-30)
 
 
 @dataclass(frozen=True)

@@ -175,16 +175,17 @@ def _unknown(found: Changed) -> str:
 
 
 def in_words(found: Changed, size: Size) -> str:
-    """A change with its place: "rotor_thrust of M3 by -0.19"."""
+    """A change with its place and what it is uncertain by: "rotor_thrust of M3 by -19 +- 3.6 %"."""
     place = next((p for p in found.places if p.effect == size.effect and p.parameter == size.name), None)
     own = size.where if size.where and size.name.split("_")[0] in ("rotor", "arm") else ""
     doubtful = place is not None and place.probability < what_to_inspect.INSPECTION.sure
     sure = f" ({share(place.probability)})" if place is not None and doubtful else ""
     of = f" of {own}{sure}" if own else f" ({size.name})"
     sign = "+" if size.change > 0 else ""
+    std = size.change_std
     if size.unit == "1":
-        return f"{size.effect}{of} by {100 * size.change:+.1f} %"
-    return f"{size.effect}{of} by {sign}{quantity(size.change, size.unit)}"
+        return f"{size.effect}{of} by {100 * size.change:+.1f} +- {number(100 * std, 2)} %"
+    return f"{size.effect}{of} by {sign}{number(size.change)} +- {quantity(std, size.unit, 2)}"
 
 
 def sizes(found: Changed) -> list[Table]:

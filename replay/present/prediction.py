@@ -43,8 +43,8 @@ def summary(found: OpenLoop) -> list[str]:
     if worse:
         first = "That" if len(worse) == len(QUANTITIES) else f"For {', '.join(worse)} that"
         out.append(
-            f"{first} is worse than no model at all: a force or torque that the model lacks or has wrong adds up where "
-            "no controller answers. `wrenchgap explain` looks for it."
+            f"{first} is worse than {NAIVE}, which is hard to beat while a controller holds the vehicle: here none "
+            "answers, and what the model lacks or has wrong adds up. `wrenchgap explain` looks for it."
         )
     return out
 

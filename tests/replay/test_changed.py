@@ -186,7 +186,7 @@ def rotor(found, *odds):
 def test_a_rotor_is_called_by_its_name(moved):
     found = rotor(moved, 0.97, 0.02)
     assert what_to_inspect.sentences(found)[0].startswith("Inspect M3: its propeller")
-    assert "rotor_thrust of M3 by -12.0 %" in presented.summary(found)
+    assert "rotor_thrust of M3 by -12.0 +- 1.1 %" in presented.summary(found)
     assert list(drawn.vehicle_marks(found)[0]) == ["rotor_2"]
 
 

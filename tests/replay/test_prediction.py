@@ -154,12 +154,12 @@ def test_what_is_worse_than_no_model_is_said(flown):
     flights, _ = flown
     off = MODEL.with_effects([make_effect(MODEL.vehicle, "com_offset", {"x": 0.02, "y": 0.0, "z": 0.0})])
     found = wg.predict(flights[0], off, horizons=HORIZONS)
-    assert found.to_json()["summary"][1].startswith("That is worse than no model at all")
+    assert found.to_json()["summary"][1].startswith("That is worse than constant velocity")
     last, at = found.models[-1], len(HORIZONS) // 2
     mae = np.zeros_like(last.mae)
     mae[at, 2] = last.mae[at, 2]
     some = replace(found, models=(*found.models[:-1], replace(last, mae=mae)))
-    assert some.to_json()["summary"][1].startswith("For attitude that is worse than no model at all")
+    assert some.to_json()["summary"][1].startswith("For attitude that is worse than constant velocity")
 
 
 def test_a_flight_without_a_pose_or_too_short_is_refused(flown):

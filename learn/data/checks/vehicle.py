@@ -194,7 +194,11 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
             found.append(Check("weight", "ok", f"{words}."))
         elif 0.7 < share < 1.3:
             unsure = model.vehicle.tolerances.thrust
-            other = f"; thrust is granted {100.0 * unsure:.2g} %" if unsure else ", or expect thrust_scale to be found"
+            other = (
+                f"; the model knows its thrust to {100.0 * unsure:.2g} %"
+                if unsure
+                else ", or expect thrust_scale to be found"
+            )
             remedy = f"check the mass{other}." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
