@@ -17,8 +17,8 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.posterior import WeighedSets
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.score import Scored
 from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
 from wrenchgap.learn.posterior.spectrum import Spectrum, transformed
 
@@ -30,7 +30,7 @@ sensors' noise is far below that, so that without it a vehicle of which nothing 
 STAMPS = 0.5
 """Share of a sample's period by which clocks may be apart: a stamp is of the beginning of a sample or of its end."""
 CLOSE = 0.35
-"""Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
+"""Share of the rms that candidates may leave as straight lines: all at once on an axis, a likely set in a band."""
 
 
 def without_feedback(on: ModelResidual) -> ModelResidual:
@@ -45,11 +45,13 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
     return bool(np.all((in_all[0] < _enough(on, CLOSE, *in_all[1:]))[np.isin(space.axes, on.data.answering)]))
 
 
-def disturbance_free(on: ModelResidual, free: ModelResidual, found: WeighedSets) -> bool:
-    """Whether one of the likeliest sets on the wrench as it is leaves no disturbance, where commands say something."""
-    space = spectrum_of(free, ())
-    enough, answering = _enough(on, LITTLE, *_scales(space, on)), np.isin(space.axes, on.data.answering)
-    return any(np.all(((c.scored.left < enough) | (space.count == 0.0))[:, answering]) for c in found.wholes)
+def disturbance_free(on: ModelResidual, free: ModelResidual, sets: Sequence[Scored], *, nearly: bool = False) -> bool:
+    """Whether one of these sets on the wrench as it is leaves no disturbance, where commands say something; `nearly`,
+    whether one of straight lines does, which may leave as much more as all candidates at once may.
+    """  # noqa: D205
+    space, most = spectrum_of(free, ()), (CLOSE / LITTLE) ** 2 if nearly else 1.0
+    enough, answering = most * _enough(on, LITTLE, *_scales(space, on)), np.isin(space.axes, on.data.answering)
+    return any(np.all(((one.left < enough) | (space.count == 0.0))[:, answering]) for one in sets)
 
 
 def _scales(space: Spectrum, on: ModelResidual) -> tuple[Array, Array, Array, Array]:

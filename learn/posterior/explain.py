@@ -47,10 +47,11 @@ from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
-from wrenchgap.learn.posterior.joint_search import joint_search
+from wrenchgap.learn.posterior.joint_search import FEW, joint_search
 from wrenchgap.learn.posterior.late_clock import LateClock, SlowGyroscope, other_clock, with_clock
 from wrenchgap.learn.posterior.members import Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, Posterior, WeighedSets, posterior
+from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
@@ -59,6 +60,7 @@ from wrenchgap.learn.posterior.single_effects import (
     model_residual,
     single_effects,
 )
+from wrenchgap.learn.posterior.subset_search import ordered, searched
 from wrenchgap.learn.posterior.verdict import ResidualStructure, Verdict, decide, residual_structure
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
@@ -178,11 +180,14 @@ def weighed_sets(
         free = without_feedback(on)
         if may_be_disturbance_free(on, free, tried.columns):
             again = single_effects(free, names, jobs=jobs, progress=between(0.3, 0.5), twice=True)
-            other = joint_search(free, again.columns, jobs=jobs, tell=between(0.5, 0.7))
-            if disturbance_free(on, free, other):
-                return free, again, other
+            lines = searched(spectrum_of(free, again.columns), jobs)
+            if disturbance_free(on, free, ordered(lines)[:FEW], nearly=True):
+                other = joint_search(free, lines, jobs=jobs, tell=between(0.5, 0.7))
+                if disturbance_free(on, free, [one.scored for one in other.wholes]):
+                    return free, again, other
         on.data.starts.clear()
-    return on, tried, joint_search(on, tried.columns, jobs=jobs, tell=between(0.7, 0.8))
+    lines = searched(spectrum_of(on, tried.columns), jobs)
+    return on, tried, joint_search(on, lines, jobs=jobs, tell=between(0.7, 0.8))
 
 
 @dataclass(frozen=True, repr=False)

@@ -30,14 +30,13 @@ from wrenchgap.learn.posterior.relinearisation import (
     relinearised_sets,
     rest_holds,
     search_around,
-    spectrum_of,
     with_known_rests,
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set, shares, weights
 from wrenchgap.learn.posterior.single_effects import ModelResidual
-from wrenchgap.learn.posterior.subset_search import ordered, searched, with_fit_discounted
+from wrenchgap.learn.posterior.subset_search import ordered, with_fit_discounted
 from wrenchgap.plant.effects import family, find
 
 Joint = Mapping[Keys, ScoredSet | None]
@@ -67,12 +66,9 @@ class Round:
     next: tuple[Keys, ...]
 
 
-def joint_search(
-    on: ModelResidual, columns: Sequence[Column], *, jobs: int = 1, tell: Progress = silent
-) -> WeighedSets:
-    """Search and weigh the sets of these columns."""
+def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Progress = silent) -> WeighedSets:
+    """Weigh the sets that were searched as straight lines, linearised anew."""
     tell(0.0, "weighing sets of effects")
-    linear = searched(spectrum_of(on, columns), jobs)
     last = Round({}, {}, (), (), (), tuple(sets_to_relinearise(linear, ordered(linear))))
     for number in range(ROUNDS + SETTLING):
         tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")

@@ -6,6 +6,7 @@ commands, and so no evidence as long as a disturbance may have made it.
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ import pytest
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.input_errors import EDGES
-from wrenchgap.learn.posterior.disturbance_free import may_be_disturbance_free, without_feedback
+from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.explain import search_dataset
+from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
 
 ANSWERING = (2, 3, 4, 5)
@@ -88,3 +90,20 @@ def test_it_is_none_where_something_else_is_left(late, hexarotor):
     data = blown_about(replace(late, answering=ANSWERING), hexarotor)
     on = model_residual(data, hexarotor)
     assert not may_be_disturbance_free(on, without_feedback(on), single_effects(on, NAMES).columns)
+
+
+def test_straight_lines_may_leave_seven_times_as_much(late, hexarotor):
+    """Of the rms: 6 % of a large nominal residual in a band is a disturbance, and worth another look; 40 % is not."""
+    large = [replace(r, measured=r.commanded + 100.0 * (r.measured - r.commanded)) for r in late.records]
+    on = model_residual(dataset(large, hexarotor, ANSWERING), hexarotor)
+    free = without_feedback(on)
+    given = spectrum_of(free, ()).products[:, :, 0, 0]
+
+    def free_with(share, **nearly):
+        return disturbance_free(on, free, [SimpleNamespace(left=share**2 * given)], **nearly)
+
+    assert free_with(0.04)
+    assert not free_with(0.06)
+    assert free_with(0.06, nearly=True)
+    assert free_with(0.34, nearly=True)
+    assert not free_with(0.4, nearly=True)
