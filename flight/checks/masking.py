@@ -45,6 +45,8 @@ class MaskThresholds:
     """Share of its usual steps that another channel makes where the flight goes on."""
     alive: float = 0.5
     """Share of the other sensors' channels that go on where one of the IMU has died and the vehicle has not landed."""
+    going_on: float = 0.25
+    """The same of other channels where one stands still for a while."""
     largest_share: float = 0.5
     """Share of the flight that may be frozen."""
     carried: float = 0.7
@@ -64,7 +66,7 @@ WATCHED = {
     "actuators": ("rotor_speed", "tilt"),
 }
 """Channels that are watched, by role."""
-LIMITED = ("commanded", "actuators")
+LIMITED = frozenset({"commanded", "actuators"})
 """Roles whose channels may rest at a limit."""
 
 
@@ -145,32 +147,33 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
     sensors, support = series.keys() & {"imu", "odometry"}, _Support(flight)
 
-    def at_limit(role: str, start: float, stop: float) -> bool:
-        a, b = np.searchsorted(series[role].time, (start, stop))
-        return b > a and any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in lively[role])
+    def at_limit(start: float, stop: float) -> bool:
+        for role in series.keys() & LIMITED:
+            a, b = np.searchsorted(series[role].time, (start, stop))
+            if b > a and any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in lively[role]):
+                return True
+        return False
+
+    def others_go_on(role: str, name: str, start: float, stop: float) -> bool:
+        ends = stop == series[role].time[-1]
+        lost = ends and role == "odometry"
+        alone = not ends and sensors == {role} == {"imu"}
+        moving = []
+        for other in lively.keys() & ({*series} if alone else {*sensors, role}):  # motors idle on the ground
+            for label, column, _ in lively[other]:
+                alike = label.partition(" ")[0] == name.partition(" ")[0] if ends else label == name
+                if other != role or not (alike or lost):
+                    moving.append(_moves(*_means(series[other], column, lost), start, stop))
+        return _most(moving, MASKING.alive if ends else MASKING.going_on, fewest=2)
 
     for role, channels in lively.items():
         for name, values, longest in channels:
             if longest < MASKING.frozen_samples:
                 continue
             for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role in sensors):
-                limited = (r for r in LIMITED if r in series)
                 held = role in LIMITED and not jumps
-                if held and (support.by_ground(start, stop) or any(at_limit(r, start, stop) for r in limited)):
-                    continue
-                ends = stop == series[role].time[-1]
-                lost = ends and role == "odometry"
-                witnesses = sensors
-                if not ends and sensors == {role} == {"imu"}:
-                    witnesses = {*series} - {role}  # motors idle on the ground
-                others = []
-                for other in lively.keys() & (witnesses | {role}):
-                    for label, column, _ in lively[other]:
-                        alike = label.partition(" ")[0] == name.partition(" ")[0] if ends else label == name
-                        own = other == role and (alike or lost)
-                        moving = None if own else _moves(*_means(series[other], column, lost), start, stop)
-                        others += [] if moving is None else [moving]
-                if len(others) >= 2 and np.mean(others) > (MASKING.alive if ends else 0.25):
+                explained = held and (support.by_ground(start, stop) or at_limit(start, stop))
+                if not explained and others_go_on(role, name, start, stop):
                     yield role, start, stop, name
 
 
@@ -195,10 +198,10 @@ def _dead_rotors(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
             yield "actuators", start, stop, f"rotor_speed {k}"
 
 
-def _most(moving: Sequence[bool | None]) -> bool:
-    """Whether most of the channels that have samples go on."""
+def _most(moving: Sequence[bool | None], least: float = MASKING.alive, fewest: int = 1) -> bool:
+    """Whether more than the share `least` of the channels that have samples, `fewest` at least, go on."""
     known = [one for one in moving if one is not None]
-    return bool(known) and float(np.mean(known)) > MASKING.alive
+    return len(known) >= fewest and float(np.mean(known)) > least
 
 
 class _Support:

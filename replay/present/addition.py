@@ -116,14 +116,16 @@ def to_json(added: Addition) -> dict[str, Any]:
         **entries(added, "rms_before", "rms_after", "at_bound=fit.at_bound"),
         "unmeasured": unmeasured(np.sum([r.noise for f in added.flights for r in f.records], axis=0)),
         "between_flights": added.between_flights,
-        "held_out": None if added.trial is None else trial_json(added.trial),
+        "held_out": trial_json(added.trial),
         "cutoff_hz": added.flights[0].records[0].cutoff_hz,
         "notes": [*limits(added), *notes(added)],
     }
 
 
-def trial_json(trial: Trial) -> dict[str, Any]:
-    """Errors on time that was not fitted, six each."""
+def trial_json(trial: Trial | None) -> dict[str, Any] | None:
+    """Errors on time that was not fitted, six each; None where all was fitted."""
+    if trial is None:
+        return None
     names = ("rms_before=before", "rms_after=after", "noise", "fall=rms_reduction", "outcome", "change", "t")
     return {**entries(trial, *names), "verdict": verdict(trial)}
 

@@ -146,7 +146,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "rms_after": found.after,
         "hidden_rotor": found.hidden,
         "unseen": [{"flight": n, "rms_before": b, "rms_after": a} for n, b, a in found.unseen],
-        "held_out": None if added is None or added.trial is None else trial_json(added.trial),
+        "held_out": None if added is None else trial_json(added.trial),
         "between_flights": None if added is None else added.between_flights,
         "at_bound": [] if added is None else list(added.fit.at_bound),
         "notes": [*crashed(found), *([] if added is None else limits(added)), *notes(found)],

@@ -18,7 +18,7 @@ from wrenchgap.replay.present import detection, numbers, parameters, posterior, 
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
 from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
-from wrenchgap.replay.present.numbers import entries, number, quantity, row, share, size_in_words, unit
+from wrenchgap.replay.present.numbers import entries, number, quantity, row, share, signed, size_in_words, unit
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, table
 
 MOST_PLACES = 3
@@ -181,11 +181,10 @@ def in_words(found: Changed, size: Size) -> str:
     doubtful = place is not None and place.probability < what_to_inspect.INSPECTION.sure
     sure = f" ({share(place.probability)})" if place is not None and doubtful else ""
     of = f" of {own}{sure}" if own else f" ({size.name})"
-    sign = "+" if size.change > 0 else ""
     std = size.change_std
     if size.unit == "1":
         return f"{size.effect}{of} by {100 * size.change:+.1f} +- {number(100 * std, 2)} %"
-    return f"{size.effect}{of} by {sign}{number(size.change)} +- {quantity(std, size.unit, 2)}"
+    return f"{size.effect}{of} by {signed(size.change, number(size.change))} +- {quantity(std, size.unit, 2)}"
 
 
 def sizes(found: Changed) -> list[Table]:

@@ -13,6 +13,7 @@ from wrenchgap.replay.present import prediction
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, by_axis, number, row, share, size_in_words, unmeasured
+from wrenchgap.replay.present.prediction import flights_in_words
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, styled, table
 
 
@@ -20,13 +21,13 @@ def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
     """The answer, errors, by flight where there are several, and where the last model is worst; `signed`: with means by
     flight.
     """  # noqa: D205
-    several = [by_flight(result, signed=True)] if signed else []
-    several = several or ([by_flight(result, signed=False)] if len(result.flights) > 1 else [])
-    last, ahead = result.evaluations[-1], result.ahead
-    moved: list[Part] = (
-        [prediction.errors(ahead), Line(prediction.LEGEND, "dim")] if isinstance(ahead, OpenLoop) else []
-    )
-    return [*brief(result), *several, worst(last.name, last.worst), *moved, *note_lines(sentences(result.notes))]
+    last, out = result.evaluations[-1], brief(result)
+    if signed or len(result.flights) > 1:
+        out.append(by_flight(result, signed=signed))
+    out.append(worst(last.name, last.worst))
+    if isinstance(result.ahead, OpenLoop):
+        out += [prediction.errors(result.ahead), Line(prediction.LEGEND, "dim")]
+    return [*out, *note_lines(sentences(result.notes))]
 
 
 def brief(result: Comparison) -> list[Part]:
@@ -35,8 +36,8 @@ def brief(result: Comparison) -> list[Part]:
     """  # noqa: D205
     first, last = result.evaluations[0], result.evaluations[-1]
     (force, torque), noise = force_and_torque(last.pooled.rms), force_and_torque(result.noise)
-    said = f"On {_where(result)} the force error of {last.name} is {share(force / result.weight)} of the weight, its "
-    said += f"torque error that of a centre of mass {size_in_words(torque / result.weight, 'm')} off."
+    said = f"On {flights_in_words(result.flights)} the force error of {last.name} is {share(force / result.weight)} of "
+    said += f"the weight, its torque error that of a centre of mass {size_in_words(torque / result.weight, 'm')} off."
     sizes = f"{number(force)} N and {number(torque)} Nm rms (sensors: {number(noise[0])} N, {number(noise[1])} Nm)"
     than = ""
     if last is not first:
@@ -53,7 +54,7 @@ def brief(result: Comparison) -> list[Part]:
 
 def errors(comparison: Comparison) -> Table:
     """Errors by model and axis, and the noise floor."""
-    title = f"|measured - predicted| on {_where(comparison)}, {filtered(comparison)}"
+    title = f"|measured - predicted| on {flights_in_words(comparison.flights)}, {filtered(comparison)}"
     out = table(title, ("model", "", *UNIT_HEADS), left=2)
     for index, one in enumerate(comparison.evaluations):
         e = one.pooled
@@ -65,11 +66,6 @@ def errors(comparison: Comparison) -> Table:
             out.add_row("", "change of rms", *reductions(comparison.reduction(one)), end_section=True)
     out.add_row(styled("sensor noise", "dim"), "rms", *row(comparison.noise))
     return out
-
-
-def _where(comparison: Comparison) -> str:
-    flights = comparison.flights
-    return flights[0] if len(flights) == 1 else f"{len(flights)} flights"
 
 
 def filtered(comparison: Comparison) -> str:
@@ -168,7 +164,7 @@ def picture(result: Comparison) -> style.Picture:
     turn wrench and residual of x, y, z. The last row, where there are several flights, is the rms by flight.
     """
     rows = 6 + (len(result.flights) > 1)
-    title = f"{_where(result)}: wrench measured, commanded and predicted, and residual by model; "
+    title = f"{flights_in_words(result.flights)}: wrench measured, commanded and predicted, and residual by model; "
     title += f"filtered at {result.records[0].cutoff_hz:g} Hz"
     size, split = (14.0, 2.0 * rows), lambda figure: _split(figure, rows)
     return style.Picture((rows, 2), size, lambda axes: _draw(result, axes), title=title, split=split)

@@ -17,7 +17,7 @@ from wrenchgap.replay.counterfactual.counterfactual import CHANGED, NULL_RUN, Co
 from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentence, sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
+from wrenchgap.replay.present.numbers import UNIT_HEADS, capitalised, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import NOTES, Line, Part, note_lines, reductions, table
 from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
 
@@ -102,7 +102,7 @@ def brief(result: Counterfactual) -> list[Part]:
     norms = {key: float(np.linalg.norm(one[:3])) for key, one in errors.items()}
     said = (
         [
-            f"{words[:1].upper()}{words[1:]}: attitude error {norms[before]:.2f} to {norms['counterfactual']:.2f} deg "
+            f"{capitalised(words)}: attitude error {norms[before]:.2f} to {norms['counterfactual']:.2f} deg "
             "(norm of the axes' means)."
         ]
         if words

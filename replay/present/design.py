@@ -21,7 +21,7 @@ from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights
-from wrenchgap.replay.present.numbers import entries, separation
+from wrenchgap.replay.present.numbers import capitalised, entries, separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, table
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
@@ -98,7 +98,7 @@ def sentence(design: Design) -> str:
         return (
             f"This flight of {design.trajectory.duration:g} s separates {names}: expected separation "
             f"{design.expected.separation:.1f}, simulated {found:.1f} ({least}). "
-            f"{design.baseline[:1].upper()}{design.baseline[1:]}: {separation(before)}; {was}."
+            f"{capitalised(design.baseline)}: {separation(before)}; {was}."
         )
     if design.expected.separable:
         return (

@@ -13,7 +13,7 @@ from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import statements
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import entries, number, size_in_words, unit, user_name
+from wrenchgap.replay.present.numbers import entries, listed, number, size_in_words, unit, user_name
 from wrenchgap.replay.present.tables import Line
 
 
@@ -64,9 +64,9 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     advice = [f"{words[0].lower()}{words[1:]}" for words in settings]
     advice += [f"for {name} fly {find(name).excited_by}" for name in lacking[:most_flown]]
     return (
-        f"Would have been shown{unchecked}: {_listed(would, most_shown)}." if would else "",
-        f"Could not have been shown: {_listed(could_not, most_hidden)}." if could_not else "",
-        f"Could not have been told apart: {_listed(unlike, most_hidden)}." if unlike else "",
+        f"Would have been shown{unchecked}: {listed(would, most_shown, last=', and ')}." if would else "",
+        f"Could not have been shown: {listed(could_not, most_hidden, last=', and ')}." if could_not else "",
+        f"Could not have been told apart: {listed(unlike, most_hidden, last=', and ')}." if unlike else "",
         f"To show more: {'; '.join(advice)}." if advice else "",
     )
 
@@ -82,11 +82,6 @@ def _by_effect(limits: Sequence[DetectionLimit]) -> dict[str, list[DetectionLimi
 def _part(one: DetectionLimit) -> float:
     """The limit as a share of the largest plausible change."""
     return abs(one.size / one.plausible) if one.shown else float("inf")
-
-
-def _listed(words: Sequence[str], most: int) -> str:
-    more = f", and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more
 
 
 def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicle) -> str:

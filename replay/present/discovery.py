@@ -9,7 +9,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.discover.discover import Discovery, Outcome
 from wrenchgap.learn.discover.residual import Law
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import entries, number, quantity, share
+from wrenchgap.replay.present.numbers import entries, listed, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, table
 
 UNITS = {"speed": "m/s", "rate": "rad/s", "height": "m", "thrust": "N", "time": "s", "voltage_excess": ""}
@@ -79,9 +79,8 @@ def said_of(law: Law) -> list[str]:
     causes = f" It depends on {' and '.join(law.causes)}." if law.causes else ""
     out = [f"{law.name}: chance finds as much in {share(law.p_value)} of residuals at most.{causes}"]
     if law.equivalents:
-        others = "; ".join(formula for _, formula in law.equivalents[:3])
-        more = f" and {len(law.equivalents) - 3} more" if len(law.equivalents) > 3 else ""
-        out.append(f"These flights cannot tell it from {others}{more}.")
+        others = listed([formula for _, formula in law.equivalents], 3, "; ")
+        out.append(f"These flights cannot tell it from {others}.")
     if law.nearest is not None and law.nearest[1] > 0.3:
         name, cosine = law.nearest
         out.append(f"Nearest in the catalogue: {name}, which predicts {share(cosine**2)} of it.")

@@ -97,7 +97,7 @@ def _version(version: Version, changed: Changes) -> dict[str, Any]:
         "wrenchgap": version.tool or None,
         "parent_sha256": version.parent or None,
         "flights": [{"file": file, "sha256": sha} for file, sha in version.flights],
-        "held_out": None if version.trial is None else trial_json(version.trial),
+        "held_out": trial_json(version.trial),
         "added": [e.effect for e in changed.added],
         "removed": [e.effect for e in changed.removed],
         "changed": [

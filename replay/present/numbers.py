@@ -19,6 +19,17 @@ DIRECTIONS = ("front", "front left", "left", "back left", "back", "back right", 
 """Sectors about the vehicle's z, from 0 deg in steps of 45."""
 
 
+def capitalised(text: str) -> str:
+    """A text with a capital at its beginning, and the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(words: Sequence[str], most: int, between: str = ", ", last: str = " and ") -> str:
+    """The first `most` of some words, and how many more there are."""
+    more = f"{last}{len(words) - most} more" if len(words) > most else ""
+    return f"{between.join(words[:most])}{more}"
+
+
 def direction(degrees: float) -> str:
     """A direction in the body from its angle from x towards y [deg]."""
     return DIRECTIONS[round(degrees / 45.0) % 8]
@@ -94,6 +105,11 @@ SCALED = {"1": (100.0, "%"), "rad": (180.0 / np.pi, "deg")}
 """Factor and unit in which a size is said."""
 MILLI = frozenset({"m", "s", "N", "Nm", "kg"})
 """Units that take the prefix of a thousandth below a tenth."""
+
+
+def signed(value: float, words: str) -> str:
+    """The value in words with its sign."""
+    return f"+{words}" if value > 0.0 else words
 
 
 def size_in_words(value: float, unit_name: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from wrenchgap.flight.autopilot import ParameterDifferences, parameter_differences, why_ignored
-from wrenchgap.replay.present.numbers import by_reason, entries
+from wrenchgap.replay.present.numbers import by_reason, entries, listed
 from wrenchgap.replay.present.tables import Line, Part, Table, table
 
 COLUMNS = 5
@@ -60,9 +60,8 @@ def sentences(found: ParameterDifferences) -> list[str]:
 
 def named(found: ParameterDifferences, most: int = 4) -> str:
     """The first `most` differences in a sentence."""
-    listed = ", ".join(f"{one.name} {' / '.join(map(_value, one.values))}" for one in found.differ[:most])
-    more = len(found.differ) - most
-    return f"{listed}{f', and {more} more' if more > 0 else ''}"
+    said = [f"{one.name} {' / '.join(map(_value, one.values))}" for one in found.differ]
+    return listed(said, most, last=", and ")
 
 
 def to_json(found: ParameterDifferences) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Predictions without correction: how far off each model is at each horizon."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,8 @@ def errors(found: OpenLoop) -> Table:
     """Three rows for each horizon and model: mean, rms, and the share within what is expected."""
     heads = [f"{WORDS.get(q, q)} [{_shown(q)[1]}]" for q in QUANTITIES]
     factors = np.array([_shown(q)[0] for q in QUANTITIES])
-    out = table(f"errors of {found.starts:,} predictions of {_flights(found)}", ("ahead", "model", "", *heads), left=3)
+    title = f"errors of {found.starts:,} predictions of {flights_in_words(found.flights)}"
+    out = table(title, ("ahead", "model", "", *heads), left=3)
     for at, horizon in enumerate(found.horizons):
         for first, one in zip(first_only(f"{horizon:g} s" for _ in found.models), found.models, strict=True):
             ends = one is found.models[-1]
@@ -75,8 +77,9 @@ def errors(found: OpenLoop) -> Table:
     return out
 
 
-def _flights(found: OpenLoop) -> str:
-    return found.flights[0] if len(found.flights) == 1 else f"{len(found.flights)} flights"
+def flights_in_words(names: Sequence[str]) -> str:
+    """The one flight by its name, or how many there are."""
+    return names[0] if len(names) == 1 else f"{len(names)} flights"
 
 
 def to_json(found: OpenLoop) -> dict[str, Any]:
@@ -113,7 +116,7 @@ def frame(found: OpenLoop) -> list[dict[str, Any]]:
 
 def picture(found: OpenLoop) -> style.Picture:
     """Axes (1, 4): the rms of each quantity over the horizon, a line for each model."""
-    title = f"{_flights(found)}: rms of predictions without correction"
+    title = f"{flights_in_words(found.flights)}: rms of predictions without correction"
     return style.Picture((1, len(QUANTITIES)), (14.0, 3.6), lambda axes: _draw(found, axes), title=title)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import entries, label, number, quantity, share
+from wrenchgap.replay.present.numbers import capitalised, entries, label, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
@@ -49,7 +49,7 @@ def summary(found: Readiness) -> list[str]:
     out = [f"{needs} {share(weakest.probability)}.", *map(_margins, lost)]
     if lost and lost[0].probability < weakest.probability:  # then the loop decides
         out.insert(0, out.pop(1))
-    out = [f"{text[:1].upper()}{text[1:]}" if k else text for k, text in enumerate(out)]
+    out = [capitalised(text) if k else text for k, text in enumerate(out)]
     out[0] = f"{BEGINS[found.decision]}: on {found.trajectory}{_conditions(found)} {out[0]}"
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)

@@ -9,7 +9,7 @@ import numpy as np
 from wrenchgap.learn.identify.steps_and_drift import Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import label, number, quantity
+from wrenchgap.replay.present.numbers import label, number, quantity, signed
 from wrenchgap.replay.present.tables import Table, table
 
 QUANTITIES = {
@@ -174,7 +174,7 @@ def _panel(panel: Any, p: ParameterTrend, factor: float = 1.0, unit: str = "") -
         size = f"{number(factor * step.size, 2)} {unit}" if unit else size
         look = {"fontsize": style.SMALL, "color": style.WARNING, "rotation": 90, "va": "top", "ha": "left"}
         panel.annotate(
-            f"{'+' if step.size > 0 else ''}{size}",
+            signed(step.size, size),
             (place, 1.0),
             (2, -2),
             ("data", "axes fraction"),

@@ -14,7 +14,7 @@ from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace
 from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
-from wrenchgap.replay.present.numbers import by_reason, direction, number, share
+from wrenchgap.replay.present.numbers import by_reason, capitalised, direction, number, share
 from wrenchgap.replay.present.what_to_inspect import YAW_BIAS
 
 LEVELS = ("bad", "warn", "ok")
@@ -56,10 +56,6 @@ def _direction(x: float, y: float) -> str:
     return direction(float(np.degrees(np.arctan2(y, x))))
 
 
-def _first(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _flight(log: LogHealth) -> Iterator[Statement]:
     """Crashes and impacts, and a log without a flight."""
     for name in ("crash", "impact"):
@@ -70,7 +66,7 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             at = events[0].start if events[0].event is None else events[0].event
             mode = changed_before(log.modes, at)
             after = "" if mode is None else f"; flight mode {mode.name} since {mode.start:.1f} s"
-            words = f"{_first(name)} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}."
+            words = f"{capitalised(name)} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
         words = "The motors never ran: this log holds no flight. Give another log."
@@ -123,21 +119,22 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
     if motors.saturation_level == "ok":
         return
     if (motors.at_most or 0.0) > MOTORS.saturated:
-        worst = max(motors.motors, key=lambda m: m.at_most or 0.0)
-        words = f"{_first(rotor(worst.rotor))} is at its largest command {share(motors.at_most or 0.0)} of the time in "
-        words += "the air, with no reserve for control: less weight, a fresher battery, or gentler flight."
+        worst, end, time = max(motors.motors, key=lambda m: m.at_most or 0.0), "largest", motors.at_most
+        so = "with no reserve for control: less weight, a fresher battery, or gentler flight"
     else:
-        worst = max(motors.motors, key=lambda m: m.at_least or 0.0)
-        words = f"{_first(rotor(worst.rotor))} is at its smallest command {share(motors.at_least or 0.0)} of the time "
-        words += "in the air, and cannot be turned down further: descend more gently, or raise the idle command."
-    yield Statement(motors.saturation_level, "saturation", f"{worst.rotor.name} saturated", words)
+        worst, end, time = max(motors.motors, key=lambda m: m.at_least or 0.0), "smallest", motors.at_least
+        so = "and cannot be turned down further: descend more gently, or raise the idle command"
+    words = (
+        f"{capitalised(rotor(worst.rotor))} is at its {end} command {share(time or 0.0)} of the time in the air, {so}."
+    )
+    yield Statement(motors.saturation_level, "saturation", f"{worst.rotor.name} saturated", capitalised(words))
 
 
 def _balance(motors: Motors, drift: str, told: str) -> str:
     """Which motor works harder, what that looks like, and what to do, which `told` begins where places are unknown."""
     hard = motors.hardest
     amount = f"commanded {share(hard.deviation)} more thrust than the mean in level hover"
-    said = f"{_first(rotor(hard.rotor))} is {amount}"
+    said = f"{capitalised(rotor(hard.rotor))} is {amount}"
     if hard.alike:
         said = f"The coaxial pair {_pair(hard)} is {amount}"
     if motors.shape is Shape.YAW and motors.yaw is not None:

@@ -100,6 +100,12 @@ def table(
     return out
 
 
+def captioned(shown: Table, words: str) -> Table:
+    """A table of the terminal with what a page says of it."""
+    shown.caption = words
+    return shown
+
+
 def first_only(names: Iterable[str]) -> list[str]:
     """Names of rows, empty where the row above has the same."""
     listed = list(names)

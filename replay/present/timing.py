@@ -8,7 +8,7 @@ import numpy as np
 from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.diagnose import timing as diagnosed
 from wrenchgap.learn.diagnose.timing import FlightTiming
-from wrenchgap.replay.present.numbers import by_reason, entries, number
+from wrenchgap.replay.present.numbers import by_reason, entries, number, signed
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 TWO_CLOCKS = "two clocks; record both with one"
@@ -164,7 +164,7 @@ def milliseconds(offset: Offset, absolute: bool = False) -> str:
 
 def _per_minute(slope: float | None, sign: bool = True) -> str:
     value = 6e4 * (slope or 0.0)
-    return f"{'+' if sign and value > 0.0 else ''}{number(value, 2)}"
+    return signed(value, number(value, 2)) if sign else number(value, 2)
 
 
 def to_json(found: FlightTiming) -> dict[str, Any]:

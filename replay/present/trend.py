@@ -11,7 +11,7 @@ from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import numbers, parameters, season
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import entries, label, number, size_in_words, unit, user_name
+from wrenchgap.replay.present.numbers import entries, label, listed, number, signed, size_in_words, unit, user_name
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, first_only, note_lines, table
 
 WORDS = {
@@ -93,10 +93,7 @@ def _differs(p: ParameterTrend, found: Trend, most: int = 6) -> str:
     if not p.course.apart:
         return said
     flights = [str(k + 1) for k in p.course.apart]
-    more = f" and {len(flights) - most} more" if len(flights) > most else ""
-    return (
-        f"{said}; outside the scatter of the others: flight{'s' * (len(flights) > 1)} {', '.join(flights[:most])}{more}"
-    )
+    return f"{said}; outside the scatter of the others: flight{'s' * (len(flights) > 1)} {listed(flights, most)}"
 
 
 def _step(step: Step, unit_name: str, names: Sequence[str]) -> str:
@@ -114,7 +111,7 @@ def _interval(found: Step | Drift, unit_name: str) -> str:
 
 
 def _signed(value: float, unit_name: str) -> str:
-    return f"{'+' if value > 0 else ''}{size_in_words(value, unit_name)}"
+    return signed(value, size_in_words(value, unit_name))
 
 
 def places(found: Trend) -> list[str]:

@@ -37,12 +37,12 @@ from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, grouped, warnings
-from wrenchgap.replay.present.numbers import quantity
+from wrenchgap.replay.present.numbers import capitalised, quantity, signed
 from wrenchgap.replay.present.posterior import classes_in_words
 from wrenchgap.replay.present.report.repetition import Repetition
 from wrenchgap.replay.present.report.sections import SECTIONS, Image
 from wrenchgap.replay.present.statements import statements
-from wrenchgap.replay.present.tables import Table, styled, table
+from wrenchgap.replay.present.tables import Table, captioned, styled, table
 from wrenchgap.replay.report import Report
 
 
@@ -118,7 +118,7 @@ def changed_page(found: Changed, command: str = "") -> str:
         vehicle=found.model.vehicle.name,
         verdict=BOXES[found.verdict],
         summary=[changed.summary(found), *changed.outliers(found), *classes_in_words(found.classes)],
-        caveat=" ".join(s[0].upper() + s[1:] for s in (changed.baseline(found), *changed.feedback(found))),
+        caveat=" ".join(map(capitalised, (changed.baseline(found), *changed.feedback(found)))),
         chart=Image.of(changed.picture(found), "Flights, changes, and the vehicle from above.", caption, "svg"),
         tables=[*_changed_tables(found), *_differences(differences)],
         inspect=what_to_inspect.sentences(found),
@@ -129,17 +129,11 @@ def changed_page(found: Changed, command: str = "") -> str:
 
 def _changed_tables(found: Changed) -> Iterator[Table]:
     for sizes in changed.sizes(found):
-        yield _captioned(sizes, f"Changes. {changed.SIZES_LEGEND}.")
-    yield _captioned(changed.alone(found), f"Each change by itself. {changed.ALONE_LEGEND}.")
-    yield _captioned(changed.flights(found), "Mean residual of the given model by flight, signed.")
+        yield captioned(sizes, f"Changes. {changed.SIZES_LEGEND}.")
+    yield captioned(changed.alone(found), f"Each change by itself. {changed.ALONE_LEGEND}.")
+    yield captioned(changed.flights(found), "Mean residual of the given model by flight, signed.")
     for values in changed.by_flight(found):
-        yield _captioned(values, "What changed, on each flight by itself.")
-
-
-def _captioned(shown: Table, words: str) -> Table:
-    """A table of the terminal with what a page says of it."""
-    shown.caption = words
-    return shown
+        yield captioned(values, "What changed, on each flight by itself.")
 
 
 def health_page(found: Health, command: str = "") -> str:
@@ -166,7 +160,7 @@ def health_page(found: Health, command: str = "") -> str:
 
 def _differences(found: ParameterDifferences) -> list[Table]:
     """Which parameters of the autopilot differ; no table where none does."""
-    return [_captioned(one, "Parameters that differ.") for one in parameters.differences(found)]
+    return [captioned(one, "Parameters that differ.") for one in parameters.differences(found)]
 
 
 def trend_page(found: Trend, command: str = "") -> str:
@@ -188,12 +182,10 @@ def trend_page(found: Trend, command: str = "") -> str:
         chart=Image.of(trend.picture(found), "Parameters over the flights.", caption, "svg"),
         view=_view(found),
         tables=[
-            *([_captioned(season.health(found), f"Health of parts. {season.LEGEND}.")] if found.by_part else []),
-            _captioned(trend.overview(found), f"Parameters. {trend.LEGEND}."),
-            *(_captioned(one, "Steps.") for one in trend.steps(found)),
-            _captioned(
-                trend.values(found, len(found.parameters)), "Values by flight; > the first flight after a step."
-            ),
+            *([captioned(season.health(found), f"Health of parts. {season.LEGEND}.")] if found.by_part else []),
+            captioned(trend.overview(found), f"Parameters. {trend.LEGEND}."),
+            *(captioned(one, "Steps.") for one in trend.steps(found)),
+            captioned(trend.values(found, len(found.parameters)), "Values by flight; > the first flight after a step."),
             *_differences(differences),
         ],
         notes=[*parameters.sentences(differences), *trend.notes(found)],
@@ -217,7 +209,7 @@ def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
     for p in found.changed:
         change = float(p.course.level[-1] - p.course.level[0])
         if PART.fullmatch(p.name):
-            marks[p.name] = f"{p.effect} {'+' if change > 0 else ''}{quantity(change, p.unit, 2)}"
+            marks[p.name] = f"{p.effect} {signed(change, quantity(change, p.unit, 2))}"
         elif p.effect == "com_offset":
             moved["xyz".index(p.name)] = change
     if np.any(moved):

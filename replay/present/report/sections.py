@@ -35,10 +35,10 @@ from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import not_tried, sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, separation, share, unit
+from wrenchgap.replay.present.numbers import UNIT_HEADS, capitalised, label, number, row, separation, share, unit
 from wrenchgap.replay.present.report import summary
 from wrenchgap.replay.present.report.repetition import FITTED, Repetition
-from wrenchgap.replay.present.tables import Table, first_only, styled, table
+from wrenchgap.replay.present.tables import Table, captioned, first_only, styled, table
 from wrenchgap.replay.report import NextFlight, Report
 
 Content = Mapping[str, Any]
@@ -107,7 +107,7 @@ def of_error(report: Report, _: Repetition) -> Content:
         "tables": [_steps(case) for case in report.staircases],
         "rest": summary.rest(report.rest),
         "residual": _residual(report),
-        "absorbs": absorbs[:1].upper() + absorbs[1:],
+        "absorbs": capitalised(absorbs),
     }
 
 
@@ -140,13 +140,10 @@ def of_ranking(report: Report, _: Repetition) -> Content:
         return {"chart": None}
     alt = f"Effects ranked by the share of the error energy that each removes; first {found.ranking[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
-    ranked = explanation.ranking(found, 12)
-    ranked.caption = f"Each effect alone. {explanation.RANKING_LEGEND}."
-    named = explanation.members(found)
-    named.caption = f"Named. {explanation.MEMBERS_LEGEND}."
+    named = captioned(explanation.members(found), f"Named. {explanation.MEMBERS_LEGEND}.")
     return {
         "chart": Image.of(explanation.picture(found), alt, caption, "svg"),
-        "first": ranked,
+        "first": captioned(explanation.ranking(found, 12), f"Each effect alone. {explanation.RANKING_LEGEND}."),
         "classes": explanation.open_in_words(found),
         "members": named if found.members else None,
         "groups": "; ".join(" or ".join(group) for group in found.groups),
@@ -211,8 +208,7 @@ def of_ahead(report: Report, _: Repetition) -> Content:
     found = report.ahead
     if found is None:
         return {"summary": report.not_ahead, "chart": None, "table": None}
-    said, errors = prediction.summary(found), prediction.errors(found)
-    errors.caption = f"{prediction.LEGEND.capitalize()}."
+    said, errors = prediction.summary(found), captioned(prediction.errors(found), f"{prediction.LEGEND.capitalize()}.")
     caption = f"From the recorded state, by the logged commands alone; on {summary.where_on(report)}."
     return {"summary": said, "chart": Image.of(prediction.picture(found), said[0], caption, "svg"), "table": errors}
 
@@ -222,8 +218,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
     found, names = report.after, where_figures.NAMES
     parts = (f"{names[part].capitalize()} {share(value)}" for part, value in found.budget.whole().items())
     alt = f"Of the nominal error energy: {', '.join(parts)}"
-    inputs = where.relevance(found)
-    inputs.caption = "Shares of the residual's variance on held-out time that the inputs predict."
+    predicted = "Shares of the residual's variance on held-out time that the inputs predict."
     energy = "What the nominal error energy is made of, by axis."
     return {
         "budget": Image.of(where_figures.budget_picture(found), alt, energy),
@@ -234,7 +229,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
-        "inputs": inputs,
+        "inputs": captioned(where.relevance(found), predicted),
     }
 
 
