@@ -20,8 +20,8 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.input_errors import untrusted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.diagnose.flown_controller import attitude_gains, gains_source
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
-from wrenchgap.learn.identify.gains import attitude_gains, origin
 from wrenchgap.learn.identify.guard import guarded_process
 from wrenchgap.learn.identify.samples import sampled_inputs, samples
 from wrenchgap.learn.parallel import one_thread
@@ -204,7 +204,7 @@ def learn_process(
         date=utc_now(),
     )
     flown = attitude_gains(flights, model)
-    provenance = replace(provenance, gains=origin(model) if flown is None else "log")
+    provenance = replace(provenance, gains=gains_source(model) if flown is None else "log")
     looped = base if flown is None else replace(base, controller=flown.into(base.controller))
     made = guarded_process(records, looped, outputs, settings, provenance, progress or silent)
     gp, data = made.gp, made.data

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.identify.gains import attitude_gains, origin
+from wrenchgap.learn.diagnose.flown_controller import attitude_gains, gains_source
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import default_gains
 from wrenchgap.plant.model import make_effect
@@ -49,5 +49,5 @@ def test_log_without_reference_or_command_shows_none():
 
 
 def test_usual_gains_of_a_model_that_gives_none_are_told():
-    assert origin(MODEL) == "model"
-    assert origin(replace(MODEL, controller=default_gains(MODEL.vehicle))) == "typical"
+    assert gains_source(MODEL) == "model"
+    assert gains_source(replace(MODEL, controller=default_gains(MODEL.vehicle))) == "typical"
