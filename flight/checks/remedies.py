@@ -57,19 +57,20 @@ def _with(source: str, words: str, one: float = 0.05) -> str:
     wrong. The specific force of a flight is its weight's within some per cent, so that a factor within `one` of 1 is
     none. What is said already and says the same again was wrong: the sensor is not turned after all.
     """
-    topic, known = source.partition(":")[0], source.partition(":")[2].split(",")
+    topic, _, said = source.partition(":")
+    known = said.split(",") if said else []
     scaling = [word for word in known if word in ACCELEROMETER_UNITS or word.startswith("accel*")]
     fresh = [word for word in words.split(",") if word not in known or "=" in word or "*" in word]
-    if words.startswith("accel*") and scaling:
+    if words.startswith("*"):
+        topic += words
+    elif words.startswith("accel*") and scaling:
         scale = float(words.removeprefix("accel*"))
         for word in scaling:
             scale *= ACCELEROMETER_UNITS.get(word) or float(word.removeprefix("accel*"))
-        kept = [word for word in known if word not in scaling]
-        kept += [] if abs(scale - 1.0) < one else [f"accel*{factor(scale)}"]
-    elif words.startswith("*"):
-        return source.replace(":", f"{words}:", 1) if ":" in source else f"{source}{words}"
-    elif not fresh and words in known:
-        kept = [word for word in known if word != words]
+        known = [word for word in known if word not in scaling]
+        known += [] if abs(scale - 1.0) < one else [f"accel*{factor(scale)}"]
+    elif fresh:
+        known += fresh
     else:
-        return f"{source}{',' if ':' in source else ':'}{','.join(fresh)}"
-    return topic + (f":{','.join(kept)}" if kept else "")
+        known = [word for word in known if word != words]
+    return f"{topic}:{','.join(known)}" if known else topic
