@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import os
 import pickle
+import time
 from importlib import import_module
 from types import SimpleNamespace
 
@@ -24,6 +25,25 @@ except ImportError:  # test_last_line runs this file by itself
 else:  # a machine that is busy with other work is no fault of the code under test
     settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.load_profile("busy")
+
+PATIENCE = 20.0
+"""Seconds after which something that should happen in another thread or process did not."""
+
+
+def eventually(condition, words="", seconds=PATIENCE):
+    """Poll until true and return what it gave; fails with `words` otherwise."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, words or "waited in vain"
+        time.sleep(0.03)
+    return found
+
+
+@pytest.fixture(name="eventually", scope="session")
+def _eventually():
+    """The function of that name, for the modules."""
+    return eventually
+
 
 REMEDY = "no Chromium or no Playwright; run: sudo apt-get install chromium && make setup"
 

@@ -7,6 +7,7 @@ the torque. Where u is filtered to first order, the rotors lag. The IMU is at th
 """
 
 import math
+import os
 import pickle
 import signal
 import subprocess
@@ -64,47 +65,52 @@ def _asked(path: Path, text: str | None, memory: int = 2_000_000_000, seconds: i
     """What another process makes of an MJCF file, or of the text of a URDF, with so much address space [bytes] and
     processor time [s]: a vehicle of a hundred bodies takes a hundredth of either.
     """  # noqa: D205
-    question = pickle.dumps((path.absolute(), text, memory, seconds))
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # each takes address space
-    command = [sys.executable, "-c", START, *absolute(sys.path)]
-    with suppress(subprocess.TimeoutExpired):
-        done = subprocess.run(
-            command,
-            input=question,
-            capture_output=True,
-            env=environment() | threads,
-            timeout=5.0 * seconds,
-            check=False,
-        )
-        if done.returncode == 0:
-            answer: Robot | ModelError = pickle.loads(done.stdout)
-            if isinstance(answer, ModelError):
-                raise answer
-            return answer
-        if done.returncode == -signal.SIGSEGV:
-            raise ModelError(f"{path.name}: MuJoCo crashes when it compiles it")
-        if b"Traceback" in done.stderr and b"MemoryError" not in done.stderr:
-            raise RuntimeError(done.stderr.decode(errors="replace"))
-    raise ModelError(
-        f"{path.name}: MuJoCo does not compile it within {memory / 1e9:g} GB and {seconds} s; take out what no vehicle "
-        "needs"
-    )
+    command, pipe = [sys.executable, "-c", START, *absolute(sys.path)], subprocess.PIPE
+    too_much = f"MuJoCo does not compile it within {memory / 1e9:g} GB and {seconds} s; take out what no vehicle needs"
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment() | threads) as process:
+        held, process.stdin = process.stdin, None  # `communicate` would close it, which ends the other process
+        assert held is not None
+        try:
+            pickle.dump((path.absolute(), text, memory, seconds), held)
+            held.flush()
+            answered, said = process.communicate(timeout=5.0 * seconds)
+        except subprocess.TimeoutExpired:
+            raise ModelError(f"{path.name}: {too_much}") from None
+        finally:
+            process.kill()
+            held.close()
+    if process.returncode == 0:
+        answer: Robot | ModelError = pickle.loads(answered)
+        if isinstance(answer, ModelError):
+            raise answer
+        return answer
+    if b"Traceback" in said and b"MemoryError" not in said:
+        raise RuntimeError(said.decode(errors="replace"))
+    crashed = process.returncode == -signal.SIGSEGV
+    raise ModelError(f"{path.name}: {'MuJoCo crashes when it compiles it' if crashed else too_much}")
 
 
 def serve() -> None:
-    """Answer one question of `_asked`, from standard input to standard output."""
+    """Answer one question of `_asked`, from standard input to standard output; end where the input does."""
     path, text, memory, seconds = pickle.load(sys.stdin.buffer)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever prints, prints where errors go
     with suppress(ImportError):  # Windows
+        import fcntl
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        fcntl.fcntl(0, fcntl.F_SETOWN, os.getpid())  # SIGIO, which ends a process, whatever MuJoCo is doing
+        fcntl.fcntl(0, fcntl.F_SETFL, fcntl.fcntl(0, fcntl.F_GETFL) | os.O_ASYNC)
     try:
         answer: Robot | ModelError = _robot(path, text)
     except ModelError as error:
         answer = error
-    sys.stdout.buffer.write(pickle.dumps(answer))
+    with answers:
+        pickle.dump(answer, answers)
 
 
 def _robot(path: Path, text: str | None) -> Robot:

@@ -1,13 +1,19 @@
 """URDF, SDF and MJCF of one vehicle become one model: masses, moments, arms and rotors computed by hand."""
 
+import pickle
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.drafts import mjcf_urdf
 from wrenchgap.plant.drafts.draft import completed
 from wrenchgap.plant.drafts.model_text import text_of
 from wrenchgap.plant.drafts.sources import Given, draft_of_source
@@ -315,6 +321,20 @@ def test_a_line_that_asks_for_any_size_is_refused(tmp_path, more, said):
     """They took 11 GB and minutes, or ended the process: MuJoCo compiles elsewhere, within limits."""
     with pytest.raises(ModelError, match=f"(?i){said}"):
         read(tmp_path, "quad.xml", mjcf().replace("</mujoco>", f"{more}</mujoco>"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGIO there")
+def test_who_compiles_ends_with_who_asked(tmp_path, eventually):
+    """However it ended, and whatever MuJoCo is doing: a million keyframes take it minutes."""
+    path = tmp_path / "quad.xml"
+    path.write_text(mjcf().replace("</mujoco>", '<size nkey="100000000"/></mujoco>'))
+    command = [sys.executable, "-c", mjcf_urdf.START, *sys.path]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        pickle.dump((path, None, 2_000_000_000, 60), process.stdin)
+        process.stdin.flush()
+        eventually(lambda: sum(psutil.Process(process.pid).cpu_times()[:2]) > 4.0, "it compiles nothing", 60.0)
+        process.stdin.close()
+        assert process.wait(5.0) == -signal.SIGIO
 
 
 @pytest.mark.parametrize("encoding", ["nosuch", "idna", "utf-7"])

@@ -7,12 +7,12 @@ serves the whole run; each module has its own page on its own session.
 import math
 import os
 import shutil
-import time
 
 import numpy as np
 import pytest
 
 import wrenchgap as wg
+from tests.conftest import PATIENCE, eventually
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 
@@ -29,29 +29,12 @@ FEW_FRAMES = """window.requestAnimationFrame = draw => setTimeout(() => draw(per
 """A display of two or three frames a second: the page draws all it can, and without a GPU a frame takes 0.2 s."""
 LOADING = 90.0
 """Seconds that a page may take to appear: WebGL without a GPU, on cores that others use too."""
-PATIENCE = 20.0
-"""Seconds after which something that should happen on the page did not."""
 
 
 def lacking(what):
     """Skip, or in CI fail, because the browser cannot be driven."""
     text = f"{what}; tests in a browser need: apt-get install chromium, and playwright from requirements.lock"
     (pytest.fail if os.environ.get("CI", "").lower() == "true" else pytest.skip)(text)
-
-
-def eventually(condition, words="", seconds=PATIENCE):
-    """Poll until true and return what it gave; fails with `words` otherwise."""
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < end, words or "waited in vain"
-        time.sleep(0.03)
-    return found
-
-
-@pytest.fixture(name="eventually", scope="session")
-def _eventually():
-    """The function of that name, for the modules."""
-    return eventually
 
 
 LATE = "Tried to update non-existent component"
