@@ -62,11 +62,13 @@ AXES_SEARCH = AxesThresholds()
 
 @dataclass(frozen=True)
 class MotionMeans:
-    """Means over K intervals. `rate` (K, 3) of the attitude in B, `gyro`, `accel` (K, 3) what the IMU reads, `own_rate`
-    (K, 3) of the odometry's twist; `attitude` (K, 4) at the middle, `apart` rows from that at the end of the interval.
-    `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E; `acceleration`
-    (K, 3) of the logged velocity and `curve` (K, 3) of the positions, in E. None: not in the log.
-    """  # noqa: D205
+    """Means over K intervals; None where the log has none.
+
+    In B: `rate` (K, 3) of the attitude, `own_rate` (K, 3) of the odometry's twist, `gyro` and `accel` (K, 3) of the
+    IMU. In E: `moved` (K, 3), displacement over time, `velocity` (K, 3), the mean of the logged one; accelerations of
+    the logged velocity, `acceleration` (K, 3), and of the positions, `curve` (K, 3). `attitude` (K, 4) is at the
+    middle, `apart` rows from that at the end of the interval.
+    """
 
     rate: Array
     attitude: Array

@@ -123,9 +123,10 @@ class Draft:
 
 
 def completed(draft: Draft) -> Draft:
-    """The draft with everything that a model file needs. Raises ModelError where mass or rotors are missing,
-    or belong together in no unit.
-    """  # noqa: D205
+    """The draft with everything that a model file needs.
+
+    Raises ModelError where mass or rotors are missing, or belong together in no unit.
+    """
     if draft.mass is None:
         raise ModelError(f"{draft.origin}: does not say what the vehicle weighs; weigh it and say --mass KG")
     if not draft.rotors:

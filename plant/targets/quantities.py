@@ -203,9 +203,10 @@ def still_wrench(
 
 
 def _drag(force: Callable[[Array], Array], count: int) -> Values:
-    """Linear and quadratic drag (3,) along B's axes of the `force` (N, 3) at velocities (N, 3): what is odd in them;
-    of z what is even along x and y, the lift of `count` rotors.
-    """  # noqa: D205
+    """Linear and quadratic drag (3,) along B's axes, and the lift of `count` rotors, of the `force` (N, 3).
+
+    Drag is what is odd in the velocities (N, 3), lift what of z is even along x and y.
+    """
     moving = np.concatenate([sign * v * np.eye(3) for v in SPEEDS for sign in (1.0, -1.0)])
     forces = force(moving).reshape(len(SPEEDS), 2, 3, 3)
     slow, fast = -0.5 * np.einsum("vkk->vk", forces[:, 0] - forces[:, 1]) / np.array(SPEEDS)[:, None]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.fleet_ranking import RankedSet
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Batch
@@ -19,8 +19,6 @@ HELD_OUT = (
     "(sum of log likelihoods)   better: share of the flights   left: rms on them over that with no effect, force and "
     "torque"
 )
-HALVES = (slice(0, 3), slice(3, 6))
-"""Force and torque of a wrench."""
 IN_SAMPLE = (
     "weight: share of the sets ranked   gain and left are in-sample: fewer than three flights cannot be held out   "
     "left: rms over that with no effect, force and torque"
@@ -76,18 +74,15 @@ def _of_command(command: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
         counted = {v: verdicts.count(v) for v in dict.fromkeys(verdicts)}
         return [", ".join(f"{v} {count}" for v, count in counted.items())]
     if command == "compare":
-        both = [median_rms(rows, name) for name in ("rms_nominal", "rms")]
-        return [number(v) for force, torque in both for v in (force, torque)]
+        return [number(v) for name in ("rms_nominal", "rms") for v in median_rms(rows, name)]
     return []
 
 
-def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float]:
-    """Median over flights of the rms of force [N] and torque [Nm], each over its measured axes."""
-    values = np.array([r[name] for r in rows if r[name] is not None], dtype=float).reshape(-1, len(AXES))
-    if not len(values):
-        return float("nan"), float("nan")
-    size = [np.sqrt(np.nansum(values[:, part] ** 2, axis=1)) for part in HALVES]
-    return float(np.median(size[0])), float(np.median(size[1]))
+def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> list[float]:
+    """Median over flights of the rms of force [N] and torque [Nm], each over its measured axes; NaN without any."""
+    sizes = [force_and_torque(np.array(r[name], dtype=float)) for r in rows if r[name] is not None]
+    known = [column[~np.isnan(column)] for column in np.reshape(sizes, (-1, 2)).T]
+    return [float(np.median(column)) if len(column) else np.nan for column in known]
 
 
 def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part]:
@@ -98,10 +93,11 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
     title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
     rows = []
     for s in [s for s in r.sets if s.weight >= least or s is r.sets[0]][:most]:
-        left = (np.sqrt(np.nansum(s.rms[p] ** 2) / max(np.nansum(r.rms[p] ** 2), 1e-300)) for p in HALVES)
+        left = force_and_torque(s.rms) / np.maximum(force_and_torque(r.rms), 1e-150)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
         named = ", ".join(s.names) or "nothing"
-        rows.append((named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left)))
+        cells += tuple("-" if np.isnan(v) else f"{100 * v:.0f} %" for v in left)
+        rows.append((named, ", ".join(s.keys) or "-", *cells))
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
     found: list[Part] = [table(title, heads, rows, left=2)]
     alike = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))

@@ -75,9 +75,7 @@ def baseline(found: Changed) -> str:
 
 
 def other_recordings(found: Changed) -> list[str]:
-    """Suspect flights that may be of another vehicle: unlike all of the healthy ones, their logs are of another
-    autopilot, play other roles, or play them with other topics.
-    """  # noqa: D205
+    """Suspect flights that may be of another vehicle: of another autopilot, roles or topics than all healthy ones."""
     healthy = [one.flight for one in found.flights if one.records[0].flight in found.healthy]
     known, out = [_recording(flight) for flight in healthy], []
     for one in found.flights:

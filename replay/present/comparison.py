@@ -18,9 +18,7 @@ from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reduc
 
 
 def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
-    """The answer, errors, by flight where there are several, and where the last model is worst; `signed`: with means by
-    flight.
-    """  # noqa: D205
+    """The answer, errors, by flight where there are several or `signed` asks for means, and where the last is worst."""
     last, out = result.evaluations[-1], brief(result)
     if signed or len(result.flights) > 1:
         out.append(by_flight(result, signed=signed))
@@ -31,9 +29,7 @@ def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
 
 
 def brief(result: Comparison) -> list[Part]:
-    """What the last model leaves of force and torque, in parts of the weight and beside the first one and the sensors,
-    and the errors by axis.
-    """  # noqa: D205
+    """What the last model leaves, beside the weight, the sensors and the first model, and the errors by axis."""
     first, last = result.evaluations[0], result.evaluations[-1]
     (force, torque), noise = force_and_torque(last.pooled.rms), force_and_torque(result.noise)
     said = f"On {flights_in_words(result.flights)} the force error of {last.name} is {share(force / result.weight)} of "

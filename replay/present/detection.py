@@ -30,17 +30,13 @@ def sentences(
 
 
 def in_short(found: Explanation | Changed) -> list[str]:
-    """What could not have been shown, and what would show more, with fewer effects; where nothing was found first what
-    would have been shown.
-    """  # noqa: D205
+    """What could not have been shown and what would show more; first, where nothing was found, what would have been."""
     shown, hidden, _, more = _said(found, 4, 3, 2)
     return [text for text in (shown if found.verdict == "nothing" else "", hidden, more) if text]
 
 
 def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_flown: int) -> tuple[str, ...]:
-    """What would have been shown, could not have been shown, or told apart, and what would show more; each a sentence
-    with so many effects at most, or empty.
-    """  # noqa: D205
+    """What would have been shown, what not, what is alike, what would show more: sentences, of so many effects."""
     if not found.limits:
         return ("",) * 4
     missed = {(one.effect, one.parameter): one for one in found.recoveries if one.share >= 1.0 and not one.firm}
@@ -154,9 +150,10 @@ def to_json(found: Explanation | Changed) -> dict[str, Any]:
 
 
 def picture(found: Explanation) -> style.Picture:
-    """One panel: of each effect the range, from its most to its least visible parameter, as a share of what is
-    plausible, logarithmic; effects that could not have been shown reach the end.
-    """  # noqa: D205
+    """One panel: of each effect the limits, from its most to its least visible parameter, over what is plausible.
+
+    Logarithmic; effects that could not have been shown reach the end.
+    """
     size = (9.0, 1.2 + 0.24 * max(1, len(_by_effect(found.limits))))
     title = f"{found.model.name}: the smallest change that would have been firm"
     return style.Picture((), size, lambda panel: _draw(found, panel), title=title)

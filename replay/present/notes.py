@@ -33,9 +33,7 @@ def sentences(notes: Iterable[object]) -> list[str]:
 
 
 def grouped(said: Iterable[str], few: int = 3) -> list[str]:
-    """Sentences; more than `few` that differ by names and numbers alone as one with their count: of a damaged log there
-    may be forty.
-    """  # noqa: D205
+    """Sentences; more than `few` that differ by names and numbers alone are one, as those of a damaged log."""
     groups: dict[str, list[str]] = {}
     for text in dict.fromkeys(said):
         start, mark, rest = text.partition(": ")

@@ -19,6 +19,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import driver, sources, tasks
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
+from wrenchgap.replay.batch.words import median_rms
 
 distributed = pytest.importorskip("distributed")
 HIDDEN = {"alpha": ("crazyflie", "com_offset=x:0.0015"), "bravo": ("tilt_hexarotor", "com_offset=x:0.004")}
@@ -106,6 +107,14 @@ def test_compare_has_the_numbers_of_compare_and_trend_follows_its_rows(batch, re
     for a, b in zip(apart["parameters"], found["parameters"], strict=True):
         np.testing.assert_allclose(a["values"], b["values"], rtol=1e-9)
         np.testing.assert_allclose(a["std"], b["std"], rtol=1e-9)
+
+
+def test_what_no_flight_measured_has_no_median():
+    """Force by its measured axes, 3-4-5 triangles; no torque was measured, and none of it is no torque of zero."""
+    rows = [{"rms": [3.0 * k, None, 4.0 * k, None, None, None]} for k in (1.0, 3.0)]
+    force, torque = median_rms([*rows, {"rms": None}], "rms")
+    assert force == pytest.approx(10.0)
+    assert np.isnan(torque)
 
 
 def test_explain_ranks_every_vehicle_on_its_own_flights(batch, tmp_path):
