@@ -59,21 +59,21 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     """The mean against gravity."""
     said = f"{ratio.value:.3f} +- {ratio.std:.3f} times that of gravity and the odometry's acceleration"
     off = abs(ratio.value - 1.0)
-    if off < max(SCALE.said, SCALE.sure * ratio.std):
+    if off < max(SCALE.reported, SCALE.sigmas * ratio.std):
         return Check("accelerometer-scale", "ok", f"The mean specific force is {said}.")
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical, which `explain` looks for; the ground station "
     words += "calibrates both. Where it is the scale, it is mended in reading"
     mend = None if is_clipped(known, "accelerometer") else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
-    return Check("accelerometer-scale", "bad" if off > SCALE.stops else "warn", words, mend)
+    return Check("accelerometer-scale", "bad" if off > SCALE.refused else "warn", words, mend)
 
 
 def _axes(flight: Flight) -> Check | None:
     """Axes that contradict the odometry."""
     scales = sensor_scales(flight, "accelerometer") or {}
     faults = ((axis, scale.fault()) for axis, scale in scales.items())
-    wrong = {axis: fault.words for axis, fault in faults if fault is not None and fault.size > SCALE.askew}
+    wrong = {axis: fault.words for axis, fault in faults if fault is not None and fault.size > SCALE.refused_axis}
     if not wrong:
         return None
     said = "; ".join(f"{axis} {words}" for axis, words in wrong.items())
@@ -107,7 +107,7 @@ def gravity_ratio(
             forces = imu.specific_force_B[rows][:, measured], expected_E @ axes_E  # read, and what there was to read
             hats.append([np.linalg.norm(np.einsum("k,kea,ka", weight, axes_E, f)) / np.sum(weight) for f in forces])
     hats = [hat for hat in hats if hat[1] > least * GRAVITY]
-    if len(hats) < SCALE.fewest_parts:
+    if len(hats) < SCALE.fewest_segments:
         return None
     read, expected = np.transpose(hats)
     value, count = float(np.sum(read) / np.sum(expected)), len(hats)

@@ -32,7 +32,7 @@ def gyroscope_scale(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
     elif off := {axis: scale for axis, scale in scales.items() if scale.off}:
         yield _wrong(flight, scales, off, is_clipped(known, "gyroscope"))
     else:
-        yield Check("gyroscope-scale", "ok", _bounds_words(scales))
+        yield Check("gyroscope-scale", "ok", _bounds_in_words(scales))
 
 
 def without_factor(found: Sequence[Check]) -> list[Check]:
@@ -43,13 +43,13 @@ def without_factor(found: Sequence[Check]) -> list[Check]:
     return [replace(c, mend=None) if c.name == "gyroscope" and "unit or scale" in c.words else c for c in found]
 
 
-def _bounds_words(scales: dict[str, Scale]) -> str:
+def _bounds_in_words(scales: dict[str, Scale]) -> str:
     """The bounds of every axis, and of which axes they say nothing."""
     known, unknown = list[str](), list[str]()
     for axis, b in ((axis, scale.best) for axis, scale in scales.items()):
         said = f"{axis} {b.low:.3f} to {b.high:.3f}" if 0.0 < b.low < b.high < 2.0 else axis
-        (known if b.width < SCALE.known else unknown).append(said)
-    words = [f"No axis is off by {100 * SCALE.said:g} % beyond doubt ({', '.join(known)})."] if known else []
+        (known if b.width < SCALE.widest else unknown).append(said)
+    words = [f"No axis is off by {100 * SCALE.reported:g} % beyond doubt ({', '.join(known)})."] if known else []
     words += [f"Not known, for too little motion next to noise: {', '.join(unknown)}."] if unknown else []
     return " ".join(words)
 
@@ -61,7 +61,7 @@ def _unsteady(scales: dict[str, Scale]) -> Check:
     words = f"The gyroscope is not the attitude's rate: {said}. No factor mends that: "
     words += "one of the two failed or was set anew, or the sensor reaches the end of its range"
     worst = max(fault.size for fault in faults.values())
-    return Check("gyroscope-scale", "bad" if worst > SCALE.stops else "warn", words)
+    return Check("gyroscope-scale", "bad" if worst > SCALE.refused else "warn", words)
 
 
 def _wrong(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale], clipped: bool) -> Check:
@@ -77,4 +77,4 @@ def _wrong(flight: Flight, scales: dict[str, Scale], off: dict[str, Scale], clip
         mend = option(flight, f"gyro*{factor(1.0 / common)}", "imu")
     elif not turns(flight, "imu", "gyroscope"):  # else the sensor's axes are not the body's
         mend = option(flight, ",".join(f"gyro.{axis}*{factor(1.0 / s.value)}" for axis, s in off.items()), "imu")
-    return Check("gyroscope-scale", "bad" if furthest > SCALE.stops else "warn", words, mend)
+    return Check("gyroscope-scale", "bad" if furthest > SCALE.refused else "warn", words, mend)

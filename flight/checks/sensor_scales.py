@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchgap.flight.checks.misread_axes import Misread, misread_of
+from wrenchgap.flight.checks.misread_axes import Misreading, misreading
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_windows import Sensor, Windows, blocks_of, delay_of, windows_of
+from wrenchgap.flight.checks.sensor_windows import Sensor, Windows, comparable_blocks, odometry_delay, windows_of
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
@@ -51,13 +51,13 @@ class Bounds:
         """Whether two scales differ beyond doubt, and by more than is said."""
         gap = max(self.low - other.high, other.low - self.high)
         return min(self.low, other.low) > 0.0 and gap > max(
-            SCALE.said, SCALE.sure * float(np.hypot(self.std, other.std))
+            SCALE.reported, SCALE.sigmas * float(np.hypot(self.std, other.std))
         )
 
     @property
     def off(self) -> bool:
         """Whether one is surely not between the bounds."""
-        return self.low - SCALE.sure * self.std > 1.0 or 0.0 < self.high + SCALE.sure * self.std < 1.0
+        return self.low - SCALE.sigmas * self.std > 1.0 or 0.0 < self.high + SCALE.sigmas * self.std < 1.0
 
 
 IN_TIME = ("in the first half of the flight", "in the second")
@@ -67,7 +67,7 @@ IN_SIZE = ("in the smaller half of the turns", "in the larger")
 
 
 @dataclass(frozen=True)
-class Halves:
+class TwoScales:
     """Of a flight, by `names`, and the scale in each."""
 
     names: tuple[str, str]
@@ -80,8 +80,8 @@ class Halves:
 
 
 @dataclass(frozen=True)
-class Lost:
-    """When [s] an axis and the attitude part, or come together: correlation of their turns `before` and `after`."""
+class SignalLoss:
+    """When [s] an axis and the attitude begin or cease to turn alike: their correlation `before` and `after`."""
 
     time: float
     before: float
@@ -107,9 +107,9 @@ class Scale:
     """Of one axis: bounds by band; the halves in which they differ, when it showed no turns, what it read instead."""
 
     bounds: tuple[Bounds, ...]
-    halves: Halves | None = None
-    lost: Lost | None = None
-    misread: Misread | None = None
+    halves: TwoScales | None = None
+    lost: SignalLoss | None = None
+    misread: Misreading | None = None
 
     @property
     def unsteady(self) -> bool:
@@ -138,23 +138,23 @@ class Scale:
 
     def allows(self, value: float) -> bool:
         """Whether the scale may be this one."""
-        slack = [SCALE.sure * b.std + SCALE.steady for b in self.bounds]
+        slack = [SCALE.sigmas * b.std + SCALE.tolerance for b in self.bounds]
         return all(b.low - s < value < b.high + s for b, s in zip(self.bounds, slack, strict=True))
 
     @property
     def off(self) -> bool:
-        """Whether all bands say that it is off, by at least `SCALE.said` and by the same."""
+        """Whether all bands say that it is off, by at least `SCALE.reported` and by the same."""
         middles, beyond = [b.middle for b in self.bounds], abs(self.value - 1.0)
-        said = min(abs(m - 1.0) for m in middles) >= SCALE.said - SCALE.steady and beyond >= SCALE.said
-        apart = max(SCALE.steady, SCALE.steady_share * beyond)
+        said = min(abs(m - 1.0) for m in middles) >= SCALE.reported - SCALE.tolerance and beyond >= SCALE.reported
+        apart = max(SCALE.tolerance, SCALE.tolerance_share * beyond)
         steady = max(b.width for b in self.bounds) < apart and float(np.ptp(middles)) < apart
         return all(b.off for b in self.bounds) and said and steady
 
 
 def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
     """The scale by measured axis ("x"); None where odometry or IMU are missing, too slow, or too short."""
-    blocks = blocks_of(flight, sensor)
-    shift = delay_of(blocks)
+    blocks = comparable_blocks(flight, sensor)
+    shift = odometry_delay(blocks)
     if shift is None:
         return None
     bands = [windows_of(blocks, window, shift) for window in SCALE.windows]
@@ -164,52 +164,51 @@ def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
 
 
 def _gyroscope_scale(bands: Sequence[Windows], axis: int) -> Scale:
-    every = _all_sums(bands, axis)
+    every, starts = _cross_moments(bands, axis), bands[0].starts
     own = [sums[axis] for sums in every]
-    when = bands[0].when
-    halves, lost = halves_of(own) or parts_of(own), lost_of(own[0], when)
-    scale = Scale(tuple(map(bounds_of, own)), halves, lost, misread_of(every, axis, when))
-    return _by_size(scale, bands[0].shown[:, axis], bands[0].read[:, axis])
+    halves, lost = differing_halves(own) or differing_segments(own), signal_loss(own[0], starts)
+    scale = Scale(tuple(map(scale_bounds, own)), halves, lost, misreading(every, axis, starts))
+    return _by_size(scale, bands[0].reference[:, axis], bands[0].measured[:, axis])
 
 
 def _accelerometer_scale(bands: Sequence[Windows], axis: int) -> Scale:
     """A vehicle that bounces is no lost axis, and what pushes it is seldom plain: neither is asked."""
-    alone = [_alone(band, axis) for band in bands]
-    own = [_sums(*pair, band) for pair, band in zip(alone, bands, strict=True)]
-    misread = misread_of(_all_sums(bands, axis), axis, bands[0].when)
-    return _by_size(Scale(tuple(map(bounds_of, own)), halves_of(own), misread=misread), *alone[0])
+    alone = [_partial(band, axis) for band in bands]
+    own = [_moments(*pair, band) for pair, band in zip(alone, bands, strict=True)]
+    misread = misreading(_cross_moments(bands, axis), axis, bands[0].starts)
+    return _by_size(Scale(tuple(map(scale_bounds, own)), differing_halves(own), misread=misread), *alone[0])
 
 
-def _by_size(scale: Scale, shown: Array, read: Array) -> Scale:
+def _by_size(scale: Scale, reference: Array, measured: Array) -> Scale:
     """The scale, with those of small and large turns where these alone differ."""
-    return scale if scale.halves is not None else replace(scale, halves=sizes_of(shown, read, scale))
+    return scale if scale.halves else replace(scale, halves=differing_sizes(reference, measured, scale))
 
 
-def _all_sums(bands: Sequence[Windows], axis: int) -> list[Array]:
-    """By band, sums (3, 3, P) of what the odometry shows on each axis and the sensor reads on this one."""
-    return [np.stack([_sums(shown, band.read[:, axis], band) for shown in band.shown.T]) for band in bands]
+def _cross_moments(bands: Sequence[Windows], axis: int) -> list[Array]:
+    """By band, moments (3, 3, P) of the reference on each axis and what the sensor measures on this one."""
+    return [np.stack([_moments(T, band.measured[:, axis], band) for T in band.reference.T]) for band in bands]
 
 
-def _alone(band: Windows, axis: int) -> tuple[Array, Array]:
-    """T and R (K,) of one axis less what the odometry shows on the others.
+def _partial(band: Windows, axis: int) -> tuple[Array, Array]:
+    """T and R (K,) of one axis without their regression on the reference of the others (partial regression).
 
     An accelerometer askew reads of those too, and what pushes along z is ten times as large as what pushes along x.
     """
-    others = np.delete(band.shown, axis, axis=1)
-    both = np.stack((band.shown[:, axis], band.read[:, axis]), axis=1)
+    others = np.delete(band.reference, axis, axis=1)
+    both = np.stack((band.reference[:, axis], band.measured[:, axis]), axis=1)
     left = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
     return left[:, 0], left[:, 1]
 
 
-def _sums(shown: Array, read: Array, band: Windows) -> Array:
-    """Sums (3, P) of T^2, T R and R^2 by part in the order of time; loud parts turned down."""
-    products = shown * shown, shown * read, read * read
-    sums = np.stack([np.bincount(band.part, weights=v, minlength=len(band.when)) for v in products])
-    return np.asarray(sums * np.minimum(1.0, np.percentile(sums[0], SCALE.loudest) / np.maximum(sums[0], 1e-30)))
+def _moments(T: Array, R: Array, band: Windows) -> Array:
+    """Sums (3, P) of T^2, T R and R^2 by segment in the order of time; loud segments turned down."""
+    sums = np.stack([np.bincount(band.segment, weights=v, minlength=len(band.starts)) for v in (T * T, T * R, R * R)])
+    loud = np.percentile(sums[0], SCALE.loudest_percentile)
+    return np.asarray(sums * np.minimum(1.0, loud / np.maximum(sums[0], 1e-30)))
 
 
-def bounds_of(sums: Array) -> Bounds:
-    """Bounds on a scale from sums (3, P) by part; standard deviation from the parts."""
+def scale_bounds(sums: Array) -> Bounds:
+    """Bounds on a scale from sums (3, P) by segment; standard deviation from the segments."""
     tt, tr, rr = sums
     total = [float(np.sum(v)) for v in sums]
     if total[0] <= 0.0 or total[1] <= 0.0:
@@ -220,38 +219,38 @@ def bounds_of(sums: Array) -> Bounds:
     return Bounds(low, high, float(max(scatter[0] / total[0], scatter[1] / total[1])))
 
 
-def halves_of(bands: Sequence[Array]) -> Halves | None:
-    """Halves of the parts in which all bands say another scale: the first and second, or the calmer and livelier."""
+def differing_halves(bands: Sequence[Array]) -> TwoScales | None:
+    """Halves of the segments with scales that differ in all bands: first and second, or the calmer and livelier."""
     calmer = [np.argsort(sums[0], kind="stable") for sums in bands]
     for names, orders in ((IN_TIME, [np.arange(bands[0].shape[1])] * len(bands)), (IN_MOTION, calmer)):
         pairs = [
-            tuple(bounds_of(sums[:, rows]) for rows in np.array_split(order, 2))
+            tuple(scale_bounds(sums[:, rows]) for rows in np.array_split(order, 2))
             for sums, order in zip(bands, orders, strict=True)
         ]
         if all(a.apart(b) for a, b in pairs):
             a, b = min(pairs, key=lambda pair: pair[0].width + pair[1].width)
-            return Halves(names, (a.middle, b.middle))
+            return TwoScales(names, (a.middle, b.middle))
     return None
 
 
-def parts_of(bands: Sequence[Array]) -> Halves | None:
-    """The scale of most parts, and that of some which is a unit's factor away: a stretch in another unit.
+def differing_segments(bands: Sequence[Array]) -> TwoScales | None:
+    """The scale of most segments, and that of some which is a unit's factor away: a stretch in another unit.
 
-    Parts count in which both are plainly one motion, so that the bounds of each are a tenth apart.
+    Segments count in which both are plainly one motion, so that the bounds of each are a tenth apart.
     """
-    few = SCALE.fewest_parts // 2
+    few = SCALE.fewest_segments // 2
     for tt, tr, rr in bands:
-        plain = tr**2 > SCALE.plain**2 * tt * rr
+        plain = tr**2 > SCALE.clear_correlation**2 * tt * rr
         scales = np.sort(np.sqrt(rr[plain] / tt[plain]))
         if len(scales) > 2 * few:
             usual = float(np.median(scales))
             odd = max((float(scales[few - 1]), float(scales[-few])), key=lambda k: abs(np.log(k / usual)))
-            if abs(np.log(odd / usual)) > np.log(SCALE.unit):
-                return Halves(IN_PARTS, (usual, odd))
+            if abs(np.log(odd / usual)) > np.log(SCALE.unit_factor):
+                return TwoScales(IN_PARTS, (usual, odd))
     return None
 
 
-def sizes_of(turned: Array, known: Array, scale: Scale) -> Halves | None:
+def differing_sizes(turned: Array, known: Array, scale: Scale) -> TwoScales | None:
     """Scales of the smaller and the larger turns (K,), where they differ as no one scale, and no noise, does.
 
     The noise of either is at most the share of its power by which the bounds of `scale` are apart.
@@ -261,18 +260,18 @@ def sizes_of(turned: Array, known: Array, scale: Scale) -> Halves | None:
         return None
     small, large = (float(np.sqrt(r / t)) for t, r in zip(*parts, strict=True))
     noise = np.log1p(0.5 * (scale.bounds[0].high / scale.bounds[0].low - 1.0) * max(sum(p) / p[0] for p in parts)) / 2.0
-    least = max(SCALE.steady, SCALE.steady_share * abs(np.log(scale.value))) if scale.off else SCALE.known
-    return Halves(IN_SIZE, (small, large)) if abs(np.log(small / large)) > least + noise else None
+    least = max(SCALE.tolerance, SCALE.tolerance_share * abs(np.log(scale.value))) if scale.off else SCALE.widest
+    return TwoScales(IN_SIZE, (small, large)) if abs(np.log(small / large)) > least + noise else None
 
 
-def lost_of(sums: Array, when: Array) -> Lost | None:
-    """The time from which on, or until which, an axis shows nothing of the attitude's turns; parts begin at `when`."""
+def signal_loss(sums: Array, when: Array) -> SignalLoss | None:
+    """From when on, or until when, an axis shows nothing of the attitude's turns; segments begin at `when`."""
     tt, tr, rr = sums
     alike, found = tr / np.sqrt(np.maximum(tt * rr, 1e-30)), []
-    for k in range(SCALE.fewest_parts // 2, len(when) - SCALE.fewest_parts // 2 + 1):
+    for k in range(SCALE.fewest_segments // 2, len(when) - SCALE.fewest_segments // 2 + 1):
         sides = [(alike[rows], tt[rows]) for rows in (slice(k), slice(k, None))]
         means = [(float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.mean(w))) for c, w in sides]
         (seen, usual), (unseen, motion) = max(means), min(means)
-        if motion > SCALE.similar * usual and seen > SCALE.shown and abs(unseen) < SCALE.unseen:
-            found.append(Lost(float(when[k]), means[0][0], means[1][0]))
+        if motion > SCALE.least_motion * usual and seen > SCALE.correlated and abs(unseen) < SCALE.uncorrelated:
+            found.append(SignalLoss(float(when[k]), means[0][0], means[1][0]))
     return max(found, key=lambda lost: abs(lost.before - lost.after), default=None)

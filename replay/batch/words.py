@@ -94,9 +94,9 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
     rows = []
     for s in [s for s in r.sets if s.weight >= least or s is r.sets[0]][:most]:
         left = force_and_torque(s.rms) / np.maximum(force_and_torque(r.rms), 1e-150)
-        cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
+        cells = [f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %"]
         named = ", ".join(s.names) or "nothing"
-        cells += tuple("-" if np.isnan(v) else f"{100 * v:.0f} %" for v in left)
+        cells += ["-" if np.isnan(v) else f"{100 * v:.0f} %" for v in left]
         rows.append((named, ", ".join(s.keys) or "-", *cells))
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
     found: list[Part] = [table(title, heads, rows, left=2)]
