@@ -47,18 +47,15 @@ class LateClock:
         late = f"{1e3 * self.seconds:.1f} ms"
         what = (
             f"Compare the stamp of an IMU message with the instant of its sample (data-ready line, or the driver's "
-            f"clock): stamps {late} late are the IMU's clock, no missing effect, and logs are read with {self.shift}; "
-            f"stamps that are right leave {DELAY}."
+            f"clock), and look up the IMU's low-pass (PX4 IMU_GYRO_CUTOFF, ArduPilot INS_GYRO_FILTER): stamps or "
+            f"filters {late} late are the IMU's, no missing effect, and logs are read with {self.shift}; else {DELAY} "
+            "is left."
         )
         return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
 
-    def explains(self, delay: float) -> bool:
-        """Whether a fitted delay [s] is what this clock makes."""
-        return abs(delay - self.seconds) < TIMING.certain * self.std + EXACT * abs(delay) + LEAST
-
     def made(self, name: str, values: Mapping[str, float]) -> bool:
-        """Whether this clock may have made an effect with these values."""
-        return name == DELAY and self.explains(values["delay"])
+        """Whether this clock, or a filter before it, may have made an effect with these values."""
+        return _no_longer(name, values, self.seconds / (1.0 - EXACT), self.std)
 
 
 class SlowGyroscope(LateGyroscope):
@@ -78,8 +75,13 @@ class SlowGyroscope(LateGyroscope):
 
     def made(self, name: str, values: Mapping[str, float]) -> bool:
         """Whether this gyroscope may have made an effect with these values."""
-        longest = max(values.values(), default=0.0)
-        return family(name) in (DELAY, LAG) and longest < self.seconds + TIMING.certain * self.std + LEAST
+        return _no_longer(name, values, self.seconds, self.std)
+
+
+def _no_longer(name: str, values: Mapping[str, float], seconds: float, std: float) -> bool:
+    """Whether an effect is a delay or a lag no longer than what is late by so much."""
+    longest = max(values.values(), default=0.0)
+    return family(name) in (DELAY, LAG) and longest < seconds + TIMING.certain * std + LEAST
 
 
 def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:

@@ -22,8 +22,11 @@ class Inertia(BodyEffect):
     excited_by = "angular acceleration on every axis (multisine)"
     confused_with = ("thrust_scale", "thrust_curve", "servo_lag", "motor_lag", "command_delay")
 
-    typical_moment, typical_product = 0.1, 0.03
-    """Typical errors of moments and products of inertia that were not measured, relative to the moments."""
+    typical_moment, typical_product = 0.1, 0.15
+    """Typical errors of moments and products of inertia that were not measured, relative to the moments. A fifth of
+    that is worth a name (`learn.identify.fit.MATERIAL`): a gyroscope whose axes are 2 % off square, as datasheets allow
+    (cross-axis sensitivity), looks like products of 2 %.
+    """
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""

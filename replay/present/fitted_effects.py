@@ -9,6 +9,7 @@ from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.late_clock import LATE_CLOCK, LATE_GYROSCOPE
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
@@ -17,6 +18,11 @@ from wrenchgap.replay.present.numbers import share, size_in_words, user_name, wi
 
 PLURAL = ("the motors", "the tilt servos")
 """Subjects of more than one thing."""
+SENSORS = {
+    LATE_CLOCK: "the IMU is late, by its clock or a low-pass",
+    LATE_GYROSCOPE: "the gyroscope is late, by a low-pass of its own",
+}
+"""What stands beside a delay or a lag, and is no effect."""
 DIFFERENT = "different from the model file's"
 """Of effects that have no words of their own."""
 
@@ -71,8 +77,10 @@ def either(found: Explanation, group: Sequence[str], most: int = 3) -> str:
         having = (s for s in found.posterior.sets if set(names) <= set(s.names) and not set(place) & set(s.names))
         theta = next((s.theta(found.model) for s in having), {})
         effects = [ModelEffect(find(name), theta[name]) for name in names if name in theta]
-        words = together(effects, vehicle, share(rival.weight))
-        said.append(words if len(effects) == len(names) else f"{rival.name} ({share(rival.weight)})")
+        weight = share(rival.weight)
+        sensor = next((f"{SENSORS[name]} ({rival.name}, {weight})" for name in names if name in SENSORS), "")
+        whole = together(effects, vehicle, weight) if len(effects) == len(names) else f"{rival.name} ({weight})"
+        said.append(sensor or whole)
     more = len(said) - most
     listed = said[:most] + ([f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] * (more > 0))
     flights = "this flight" if len(found.flights) == 1 else "these flights"

@@ -61,10 +61,14 @@ def test_a_late_odometry_excuses_no_delay(explained):
     assert "command_delay" in found.firm
 
 
-def test_a_delay_of_another_length_is_no_clock():
+def test_a_delay_that_is_longer_is_no_clock():
+    """Of a shorter one a lag may have the rest: a low-pass is late, and no pure delay."""
     clock = LateClock(0.015, 0.0003)
-    assert clock.explains(0.0155)
-    assert not clock.explains(0.030)
+    assert clock.made("command_delay", {"delay": 0.0155})
+    assert clock.made("command_delay", {"delay": 0.008})
+    assert clock.made("motor_lag", {"tau": 0.012})
+    assert not clock.made("command_delay", {"delay": 0.030})
+    assert not clock.made("mass", {"added": 0.001})
 
 
 def test_flights_without_offsets_have_no_late_clock():
@@ -95,8 +99,10 @@ def test_a_gyroscope_with_a_low_pass_of_its_own_is_no_firm_lag(filtered):
     assert not {"command_delay", "motor_lag"} & set(found.firm)
 
 
-def test_an_imu_whose_sensors_have_one_low_pass_has_no_late_gyroscope(filtered):
-    assert filtered("omega_B", "specific_force_B").timing[0].late_gyroscope is None
+def test_an_imu_whose_sensors_have_one_low_pass_has_no_late_gyroscope_and_makes_no_firm_lag(filtered):
+    found = filtered("omega_B", "specific_force_B")
+    assert found.timing[0].late_gyroscope is None
+    assert not {"command_delay", "motor_lag"} & set(found.firm)
 
 
 def test_what_is_longer_than_the_gyroscope_is_late_it_has_not_made():
