@@ -25,6 +25,8 @@ from wrenchgap.replay.present.tables import Line
 
 LIGHT = 0.02
 """Weight of a set [-] below which it is not put in words: one in fifty is no alternative to act on."""
+SMALL = 0.05
+"""Share of the error energy below which a sentence says that an effect explains little of it, however sure it is."""
 KINDS = {"bench": "on the bench", "flight": "in flight"}
 
 
@@ -244,8 +246,9 @@ def members_in_words(found: Explanation, members: Sequence[Member] | None = None
 
 
 def confidence(found: Explanation, member: Member) -> str:
-    """How sure a name is."""
-    return f"confidence {certainty(found.confidence(member))}"
+    """How sure a name is, and of an effect that explains little of the error, how little."""
+    small = f" ({share(member.share)} of the error)" if member.share < SMALL else ""
+    return f"confidence {certainty(found.confidence(member))}{small}"
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
