@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.data.comparison import Comparison, Stretch
+from wrenchgap.learn.data.comparison import Comparison, Stretch, Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.prediction import OpenLoop
 from wrenchgap.replay.present import prediction
@@ -307,3 +307,18 @@ def _noise(result: Comparison, flight: str) -> Array:
     own = [r for r in result.records if r.flight == flight]
     squares = np.average([r.noise**2 for r in own], axis=0, weights=[len(r) for r in own])
     return force_and_torque(np.sqrt(squares))
+
+
+def validation_warnings(tested: Validation) -> list[str]:
+    """One sentence for axes that got worse, and for each quantity that left the fitted range."""
+    out = []
+    if tested.worse:
+        before, after = tested.comparison.evaluations[-2].pooled.rms, tested.after
+        rows = [(a, AXES.index(a)) for a in tested.worse]
+        listed = ", ".join(f"{a} ({before[k]:.2g} to {after[k]:.2g})" for a, k in rows)
+        out.append(f"on the unseen flights the error of {listed} grows with the named effects.")
+    return out + [
+        f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} (fitted up to "
+        f"{r.maximum:.3g}); the result may not carry over."
+        for flight, r in tested.outside
+    ]

@@ -49,7 +49,7 @@ def parts(found: Explanation) -> list[Part]:
     if tested := found.validation:
         title = f"unseen: {', '.join(tested.comparison.flights)}"
         out.append(tables.before_after(title, tested.before, tested.after, tested.reduction))
-        out += note_lines(validation_warnings(tested)[1:], "warning")
+        out += note_lines(comparison.validation_warnings(tested)[1:], "warning")
     return [*out, *not_tried_lines(found.untried), *note_lines(of_flights(found.flights))]
 
 
@@ -57,21 +57,6 @@ def short(found: Explanation) -> list[str]:
     """A warning where hardly any flight was left to judge by."""
     seconds = [float(r.time[-1] - r.time[0]) for f in found.flights for r in f.records]
     return too_short(sum(seconds)) if seconds else []
-
-
-def validation_warnings(tested: Validation) -> list[str]:
-    """One sentence for axes that got worse, and for each quantity that left the fitted range."""
-    out = []
-    if tested.worse:
-        before, after = tested.comparison.evaluations[-2].pooled.rms, tested.after
-        rows = [(a, AXES.index(a)) for a in tested.worse]
-        listed = ", ".join(f"{a} ({before[k]:.2g} to {after[k]:.2g})" for a, k in rows)
-        out.append(f"on the unseen flights the error of {listed} grows with the named effects.")
-    return out + [
-        f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} (fitted up to "
-        f"{r.maximum:.3g}); the result may not carry over."
-        for flight, r in tested.outside
-    ]
 
 
 def summary(found: Explanation) -> str:
@@ -128,23 +113,27 @@ def what_next(
     designs = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     changed = f"wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}"
-    healthy = "with a flight from before, or of a healthy vehicle of the kind"
-    out = [f"{healthy}: {changed}"] if found.verdict is Verdict.GROUP else []
-    out += designs
-    thrust = ["thrust_scale"] * found.fit.thrust.size  # that is granted to `explain`; a model that is to fly has it
+    moved = found.verdict is Verdict.GROUP or any(n in WITH_A_HEALTHY_FLIGHT for n in found.effects)
+    out = [f"with a flight of before, or of a healthy vehicle of the kind: {changed}"] * moved + designs
+    thrust, also = [], ""
+    if found.fit.thrust.size and found.effects:  # granted to `explain`; a model that is to fly has it
+        thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)
+        also = f" (with the scale of all thrust, which the model knows to {known})"
     add = f"wrenchgap add {' '.join([*found.effects, *thrust])} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
         out.append("next: give a longer flight")
     elif found.verdict is Verdict.UNKNOWN:
         out.append(f"no name of the catalogue is all of it; next: wrenchgap discover {logs} -m {model} -o law.py")
-        out += [f"the named effects can be added all the same: {add}"] if found.effects else []
+        out += [f"the named effects can be added all the same{also}: {add}"] if found.effects else []
     elif found.effects:
-        out.append(f"next: {add}")
+        out.append(f"next{also}: {add}")
     elif not posterior.is_nothing_missing(found):
         out.append(f"next: {changed}")
     return [Line(text) for text in out]
 
 
+WITH_A_HEALTHY_FLIGHT = ("rotor_thrust", "com_offset", "constant_wrench")
+"""What a healthy flight tells from a trim that every vehicle has."""
 MOST_PLACES = 2
 """Sentences on what to inspect that belong to the answer."""
 MEMBERS_LEGEND = (
@@ -249,7 +238,7 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
         {"flight": flight, "ranges": [{**vars(r), "outside": r.outside} for r in found]}
         for flight, found in tested.ranges
     ]
-    return {**body, "fall": tested.reduction, "ranges": ranges, "warnings": validation_warnings(tested)}
+    return {**body, "fall": tested.reduction, "ranges": ranges, "warnings": comparison.validation_warnings(tested)}
 
 
 def brief(found: Explanation) -> list[Part]:
@@ -264,7 +253,7 @@ def brief(found: Explanation) -> list[Part]:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)
         sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]
         said.append(Line(f"On flights it never saw ({', '.join(tested.comparison.flights)}): {', '.join(sizes)} rms."))
-        said += note_lines(validation_warnings(tested)[:1], "warning")
+        said += note_lines(comparison.validation_warnings(tested)[:1], "warning")
     said += note_lines([*short(found), *timing.in_short(found.timing, of_topics=True)][:1], "warning")
     said += map(Line, detection.in_short(found)[: tables.ANSWER_LINES - len(said)])
     return [*said, Line(), *([members(found)] if found.members else [])]

@@ -121,6 +121,9 @@ def _in_words(effect: ModelEffect, vehicle: Vehicle, *, stds: bool = False, prom
     rows = zip(parameters, effect.theta.tolist(), std.tolist(), strict=True)
     values = [Value(p.name, v, one if stds else None, p.unit) for p, v, one in rows]
     by = {v.name: v for v in values if v.name in sizes}
+    if stds and not by and values:  # what is named is said with its size, however unsure
+        nearest = max(values, key=lambda v: abs(v.value) / (v.std or 1e-30))
+        return FittedEffect("", "", f"{effect.name} {user_name(nearest.name, vehicle)} {with_std(nearest)}", 0.0)
     largest = sizes[clearest[0]] if clearest else 0.0
     said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, prominent * largest)]
     listed = ", ".join(f"{user_name(v.name, vehicle)} {with_std(v)}" for v in said)

@@ -44,7 +44,7 @@ def cheapest_check(checks: Sequence[Check], longest: int = 160) -> list[str]:
     for check in checks[:1]:
         done = check.what.partition(": ")[0]
         what = check.what if len(check.what) <= longest else f"{done} (what each explanation predicts: --details)."
-        out.append(f"To settle it, {KINDS[check.kind]}: {what}")
+        out.append(f"To settle what is open, {KINDS[check.kind]}: {what}")
     return out
 
 
@@ -162,10 +162,13 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
 
 
 def largest_residual(found: Explanation) -> str:
-    """The axis on which most is left, in units of the noise."""
+    """The axis on which most is left, in units of the noise; above what structure is, that something is left."""
     axis = _worst_axis(found)
-    size = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms"
-    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})."
+    size, times = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms", found.rms_after[axis] / found.noise[axis]
+    said = f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})"
+    if not found.members or found.verdict is Verdict.UNKNOWN or times <= found.posterior.settings.structure:
+        return f"{said}."
+    return f"{said}: {times:.0f} times the noise, of gusts, of slowly logged commands or of what is not named."
 
 
 def answered(found: Explanation) -> str:
@@ -208,30 +211,36 @@ def nearest(
     return f"Nearest, and not established: {names}, which would remove {share(best.score)} of the error energy."
 
 
-def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3) -> str:
+def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3, likely: float = 1.5) -> str:
     """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations.
 
     Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
-    parameters' typical ones.
+    parameters' typical ones. One that is larger than any of them, and above `likely` of its standard deviations, is
+    said with "perhaps".
     """
-    every = fit.values(name)
+    every, typical = fit.values(name), {p.name: p.scale for owner, p in fit.parameters if owner == name}
     clear = [v for v in every if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)]
     clearest = sorted(every, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
     shown: Sequence[Value] = clear or clearest[:1]
     if len(shown) > 3:
-        typical = {p.name: p.scale for owner, p in fit.parameters if owner == name}
         by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
         largest = abs(by_size[0].value) / typical[by_size[0].name]
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
     if not shown:
         return name
+    less_sure = max((v for v in every if v not in clear), key=lambda v: abs(v.value) / typical[v.name], default=None)
+    perhaps = ""
+    if clear and less_sure is not None and abs(less_sure.value) > likely * (less_sure.std or 0.0):
+        least = min(abs(v.value) / typical[v.name] for v in shown)
+        if abs(less_sure.value) / typical[less_sure.name] > least:
+            perhaps = f", perhaps {user_name(less_sure.name, model.vehicle)} {with_std(less_sure)}"
     limit = "; at the limit of what is plausible" if name in fit.stuck else ""
-    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {with_std(v)}' for v in shown)}{limit})"
+    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {with_std(v)}' for v in shown)}{perhaps}{limit})"
 
 
 def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
-    """The named effects, or these of them, those that are sure (`SearchSettings.firm`) first with their sizes, the
-    others without where one is sure; and what makes of a word, "Explained", how strongly it is said: "Explained by", or
+    """The named effects, or these of them, with their sizes, those that are sure (`SearchSettings.firm`) first; and
+    what makes of a word, "Explained", how strongly it is said: "Explained by", or
     "Perhaps explained by".
     """  # noqa: D205
     members = found.members if members is None else members
@@ -240,8 +249,8 @@ def members_in_words(found: Explanation, members: Sequence[Member] | None = None
     sized = " and ".join(
         f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in sure or others
     )
-    less = " and ".join(f"{m.name}, {confidence(found, m)}" for m in others) if sure else ""
-    listed = f"{sized}; less sure: {less}" if less else sized
+    less = " and ".join(f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in others)
+    listed = f"{sized}; less sure: {less}" if sure and less else sized
     return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
 
 

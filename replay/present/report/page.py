@@ -72,7 +72,7 @@ def page(report: Report, repetition: Repetition) -> str:
             already=fitted_effects.already_in(report.model),
             warnings=[
                 *warnings(findings(report)),
-                *([] if tested is None else explanation.validation_warnings(tested)),
+                *([] if tested is None else comparison.validation_warnings(tested)),
             ],
             sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
         )
