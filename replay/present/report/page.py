@@ -24,6 +24,7 @@ from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import (
     changed,
+    comparison,
     explanation,
     fitted_effects,
     health,
