@@ -1,7 +1,8 @@
 """How an answer to "what changed" reads: verdict, sizes, classes, flights, and what to inspect."""
 
+import shlex
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -25,7 +26,7 @@ MOST_PLACES = 3
 """Sentences on what to inspect that belong to the answer."""
 SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
-    "significance: change over both together"
+    "significance: change over both together, which is the +- of the first sentence"
 )
 ALONE_LEGEND = (
     "log odds: of this change alone against none, its prior included; above about 2 it is worth a name, in brackets "
@@ -121,7 +122,23 @@ def notes(found: Changed) -> list[str]:
 
 
 def summary(found: Changed) -> str:
-    """The verdict in plain words."""
+    """The verdict in plain words, with its condition where a suspect flight may be of another vehicle."""
+    said = _verdict(found)
+    return f"If it is one vehicle: {said[0].lower()}{said[1:]}" if other_recordings(found) else said
+
+
+def what_next(found: Changed, healthy: Sequence[str], model: str, options: str = "") -> list[Line]:
+    """What to do after the answer, with the logs and the model as the user named them."""
+    against = f"--healthy {shlex.join(healthy)} -m {shlex.quote(model)}{options}"
+    if found.verdict is not Verdict.NOTHING:
+        return [Line(f"next: mend it, fly again, and see whether it is gone: wrenchgap changed NEW_LOG {against}")]
+    more = (
+        "more flights of both kinds" if found.scatter_known else "more healthy flights, of which one says no scatter,"
+    )
+    return [Line(f"next: {more} or excitation on all axes show smaller changes: wrenchgap changed LOG... {against}")]
+
+
+def _verdict(found: Changed) -> str:
     if found.verdict is Verdict.NOTHING:
         best = found.alone[0] if found.alone else None
         nearest = ""

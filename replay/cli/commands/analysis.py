@@ -221,6 +221,7 @@ def changed(
     Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
     """
     from wrenchgap.learn.parallel import cores, get_ready
+    from wrenchgap.replay.present.changed import what_next
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
     base, names = run.model(model), parse_effects(effects_only)
@@ -230,6 +231,7 @@ def changed(
         found = wg.changed(bad, good, base, names=names, injections=injections, progress=report)
     run.result(found)
     run.notes(base.notes)
+    run.show(*what_next(found, [str(p) for p in healthy], model, run.common_options()))
     run.save("changed", found, figure=figure, page=page)
 
 
