@@ -88,8 +88,8 @@ class Settings:
             raise UsageError(f"compensate: dt is {self.dt:g} s, expected a control period of {self.max_dt:g} s at most")
         if not (math.isfinite(self.regulariser) and self.regulariser >= 0):
             raise UsageError(f"compensate: regulariser is {self.regulariser}, expected zero or a positive number")
-        if self.max_evaluations < 1:
-            raise UsageError(f"compensate: max_evaluations is {self.max_evaluations}, expected at least 1")
+        if not 1 <= self.max_evaluations <= 1_000_000:
+            raise UsageError(f"compensate: max_evaluations is {self.max_evaluations}, expected 1 to 1,000,000")
         threshold = self.sigma_threshold
         if threshold is not None and not threshold >= 0:
             raise UsageError(f"compensate: sigma_threshold is {threshold}, expected zero or a positive number")

@@ -118,6 +118,8 @@ class Limits:
     """Bytes of a column of a table by itself."""
     table_cell: int = 60
     """Bytes of a number of it."""
+    table_letter: int = 8
+    """Bytes of a letter of its longest line, as text and in the parser."""
     table_nested: int = 400
     """Bytes of a value of a column of lists or tables."""
     table_dates: int = 10_000

@@ -140,8 +140,8 @@ def as_speeds(found: Flight, curve: CommandCurve | None, vehicle: Vehicle, model
     if sent.unit != curve.unit:
         raise LogError(
             f"{found.path.name}: the rotor commands of {sent.topic} are {ROTOR_WORDS[sent.unit]}, and [command] of "
-            f"{model} is for {ROTOR_WORDS[curve.unit]}; set its unit and curve, or map another topic with --topic "
-            "rotor_speed=/your/topic"
+            f"{model} is for {ROTOR_WORDS[curve.unit]}; is it the model of this vehicle? Else set its unit and curve, "
+            "or map another topic with --topic rotor_speed=/your/topic"
         )
     _, rotors = vehicle.geometry()
     if sent.rotor_speed.shape[1] != len(rotors):

@@ -58,7 +58,7 @@ class CrazyflieUsdReader(TableReader):
         """A table of each event, and the topics that its variables make."""
         self.account.take(self.path.stat().st_size, "the file")
         data = self.path.read_bytes()
-        sound = len(data) > START + 4 and zlib.crc32(data[:-4]) == int.from_bytes(data[-4:], "little")
+        sound = len(data) > START + 4 and zlib.crc32(memoryview(data)[:-4]) == int.from_bytes(data[-4:], "little")
         if not sound:
             self.notes.append(f"{self.path.name}: its checksum is wrong: cut short or damaged. Read as far as it goes.")
         events, start = self._events(data)

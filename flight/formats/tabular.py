@@ -63,6 +63,14 @@ class CsvReader(TableReader):
         with needed_for(f"{self.path}: CSV tables", LogError):
             import pandas as pd  # here and below: others need not wait for it
 
+        longest, so_far = 0, 0
+        with self.path.open("rb") as raw:
+            while block := raw.read(PIECE):
+                end, *others = block.split(b"\n")
+                longest = max(longest, so_far + len(end), *map(len, others))
+                so_far = len(others[-1]) if others else so_far + len(end)
+                self.account.check_time()
+        self.account.ask(LIMITS.table_letter * longest, f"a line of {longest:,} letters")
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
             lines = [file.readline() for _ in range(100)]
         skipped = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), 0)

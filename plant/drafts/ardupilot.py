@@ -71,8 +71,10 @@ def read_parameters(path: Path) -> dict[str, float]:
         if len(words) == 5 and words[0].isdecimal():
             words = words[2:4]
         try:
-            name, value = words[0].upper(), np.nan if words[0].isdecimal() else float(words[1])
-        except (IndexError, ValueError):
+            name, text = words  # more of them is a decimal comma, say
+            value = np.nan if name.isdecimal() or "_" in text else float(text)
+            name = name.upper()
+        except ValueError:
             value = np.nan
         if not np.isfinite(value):
             raise ModelError(f"{path}, line {number}: got {line.strip()[:80]!r}, expected NAME,VALUE, a finite number")
@@ -133,10 +135,15 @@ def rotors_from(parameters: Parameters, arm: float | None, where: str, text: str
 
 
 def frame_notes(parameters: Parameters, text: str, typed: str | None, where: str) -> tuple[str, ...]:
-    """A note where the frame that was typed is not that of the parameters."""
+    """A note where the frame that was typed is not that of the parameters; ModelError where it has other rotors."""
     found = frame_of(parameters, text)
     if typed is None or found is None or found[0] not in FRAMES or found[0] == typed:
         return ()
+    if len(FRAMES[typed]) != len(FRAMES[found[0]]):
+        raise ModelError(
+            f"--frame {typed}: has {len(FRAMES[typed])} rotors, and {where} is of {found[0]} ({found[1]}), which has "
+            f"{len(FRAMES[found[0]])}; leave --frame out, or say one of as many"
+        )
     return (f"{where}: the frame is {found[0]} ({found[1]}), and --frame {typed} is used: which of them is flown?",)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
 import numpy as np
+from annotated_types import Interval
 from pydantic import AfterValidator, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
 from wrenchgap.flight.flight import Array
@@ -203,8 +204,8 @@ class VehicleTable(Table):
     inertia: Inertia
     com: Place = (0.0, 0.0, 0.0)
     imu_position: Place = (0.0, 0.0, 0.0)
-    thrust_tolerance: Positive | None = None
-    thrust_axis_tolerance_deg: Positive | None = None
+    thrust_tolerance: Annotated[Number, Interval(gt=0.0, le=1.0), expected("a share, as 0.1 for 10 %")] | None = None
+    thrust_axis_tolerance_deg: Annotated[Number, Interval(gt=0.0, le=45.0), expected("degrees up to 45")] | None = None
     arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
     rotor: RotorDefaults | None = None  # type: ignore[valid-type]
     arms: tuple[ArmTable, ...] = ()

@@ -92,8 +92,9 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         if check.level == "bad" and (check.accepted or check.name == "roles"):
             words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."
             yield Statement("warn", "log", f"check {check.name}", words)
-        if check.name in ("accelerometer-scale", "gyroscope-scale") and check.level == "warn":
-            yield Statement("warn", "log", f"check {check.name}", f"{check.words.rstrip('. ')}.")
+        commands = check.name == "clipped" and check.words.startswith("the commands")
+        if commands or (check.name in ("accelerometer-scale", "gyroscope-scale") and check.level == "warn"):
+            yield Statement("warn", "log", f"check {check.name}", f"{capitalised(check.words.rstrip('. '))}.")
     series = {} if log.inspection.flight is None else log.inspection.flight.series()
     lost = {
         role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time))

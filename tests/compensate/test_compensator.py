@@ -196,6 +196,7 @@ def test_bad_wrench_gets_one_line(gp, wrench, message):
 
 IMPOSSIBLE = [
     *[("dt", 0.0), ("decay_time", -1.0), ("kappa", math.nan), ("regulariser", -1e-3), ("max_evaluations", 0)],
+    ("max_evaluations", 10**20),
     *[("sigma_threshold", math.nan), ("correction_max", (1.0,) * 3), ("correction_max", (1, 1, 1, 1, 1, math.nan))],
 ]
 

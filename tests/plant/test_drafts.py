@@ -370,6 +370,13 @@ def test_a_typed_frame_that_contradicts_the_parameters_is_used_and_told(tmp_path
             Given(mass=2.0),
             "'FRAME_CLASS,nan', .* a finite number",
         ),
+        (
+            ARDUPILOT,
+            Given(mass=2.0, frame="hexa_x", arm=0.2),
+            "--frame hexa_x: has 6 rotors, .* quad_x .*, which has 4; leave --frame out",
+        ),
+        (f"{ARDUPILOT}\nMOT_THST_EXPO,0,65\n", Given(mass=2.0), "got 'MOT_THST_EXPO,0,65', expected NAME,VALUE"),
+        (f"{ARDUPILOT}\nMOT_THST_EXPO,1_0\n", Given(mass=2.0), "got 'MOT_THST_EXPO,1_0', expected NAME,VALUE"),
         ("FRAME_CLASS,one\n", Given(mass=2.0), r"quad.param, line 1: got 'FRAME_CLASS,one', expected NAME,VALUE"),
         ("1\t1\tFRAME_CLASS\t1\n", Given(mass=2.0), r"line 1: got '1\\t1\\tFRAME_CLASS\\t1', expected NAME,VALUE"),
         ("RCMAP_THROTTLE,inf\n", Given(mass=2.0), r"quad.param, line 1: got 'RCMAP_THROTTLE,inf', .* a finite number"),

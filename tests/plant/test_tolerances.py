@@ -51,6 +51,13 @@ def test_a_tolerance_is_the_prior_of_what_changes_the_number():
     assert scales("com_offset", vehicle)["z"][1] == 0.002
 
 
+@pytest.mark.parametrize("said", ["thrust_tolerance = 15", "thrust_axis_tolerance_deg = 1e12"])
+def test_how_well_thrust_is_known_is_a_share_and_an_angle(said):
+    """Per cent were taken for a share."""
+    with pytest.raises(ModelError, match=r"expected (a share, as 0.1 for 10 %|degrees up to 45)"):
+        model_file.loads(TEXT.replace("[vehicle]", f"[vehicle]\n{said}"))
+
+
 def test_a_change_stays_physical_however_little_is_known():
     text = TEXT.replace("tolerance = [0.001, 0.002, 0.003]", "tolerance = [0.01, 0.01, 0.02]")
     vehicle = model_file.loads(text).vehicle

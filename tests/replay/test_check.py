@@ -288,8 +288,8 @@ def test_the_curve_of_the_thrust_is_said(made):
 
 def test_a_scale_of_the_accelerometer_is_a_thing_to_look_at(made):
     log = made("ulg").logs[0]
-    scaled = replace(log.inspection, checks=(Check("accelerometer-scale", "warn", "a scale of 0.97"),))
-    assert [one.words for one in statements(replace(log, inspection=scaled))] == ["a scale of 0.97."]
+    scaled = replace(log.inspection, checks=(Check("accelerometer-scale", "warn", "A scale of 0.97"),))
+    assert [one.words for one in statements(replace(log, inspection=scaled))] == ["A scale of 0.97."]
 
 
 def test_the_first_estimator_of_old_firmware_is_read(made):

@@ -133,7 +133,8 @@ def never_flew(
     why = f"{name}: no {MINIMUM_FLIGHT:g} s of flight ({listed})"
     if most in ("ground", "held"):
         unit = "rotor speeds in rad/s" if of_rotors else "wrench in newtons"
-        return f"{why}: the rotors never carry {model.vehicle.name}'s weight ({weight}); right model, {unit}?"
+        asked = f"is it the model of this vehicle, {unit}?"
+        return f"{why}: the rotors never carry {model.vehicle.name}'s weight ({weight}); {asked}"
     return f"{why}; keep a phase with --keep {most}"
 
 

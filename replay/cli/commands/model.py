@@ -68,6 +68,9 @@ def new(
     saved = wg.save_draft(sheet, output, force=run.force)
     run.result(saved)
     run.draw(saved, figure)
+    flown = source is not None and source.suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
+    log = shlex.quote(str(source)) if flown else "LOG"
+    run.line(f"next: wrenchgap check {log} -m {shlex.quote(str(output))} --details")
     run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
 
 

@@ -230,3 +230,12 @@ def test_a_column_of_lists_of_words_holds_no_numbers(logs, time, tmp_path):
     )
     pyarrow.parquet.write_table(pyarrow.table(plain), tmp_path / "log.parquet")
     agrees(flight.load(tmp_path / "log.parquet"), logs, time)
+
+
+def test_a_line_without_end_is_refused_before_it_is_read(tmp_path):
+    """A gigabyte took seven."""
+    path = tmp_path / "flight.csv"
+    with path.open("wb") as file:
+        file.write(b"time,gyro_x,gyro_y,gyro_z\n0.0," + b"1" * 2_000_000)
+    with pytest.raises(BudgetError, match="a line of 2,000,004 letters would take"):
+        flight.load(path, budget="10MB,60s")
