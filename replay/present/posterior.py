@@ -8,7 +8,7 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, GRAVITY
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.diagnose.residual_patterns import Oscillation
-from wrenchgap.learn.identify.fit import Fit
+from wrenchgap.learn.identify.fit import MATERIAL, Fit
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
@@ -215,8 +215,8 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3, likel
     """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations.
 
     Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
-    parameters' typical ones. One that is larger than any of them, and above `likely` of its standard deviations, is
-    said with "perhaps".
+    parameters' typical ones. The largest that is above `likely` of its standard deviations alone, and large enough for
+    a name, is said with "perhaps".
     """
     every, typical = fit.values(name), {p.name: p.scale for owner, p in fit.parameters if owner == name}
     clear = [v for v in every if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)]
@@ -228,12 +228,11 @@ def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3, likel
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
     if not shown:
         return name
-    less_sure = max((v for v in every if v not in clear), key=lambda v: abs(v.value) / typical[v.name], default=None)
+    unsure = [v for v in every if v not in clear and abs(v.value) > likely * (v.std or 0.0)]
+    large = max(unsure, key=lambda v: abs(v.value) / typical[v.name], default=None)
     perhaps = ""
-    if clear and less_sure is not None and abs(less_sure.value) > likely * (less_sure.std or 0.0):
-        least = min(abs(v.value) / typical[v.name] for v in shown)
-        if abs(less_sure.value) / typical[less_sure.name] > least:
-            perhaps = f", perhaps {user_name(less_sure.name, model.vehicle)} {with_std(less_sure)}"
+    if clear and large is not None and abs(large.value) > MATERIAL * typical[large.name]:
+        perhaps = f", perhaps {user_name(large.name, model.vehicle)} {with_std(large)}"
     limit = "; at the limit of what is plausible" if name in fit.stuck else ""
     return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {with_std(v)}' for v in shown)}{perhaps}{limit})"
 
