@@ -65,6 +65,7 @@ def _asked(path: Path, text: str | None, memory: int = 2_000_000_000, seconds: i
     """What another process makes of an MJCF file, or of the text of a URDF, with so much address space [bytes] and
     processor time [s]: a vehicle of a hundred bodies takes a hundredth of either.
     """  # noqa: D205
+    _mujoco(path)  # where it is missing, that is said here
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # each takes address space
     command, pipe = [sys.executable, "-c", START, *absolute(sys.path)], subprocess.PIPE
     too_much = f"MuJoCo does not compile it within {memory / 1e9:g} GB and {seconds} s; take out what no vehicle needs"

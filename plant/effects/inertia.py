@@ -22,11 +22,11 @@ class Inertia(BodyEffect):
     excited_by = "angular acceleration on every axis (multisine)"
     confused_with = ("thrust_scale", "thrust_curve", "servo_lag", "motor_lag", "command_delay")
 
-    typical_moment, typical_product = 0.1, 0.15
-    """Typical errors of moments and products of inertia that were not measured, relative to the moments. A fifth of
-    that is worth a name (`learn.identify.fit.MATERIAL`): a gyroscope whose axes are 2 % off square, as datasheets allow
-    (cross-axis sensitivity), looks like products of 2 %.
-    """
+    typical_moment, typical_product = 0.1, 0.03
+    """Typical errors of moments and products of inertia that were not measured, relative to the moments."""
+    askew = 0.03
+    """Products of inertia that the gyroscope's axes may make, relative to the moments: 2 % off square, as datasheets
+    allow (cross-axis sensitivity), looks like products of 2 %."""
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""
@@ -35,7 +35,8 @@ class Inertia(BodyEffect):
         for i, k in _PLACES:
             size = float(np.sqrt(J[i, i] * J[k, k]))
             typical = (self.typical_moment if i == k else self.typical_product) * size
-            usual = Parameter("xyz"[i] + "xyz"[k], "kg m^2", -0.4 * size, 0.4 * size, typical)
+            least = 0.0 if i == k else self.askew * size
+            usual = Parameter("xyz"[i] + "xyz"[k], "kg m^2", -0.4 * size, 0.4 * size, typical, least=least)
             found.append(with_prior(usual, None if tolerance is None else float(tolerance[i, k]), -0.6 * size))
         return tuple(found)
 

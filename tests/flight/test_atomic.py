@@ -236,6 +236,7 @@ NO_OUTPUT = {
     "flight/work_files.py": "what worker processes read, in a folder that goes again",
     "viewer/file_drop.py": "a log on its way in, in a folder that goes again",
     "learn/worker.py": "the pipe to whoever asks",
+    "plant/drafts/mjcf_urdf.py": "the pipe to whoever asks",
     "plant/trajectory/file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
     "replay/batch/tasks.py": "what a worker reads, in a folder that goes again",

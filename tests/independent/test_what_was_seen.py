@@ -114,10 +114,10 @@ def test_affine_curves_are_a_curve_and_no_bias_of_the_accelerometer(explained):
 
 def test_a_gyroscope_whose_axes_are_two_per_cent_off_square_is_no_inertia(flights):
     """As datasheets allow: torques seem to make rates across, as products of inertia of 2 % would."""
-    flight = flights["curves"]
+    flight = flights["slow motors"]
     askew = flight.imu.omega_B @ np.array([[1.0, 0.02, 0.0], [0.02, 1.0, 0.0], [0.0, 0.0, 1.0]])
     log = replace(flight, imu=replace(flight.imu, omega_B=askew))
-    names = (*ANYWAY, "thrust_curve", "drag_torque", "inertia", "imu_misalignment")
+    names = (*ANYWAY, "command_delay", "inertia", "imu_misalignment")
     found = wg.explain(wg.open_flights([log], MODEL, cutoff_hz=8.0), MODEL, names=names, jobs=1)
     assert "inertia" not in found.effects
 

@@ -83,7 +83,7 @@ def test_the_flight_shown_is_compared_with_those_that_are_ticked(panel, page, mo
     assert panel.healthy["train"].visible
     assert panel.answer.content == ""  # that was about the other flight
     page.open("train")
-    assert "rotor_thrust of M&lt;3&gt; by -17.0 %" in panel.answer.content
+    assert "rotor_thrust of M&lt;3&gt; by -17.0 +- " in panel.answer.content
 
 
 def test_health_of_parts_is_of_all_flights_and_each_rotor_and_arm(panel, page, eventually):
