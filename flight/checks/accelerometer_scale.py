@@ -64,7 +64,7 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical, which `explain` looks for; the ground station "
-    words += "calibrates both. Where it is the scale, it is mended in reading"
+    words += "calibrates both. If it is the scale, reading can undo it"
     mend = None if is_clipped(known, "accelerometer") else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
     return Check("accelerometer-scale", "bad" if off > SCALE.refused else "warn", words, mend)
 

@@ -63,12 +63,14 @@ class CsvReader(TableReader):
         with needed_for(f"{self.path}: CSV tables", LogError):
             import pandas as pd  # here and below: others need not wait for it
 
-        longest, so_far = 0, 0
+        longest, so_far, cells = 0, 0, dict.fromkeys(DELIMITERS, 0)
         with self.path.open("rb") as raw:
             while block := raw.read(PIECE):
                 end, *others = block.split(b"\n")
                 longest = max(longest, so_far + len(end), *map(len, others))
                 so_far = len(others[-1]) if others else so_far + len(end)
+                for delimiter in DELIMITERS:
+                    cells[delimiter] += block.count(delimiter.encode()) + len(others)
                 self.account.check_time()
         self.account.ask(LIMITS.table_letter * longest, f"a line of {longest:,} letters")
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -78,12 +80,7 @@ class CsvReader(TableReader):
         delimiter = max(DELIMITERS, key=header.count)
         width = header.count(delimiter) + 1
         self.account.take(LIMITS.table_column * width, f"a header of {width:,} columns")
-        cells = 0
-        with self.path.open("rb") as raw:
-            while block := raw.read(PIECE):
-                cells += block.count(delimiter.encode()) + block.count(b"\n")
-                self.account.check_time()
-        self.account.take(LIMITS.table_cell * cells, "the cells of the table")
+        self.account.take(LIMITS.table_cell * cells[delimiter], "the cells of the table")
         decimal = "," if delimiter != "," and re.search(rf"(^|{re.escape(delimiter)})-?\d+,\d", first) else "."
         if delimiter not in header or all(_is_number(cell) for cell in header.split(delimiter)):
             raise LogError(

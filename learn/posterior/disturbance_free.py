@@ -46,9 +46,10 @@ def may_be_disturbance_free(on: ModelResidual, free: ModelResidual, columns: Seq
 
 
 def disturbance_free(on: ModelResidual, free: ModelResidual, sets: Sequence[Scored], *, nearly: bool = False) -> bool:
-    """Whether one of these sets on the wrench as it is leaves no disturbance, where commands say something; `nearly`,
-    whether one of straight lines does, which may leave as much more as all candidates at once may.
-    """  # noqa: D205
+    """Whether one of these sets on the wrench as it is leaves no disturbance, where commands say something.
+
+    `nearly`, for sets of straight lines: `CLOSE` over `LITTLE` times the rms that is none is near enough.
+    """
     space, most = spectrum_of(free, ()), (CLOSE / LITTLE) ** 2 if nearly else 1.0
     enough, answering = most * _enough(on, LITTLE, *_scales(space, on)), np.isin(space.axes, on.data.answering)
     return any(np.all(((one.left < enough) | (space.count == 0.0))[:, answering]) for one in sets)

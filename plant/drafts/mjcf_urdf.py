@@ -39,9 +39,8 @@ REPEATING = ("replicate", "composite", "flexcomp")
 """Elements of MJCF that repeat what is in them."""
 COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
 """Bodies keep their names; those without mass (frames) become too light to matter."""
-
-
 START = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
+"""What the process runs in which MuJoCo compiles: one line of MJCF can ask for any memory and time."""
 Robot = tuple[list[Link], dict[int, Motor], Sourced | None]
 """Links of the flying tree, the root first, motors by link, and the place of the IMU."""
 

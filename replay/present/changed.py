@@ -132,10 +132,9 @@ def what_next(found: Changed, healthy: Sequence[str], model: str, options: str =
     against = f"--healthy {shlex.join(healthy)} -m {shlex.quote(model)}{options}"
     if found.verdict is not Verdict.NOTHING:
         return [Line(f"next: mend it, fly again, and see whether it is gone: wrenchgap changed NEW_LOG {against}")]
-    more = (
-        "more flights of both kinds" if found.scatter_known else "more healthy flights, of which one says no scatter,"
-    )
-    return [Line(f"next: {more} or excitation on all axes show smaller changes: wrenchgap changed LOG... {against}")]
+    kind = "flights of both kinds" if found.scatter_known else "healthy flights"
+    said = f"more {kind}, or excitation on all axes, show smaller changes"
+    return [Line(f"next: {said}: wrenchgap changed LOG... {against}")]
 
 
 def _verdict(found: Changed) -> str:

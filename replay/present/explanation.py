@@ -114,7 +114,7 @@ def what_next(
     model, logs = shlex.quote(model), shlex.join(paths) + options
     changed = f"wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}"
     moved = found.verdict is Verdict.GROUP or any(n in WITH_A_HEALTHY_FLIGHT for n in found.effects)
-    out = [f"with a flight of before, or of a healthy vehicle of the kind: {changed}"] * moved + designs
+    out = [f"with an earlier flight, or one of a healthy vehicle of the same kind: {changed}"] * moved + designs
     thrust, also = [], ""
     if found.fit.thrust.size and found.effects:  # granted to `explain`; a model that is to fly has it
         thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)

@@ -70,9 +70,9 @@ def either(found: Explanation, group: Sequence[str], most: int = 3) -> str:
     """What cannot be told apart, each in a pilot's words with its size and its weight; of many the likeliest."""
     vehicle, place = found.model.vehicle, tuple(group[0].split(" + "))
     rivals = {r.names: r for m in found.members for r in m.alike if r.members == place}
-    certain = min(found.confidence(m) for m in found.members if m.name in place)
+    mine = sum(s.weight for s in found.posterior.sets if set(place) <= set(s.names))
     own = [e for e in found.fit.effects if e.name in place]
-    said = [together(own, vehicle, share(certain - sum(r.weight for r in rivals.values())))]
+    said = [together(own, vehicle, share(mine))]
     for names, rival in rivals.items():
         having = (s for s in found.posterior.sets if set(names) <= set(s.names) and not set(place) & set(s.names))
         theta = next((s.theta(found.model) for s in having), {})

@@ -168,7 +168,7 @@ def largest_residual(found: Explanation) -> str:
     said = f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})"
     if not found.members or found.verdict is Verdict.UNKNOWN or times <= found.posterior.settings.structure:
         return f"{said}."
-    return f"{said}: {times:.0f} times the noise, of gusts, of slowly logged commands or of what is not named."
+    return f"{said}, {times:.0f} times the noise: gusts, slowly logged commands, or something that is not named."
 
 
 def answered(found: Explanation) -> str:

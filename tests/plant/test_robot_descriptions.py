@@ -325,7 +325,7 @@ def test_a_line_that_asks_for_any_size_is_refused(tmp_path, more, said):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGIO there")
 def test_who_compiles_ends_with_who_asked(tmp_path, eventually):
-    """However it ended, and whatever MuJoCo is doing: a million keyframes take it minutes."""
+    """However it ended, and whatever MuJoCo is doing: a hundred million keyframes take it minutes."""
     path = tmp_path / "quad.xml"
     path.write_text(mjcf().replace("</mujoco>", '<size nkey="100000000"/></mujoco>'))
     command = [sys.executable, "-c", mjcf_urdf.START, *sys.path]

@@ -185,11 +185,11 @@ def test_the_largest_remaining_error_is_counted_in_noise(named):
     assert "force_x, 0.5 N rms (sensor noise 0.1)" in summary(two)
     answered = replace(one, answering=(4,))
     assert "What remains on torque_y may be gusts" in summary(answered)
-    assert "rms (sensor noise 0.001): 100 times the noise, of gusts," in summary(one)
+    assert "rms (sensor noise 0.001), 100 times the noise: gusts," in summary(one)
     assert not any("may be gusts" in text for text in answer(answered))
 
 
-def test_a_group_is_told_with_all_its_members_and_weights_that_are_its_confidence(grouped):
+def test_a_group_is_told_with_all_its_members_and_their_weights(grouped):
     assert grouped.verdict == "group"
     assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
     said = summary(grouped)
@@ -198,7 +198,8 @@ def test_a_group_is_told_with_all_its_members_and_weights_that_are_its_confidenc
     weights = [float(w) for w in re.findall(r"(\d+) %\)", said.partition(":")[0])]
     sure = re.search(r"one of them: confidence (\d+) %", said)
     assert sure is not None
-    assert sum(weights) == pytest.approx(float(sure[1]), abs=1.5)
+    assert len(weights) == 2
+    assert float(sure[1]) <= sum(weights) <= 100.0 + len(weights) * 0.5  # no catalogue is complete; rounding
 
 
 def test_explanations_that_are_alike_are_said_by_what_a_pilot_can_look_for():

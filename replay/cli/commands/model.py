@@ -68,10 +68,10 @@ def new(
     saved = wg.save_draft(sheet, output, force=run.force)
     run.result(saved)
     run.draw(saved, figure)
+    run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
     flown = source is not None and source.suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
     log = shlex.quote(str(source)) if flown else "LOG"
     run.line(f"next: wrenchgap check {log} -m {shlex.quote(str(output))} --details")
-    run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
 
 
 def questions(question: str, kind: type, default: str | None, choices: Sequence[str]) -> str:
