@@ -25,7 +25,7 @@ from wrenchgap.learn.data.candidates import candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.posterior import explain as searching
-from wrenchgap.learn.posterior.late_clock import other_clock
+from wrenchgap.learn.posterior.sensor_causes import sensor_causes
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import family
@@ -57,11 +57,12 @@ def answers(case: cases.Case) -> Callable[[SearchSettings], dict[str, Any]]:
     opened = open_flights(recorded, model)
     timing = tuple(timing_of(f, model) for f in opened)
     data = dataset([r for f in opened for r in f.records], model, answering_axes(timing))
-    chosen, clock = candidates(data.records, model), other_clock(timing)
+    chosen = candidates(data.records, model)
+    causes = sensor_causes([f.flight for f in opened], timing)
     expected = {family(a) for given in truth.answers for a in given} | {family(a) for a in truth.always}
 
     def answer(settings: SearchSettings) -> dict[str, Any]:
-        found = searching.search_dataset(data, model, chosen, clock=clock, settings=settings)
+        found = searching.search_dataset(data, model, chosen, causes=causes, settings=settings)
         firm = sorted({family(n) for n in found.firm})
         return {
             "verdict": str(found.verdict), "firm": firm, "right": judge(found, truth)["right"],

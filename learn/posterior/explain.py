@@ -7,7 +7,7 @@ From opened flights to a verdict, in the order of the steps (docs/theory/posteri
     model_residual          what the model leaves                                  `learn.posterior.single_effects`
     single_effects          each candidate fitted alone, and as a straight line    the same, `columns`
     joint_search            sets of candidates, searched, linearised, weighed      `joint_search`, `subset_search`
-    with_clock              a delay may be the clock of the IMU                    `late_clock`
+    with_sensor_causes      a delay or a mass may be a sensor of the IMU           `sensor_causes`
     needed_members          the likeliest set fitted; those that are not needed go `members`
     residual_structure      what the named set leaves                              `verdict`
     decide                  the verdict                                            the same
@@ -48,10 +48,10 @@ from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
 from wrenchgap.learn.posterior.joint_search import FEW, joint_search
-from wrenchgap.learn.posterior.late_clock import LateClock, SlowGyroscope, other_clock, with_clock
 from wrenchgap.learn.posterior.members import Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, Posterior, WeighedSets, posterior
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
+from wrenchgap.learn.posterior.sensor_causes import SensorCause, sensor_causes, with_sensor_causes
 from wrenchgap.learn.posterior.settings import DEFAULT, SearchSettings
 from wrenchgap.learn.posterior.single_effects import (
     Candidate,
@@ -96,13 +96,14 @@ def explain(
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
     chosen = candidates(data.records, model, names)
     jobs = cores() if jobs is None else jobs
-    clock, part, done = other_clock(timing), 1.0 / (1 + injections), iter(range(1 + injections))
+    causes, part = sensor_causes([f.flight for f in flights], timing), 1.0 / (1 + injections)
+    done = iter(range(1 + injections))
 
     def search(data: Dataset, limits_of: Sequence[str] | None = None) -> Explanation:
         first = part * next(done)
         told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
         return search_dataset(
-            data, model, chosen, clock=clock, settings=settings, jobs=jobs, progress=told, limits_of=limits_of
+            data, model, chosen, causes=causes, settings=settings, jobs=jobs, progress=told, limits_of=limits_of
         )
 
     def firm_with(one: Injection) -> Sequence[str]:
@@ -120,13 +121,13 @@ def search_dataset(
     model: Model,
     chosen: Candidates,
     *,
-    clock: LateClock | SlowGyroscope | None = None,
+    causes: Sequence[SensorCause] = (),
     settings: SearchSettings = DEFAULT,
     jobs: int = 1,
     progress: Progress | None = None,
     limits_of: Sequence[str] | None = None,
 ) -> Explanation:
-    """The steps of `explain` that need no flights; `clock` is a late IMU's.
+    """The steps of `explain` that need no flights; `causes` is what their sensors may do that looks like effects.
 
     `limits_of` are the effects whose detection limits are wanted, by default all: they take most of the time.
     """
@@ -134,7 +135,7 @@ def search_dataset(
     some = spread_out(data.records, SEARCH_SECONDS)
     part = data if some is data.records else dataset(some, model, data.answering)
     on, tried, found = weighed_sets(model_residual(part, model, settings), chosen.tried, jobs, tell)
-    found = with_clock(found, clock, model.vehicle)
+    found = with_sensor_causes(found, causes, model.vehicle)
     tell(0.8, "fitting what was named")
     best, members, found = needed_members(on, found, jobs)
     rest = residual_structure(on, found, members, best.left)
@@ -150,7 +151,7 @@ def search_dataset(
         verdict=verdict,
         members=members,
         ranking=tried.candidates,
-        posterior=posterior(found.sets, found.classes, model.vehicle, settings, None if clock is None else clock.check),
+        posterior=posterior(found.sets, found.classes, model.vehicle, settings, [c.check for c in causes]),
         fit=whole.fit,
         model=with_fit(model, whole.fit),
         rms_before=rms(every.given),

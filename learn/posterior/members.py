@@ -131,7 +131,7 @@ def material(fitted: Fit, model: Model, name: str) -> bool:
     """Whether any parameter of the effect, or its change from what the model has, is worth a name."""
     rows = [(v, p) for (owner, p), v in zip(fitted.parameters, fitted.theta, strict=True) if owner == name]
     pairs = zip(rows, model.theta(name), strict=True)
-    return any(abs(v - o) >= max(MATERIAL * p.scale, p.least) for (v, p), o in pairs)
+    return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in pairs)
 
 
 def members(on: ModelResidual, names: Sequence[str], best: Fitted, jobs: int = 1) -> tuple[Member, ...]:

@@ -130,14 +130,15 @@ def posterior(
     classes: Sequence[EquivalenceClass],
     vehicle: Vehicle,
     settings: SearchSettings,
-    clock: Check | None = None,
+    causes: Sequence[Check] = (),
 ) -> Posterior:
-    """Of these sets and classes, with what would settle which is true: `clock` where something in them stands for the
-    effect that was fitted.
+    """Of these sets and classes, with what would settle which is true: those of `causes` of which something stands in
+    them for effects that were fitted.
     """  # noqa: D205
 
     def checks(some: Sequence[NamedSet]) -> tuple[Check, ...]:
-        first = (clock,) if clock is not None and any(s.stands_for for s in some) else ()
+        standing = {name for s in some for name, _ in s.stands_for}
+        first = (c for c in causes if c.name in standing)
         return (*first, *checks_between(some, vehicle))
 
     return Posterior(sets, tuple(replace(c, settle=checks(c.sets)) for c in classes), checks(sets), settings)

@@ -65,8 +65,7 @@ class Parameter:
     `low` and `high` bound what is physically plausible; `scale` is a typical size (prior standard deviation), which
     also sets the step of numerical derivatives. `start` is where a search begins when the derivative at zero is
     not informative (a lag, a width); zero for parameters that enter smoothly. One that is not `alone` does nothing
-    while the others of its effect are zero (where a force acts, how wide a wake is). Below `least` sensors may make it:
-    it is no reason for a name, however well it is known.
+    while the others of its effect are zero (where a force acts, how wide a wake is).
     """
 
     name: str
@@ -76,7 +75,6 @@ class Parameter:
     scale: float
     start: float = 0.0
     alone: bool = True
-    least: float = 0.0
 
 
 def with_prior(parameter: Parameter, tolerance: float | None, least: float, sigmas: float = 3.0) -> Parameter:

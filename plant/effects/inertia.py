@@ -24,9 +24,6 @@ class Inertia(BodyEffect):
 
     typical_moment, typical_product = 0.1, 0.03
     """Typical errors of moments and products of inertia that were not measured, relative to the moments."""
-    askew = 0.03
-    """Products of inertia that the gyroscope's axes may make, relative to the moments: 2 % off square, as datasheets
-    allow (cross-axis sensitivity), looks like products of 2 %."""
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""
@@ -35,8 +32,7 @@ class Inertia(BodyEffect):
         for i, k in _PLACES:
             size = float(np.sqrt(J[i, i] * J[k, k]))
             typical = (self.typical_moment if i == k else self.typical_product) * size
-            least = 0.0 if i == k else self.askew * size
-            usual = Parameter("xyz"[i] + "xyz"[k], "kg m^2", -0.4 * size, 0.4 * size, typical, least=least)
+            usual = Parameter("xyz"[i] + "xyz"[k], "kg m^2", -0.4 * size, 0.4 * size, typical)
             found.append(with_prior(usual, None if tolerance is None else float(tolerance[i, k]), -0.6 * size))
         return tuple(found)
 

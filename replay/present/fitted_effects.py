@@ -9,7 +9,12 @@ from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.explain import Explanation
-from wrenchgap.learn.posterior.late_clock import LATE_CLOCK, LATE_GYROSCOPE
+from wrenchgap.learn.posterior.sensor_causes import (
+    ACCELEROMETER,
+    GYROSCOPE,
+    LATE_CLOCK,
+    LATE_GYROSCOPE,
+)
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
@@ -21,8 +26,10 @@ PLURAL = ("the motors", "the tilt servos")
 SENSORS = {
     LATE_CLOCK: "the IMU is late, by its clock or a low-pass",
     LATE_GYROSCOPE: "the gyroscope is late, by a low-pass of its own",
+    ACCELEROMETER: "the accelerometer's calibration is off by as much",
+    GYROSCOPE: "the gyroscope's calibration is off by as much",
 }
-"""What stands beside a delay or a lag, and is no effect."""
+"""What stands beside an effect, and is none."""
 DIFFERENT = "different from the model file's"
 """Of effects that have no words of their own."""
 

@@ -31,7 +31,7 @@ class Class(TypedDict):
     weight: float
     sets: list[WeightedSet]
     """Most probable first; without effects: nothing is missing; `late_clock`: late stamps of the IMU, `late_gyroscope`:
-    of a gyroscope with a low-pass of its own."""
+    of a gyroscope with a low-pass of its own, `accelerometer_calibration`, `gyroscope_calibration`: the sensor's."""
     established: list[Established]
     """Effects in all of its sets."""
     settle: list[Settle]
