@@ -48,6 +48,8 @@ class ClockLimits:
     """Messages of a topic that a relation is told from, at most."""
     straight: float = 0.002
     """Residual [s] below which a relation is a line."""
+    simulated: float = 0.01
+    """How far from one the rate of a clock is that no quartz keeps: those of autopilots are 1e-4 off at most."""
 
 
 CLOCKS = ClockLimits()
@@ -85,6 +87,12 @@ class Relation:
     def same_rate(self) -> bool:
         """Whether the stamps advance as the log's clock does, as far as can be told."""
         return abs(self.rate - 1.0) <= CLOCKS.same_rate + self.doubt
+
+    @property
+    def kind(self) -> str:
+        """What it is by its rate, after a comma: a simulation's time, which runs as fast as the computer can."""
+        real = abs(self.rate - 1.0) <= CLOCKS.simulated + self.doubt or self.unit is not None
+        return "" if real else ", as simulation time does"
 
     @property
     def unit(self) -> float | None:
@@ -290,7 +298,7 @@ def _agree(relations: list[Relation]) -> bool:
 
 
 def _describe(found: Relation) -> str:
-    rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate"
+    rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate{found.kind}"
     return f"carries stamps {found.offset:+.3f} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
 
 

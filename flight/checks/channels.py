@@ -293,7 +293,7 @@ def clocks(timing: Timing, mapping: Mapping[str, str], slow_link: float = 0.1) -
     alone = relations and not timing.mapped and not any(clock.same for clock in relations.values())
     for topic, clock in relations.items():
         described = f"header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} times "
-        described += f"its rate (residual {1e3 * clock.residual:.1f} ms)"
+        described += f"its rate{clock.kind} (residual {1e3 * clock.residual:.1f} ms)"
         if alone:
             words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
             yield Check("clock", "ok", f"{words} ({topic}: {described}).")

@@ -97,12 +97,17 @@ def said_of(law: Law) -> list[str]:
 def what_next(
     found: Discovery, model: str, logs: list[str], file: str | None, options: str = "", own: str = ""
 ) -> list[Line]:
-    """Commands that use the law.
+    """Commands that use the law, or look further where there is none; nothing where nothing is left.
 
     `options` are those with which the logs were read, `own` those of them that name effects; with a space before them.
     """
-    if not found.laws or file is None:
+    if found.outcome is Outcome.NOTHING and not found.tried:
         return []
+    read = f"-m {shlex.quote(model)} {shlex.join(logs)}{options}"
+    if not found.laws:
+        return [Line(f"next: wrenchgap where {read}")]
+    if file is None:
+        return [Line(f"next: wrenchgap discover {read} -o law.py")]
     model, file, first = shlex.quote(model), shlex.quote(file), found.laws[0]
     names = " ".join([*found.explanation.effects, *(law.name for law in found.laws)])
     out = [f"next: wrenchgap add {names} -m {model} --from {shlex.join(logs)}{options} --effects {file} -o fitted.toml"]

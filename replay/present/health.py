@@ -1,8 +1,9 @@
 """How the health of a vehicle reads: the answer in eight lines, then a row a quantity and a column a log."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from posixpath import commonpath
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.plant.drafts.ardupilot import frame_of
 from wrenchgap.plant.drafts.px4 import placeholders
+from wrenchgap.plant.model_file import load, shipped_models
 from wrenchgap.replay.present import inspection, parameters
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.health_rows import ROWS
@@ -145,8 +147,8 @@ def next_command(found: Health) -> str:
         return f"{shlex.join(['wrenchgap', 'check', *logs, '-m', found.model])} {mend}"
     if found.fits and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
         return shlex.join([*_comparison(flown_ones), "-m", found.model])
-    if not found.model and all(_firmware(log) == CRAZYFLIE for log in flown_ones):
-        return shlex.join(["wrenchgap", "check", *logs, "-m", "crazyflie"])
+    if not found.model and (shipped := _shipped(flown_ones)):
+        return shlex.join(["wrenchgap", "check", *logs, "-m", shipped])
     if found.fits:
         fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
         command = "compare" if fine else "inspect"
@@ -161,9 +163,20 @@ def _short(logs: Sequence[LogHealth]) -> bool:
     return all(log.phases.lack is None and log.phases.seconds(*AIRBORNE) < NEEDS.flight for log in logs)
 
 
-def _firmware(log: LogHealth) -> str:
-    """The one whose names the columns of a table have."""
-    return "" if log.inspection.flight is None else log.inspection.flight.firmware
+def _shipped(logs: Sequence[LogHealth]) -> str:
+    """The one shipped model of the vehicle that these logs are of, by their columns or topics; empty without one."""
+    if all(log.inspection.flight is not None and log.inspection.flight.firmware == CRAZYFLIE for log in logs):
+        return "crazyflie"
+    logged = set.intersection(*({one.topic for one in log.inspection.topics} for log in logs))
+    theirs = [name for name in shipped_models() if _named_so(logged, load(name).topics.values())]
+    return theirs[0] if len(theirs) == 1 else ""
+
+
+def _named_so(logged: Collection[str], sources: Iterable[str]) -> bool:
+    """Whether a log has topics in the namespace of a model's sources, or all of those where they share none."""
+    topics = {source.split(":")[0] for source in sources} - {"none"}
+    space = commonpath(topics) if topics else "/"
+    return bool(topics) and (topics <= set(logged) if space == "/" else any(t.startswith(f"{space}/") for t in logged))
 
 
 def _kind(log: LogHealth) -> tuple[str, ...]:

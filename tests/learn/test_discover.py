@@ -290,6 +290,13 @@ def test_the_next_command_adds_what_was_named_with_the_law_and_quotes_what_users
     assert [words[k + 1] for k, word in enumerate(words) if word == "--effects"] == ["own.py", "law.py"]
 
 
+def test_without_a_law_or_its_file_there_is_a_next_command_too(found):
+    (line,) = what_next(found, "m.toml", ["a.mcap"], None)
+    assert line.text == "next: wrenchgap discover -m m.toml a.mcap -o law.py"
+    (line,) = what_next(replace(found, laws=()), "m.toml", ["a.mcap"], "law.py", " --cutoff 7")
+    assert line.text == "next: wrenchgap where -m m.toml a.mcap --cutoff 7"
+
+
 def test_the_page_shows_the_law_and_what_it_leaves(found):
     controls = SimpleNamespace(answer=SimpleNamespace(content=""), save=SimpleNamespace(visible=False), source="")
     LawControls._found(controls, found)

@@ -416,6 +416,24 @@ def test_only_flights_of_a_sound_vehicle_are_offered_as_healthy(tmp_path):
     assert "--healthy HEALTHY_LOG " in command
 
 
+@pytest.mark.parametrize(
+    ("topics", "model"),
+    [
+        (("/model/variable_tilt_hexacopter/odometry", "/clock"), "variable_tilt_hexacopter"),
+        (("/cf/imu", "/cf/motor_command"), "crazyflie"),
+        (("/motors", "/ground_truth/pose", "/ground_truth/twist", "/imu"), "asymmetric_quadrotor"),
+        (("/motors", "/ground_truth/pose"), ""),
+    ],
+)
+def test_a_shipped_model_is_known_by_its_topics(hover, topics, model):
+    health = wg.check(hover)
+    inspection = health.logs[0].inspection
+    reports = tuple(replace(inspection.topics[0], topic=topic) for topic in topics)
+    renamed = replace(health, logs=(replace(health.logs[0], inspection=replace(inspection, topics=reports)),))
+    after = f"check {hover} -m {model}" if model else "model new --interactive -o vehicle.toml"
+    assert answer(renamed)[-1][0] == f"next: wrenchgap {after}"
+
+
 def test_the_next_command_is_one_that_runs(hover, made):
     """Of a log without an autopilot questions are answered; of a PX4 with ratios, or of ArduPilot, the arm is said. A
     shipped model has the name that its user gave.
