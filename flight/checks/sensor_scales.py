@@ -166,7 +166,8 @@ def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
 def _gyroscope_scale(bands: Sequence[Windows], axis: int) -> Scale:
     every, starts = _cross_moments(bands, axis), bands[0].starts
     own = [sums[axis] for sums in every]
-    halves, lost = differing_halves(own) or differing_segments(own), signal_loss(own[0], starts)
+    motion = np.bincount(bands[0].segment, weights=bands[0].reference[:, axis] ** 2, minlength=len(starts))
+    halves, lost = differing_halves(own) or differing_segments(own), signal_loss(own[0], motion, starts)
     scale = Scale(tuple(map(scale_bounds, own)), halves, lost, misreading(every, axis, starts))
     return _by_size(scale, bands[0].reference[:, axis], bands[0].measured[:, axis])
 
@@ -264,14 +265,18 @@ def differing_sizes(turned: Array, known: Array, scale: Scale) -> TwoScales | No
     return TwoScales(IN_SIZE, (small, large)) if abs(np.log(small / large)) > least + noise else None
 
 
-def signal_loss(sums: Array, when: Array) -> SignalLoss | None:
-    """From when on, or until when, an axis shows nothing of the attitude's turns; segments begin at `when`."""
+def signal_loss(sums: Array, motion: Array, when: Array) -> SignalLoss | None:
+    """From when on, or until when, an axis shows nothing of the attitude's turns, as much as it turns; of segments that
+    begin at `when` (P,), `motion` (P,) is the sum of T^2 as it is.
+
+    Where the attitude hardly turns it shows its noise alone, and so does a sound axis.
+    """  # noqa: D205
     tt, tr, rr = sums
     alike, found = tr / np.sqrt(np.maximum(tt * rr, 1e-30)), []
     for k in range(SCALE.fewest_segments // 2, len(when) - SCALE.fewest_segments // 2 + 1):
-        sides = [(alike[rows], tt[rows]) for rows in (slice(k), slice(k, None))]
-        means = [(float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.mean(w))) for c, w in sides]
-        (seen, usual), (unseen, motion) = max(means), min(means)
-        if motion > SCALE.least_motion * usual and seen > SCALE.correlated and abs(unseen) < SCALE.uncorrelated:
+        sides = [(alike[rows], tt[rows], motion[rows]) for rows in (slice(k), slice(k, None))]
+        means = [(float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.median(m))) for c, w, m in sides]
+        (seen, usual), (unseen, there) = max(means), min(means)
+        if there > SCALE.least_motion * usual and seen > SCALE.correlated and abs(unseen) < SCALE.uncorrelated:
             found.append(SignalLoss(float(when[k]), means[0][0], means[1][0]))
     return max(found, key=lambda lost: abs(lost.before - lost.after), default=None)

@@ -242,6 +242,13 @@ def test_a_landing_is_no_dead_gyroscope():
     assert said(flown(seconds=32.0, attitude_noise=3e-3, lands=18.0)).level == "ok"
 
 
+@pytest.mark.parametrize("noise", [3e-3, 8e-3])
+def test_a_hover_after_a_lively_start_is_no_dead_gyroscope(noise):
+    """In most of the flight the attitude shows its noise alone: as loud as that is every segment, turned down to most."""
+    found = said(flown(seconds=40.0, attitude_noise=noise, lands=8.0))
+    assert found.level == "ok"
+
+
 def test_an_axis_with_bounds_far_apart_is_not_known():
     found = said(flown(size=np.array([[0.5, 0.5, 0.004]]), seconds=20.0, attitude_noise=2e-3))
     assert found.level == "ok"
