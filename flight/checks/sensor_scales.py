@@ -166,7 +166,8 @@ def sensor_scales(flight: Flight, sensor: Sensor) -> dict[str, Scale] | None:
 def _gyroscope_scale(bands: Sequence[Windows], axis: int) -> Scale:
     every, starts = _cross_moments(bands, axis), bands[0].starts
     own = [sums[axis] for sums in every]
-    motion = np.bincount(bands[0].segment, weights=bands[0].reference[:, axis] ** 2, minlength=len(starts))
+    turns = bands[0].reference[:, axis]
+    motion = np.bincount(bands[0].segment, weights=turns**2, minlength=len(starts)).astype(float)
     halves, lost = differing_halves(own) or differing_segments(own), signal_loss(own[0], motion, starts)
     scale = Scale(tuple(map(scale_bounds, own)), halves, lost, misreading(every, axis, starts))
     return _by_size(scale, bands[0].reference[:, axis], bands[0].measured[:, axis])

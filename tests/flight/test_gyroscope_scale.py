@@ -244,7 +244,7 @@ def test_a_landing_is_no_dead_gyroscope():
 
 @pytest.mark.parametrize("noise", [3e-3, 8e-3])
 def test_a_hover_after_a_lively_start_is_no_dead_gyroscope(noise):
-    """In most of the flight the attitude shows its noise alone: as loud as that is every segment, turned down to most."""
+    """In most of the flight the attitude shows its noise alone; segments are turned down to be as loud as most."""
     found = said(flown(seconds=40.0, attitude_noise=noise, lands=8.0))
     assert found.level == "ok"
 
