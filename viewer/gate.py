@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-ANYWHERE = ("", "0.0.0.0", "::")
-"""Addresses that stand for all of a machine's."""
+ANYWHERE = {"": "127.0.0.1", "0": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+"""Addresses that stand for all of a machine's, and that of this machine by which each is reached."""
 HEADERS = {
     "X-Frame-Options": "DENY",  # no other page shows this one in a frame, for clicks to be stolen
     "X-Content-Type-Options": "nosniff",
@@ -52,7 +52,7 @@ class Gate:
     @property
     def name(self) -> str:
         """By which this machine reaches the page."""
-        return LOOPBACK[0] if self.host in ANYWHERE else self.host
+        return ANYWHERE.get(self.host, self.host)
 
     def passes(self, path: str, hosts: Sequence[str], origins: Sequence[str], port: int) -> str | Refusal:
         """The path behind the token, or the refusal. `hosts` and `origins` are all values of these headers."""

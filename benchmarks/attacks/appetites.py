@@ -164,6 +164,7 @@ CASES: tuple[tuple[str, str, str, float, float], ...] = (
     ("csv-commas", "a CSV table with a header of 50,000,000 commas", OPTION, 1000, 10),
     ("csv-header", "a CSV table with a header of 100,000,000 letters", "", 2000, 20),
     ("csv-columns", "a CSV table of 100,000 columns", "", 1000, 30),
+    ("csv-alike", "a CSV table of 200,000 columns of one name", OPTION, 1000, 30),
     (
         "mcap-empty-types",
         "an MCAP file of 31 kB whose type has 300 fields of 300 fields ..., six deep",
@@ -177,7 +178,7 @@ CASES: tuple[tuple[str, str, str, float, float], ...] = (
     ("bag-metadata", "a bag whose metadata.yaml has 300,000 empty lines", "", 500, 10),
     ("mcap-channels", "an MCAP file of 65,534 channels", "", 1000, 30),
 )
-SLOW = frozenset({"mcap-arrays", "mcap-chunks", "csv-columns", "mcap-channels", "parquet-rows", "bag-bz2"})
+SLOW = frozenset({"mcap-arrays", "mcap-chunks", "csv-columns", "csv-alike", "mcap-channels", "parquet-rows", "bag-bz2"})
 ATTACKS = (
     *(
         Attack(

@@ -242,6 +242,11 @@ def _undecodable(path: Path, kind: str, encoding: str, text: str) -> None:
     _save(path, [*found, *(_message(0, 10**9 + i * 10**7, b"\0\1\0\0" + bytes(8)) for i in range(2))])
 
 
+def csv_alike(path: Path, size: int) -> None:
+    """`size` columns of one name, and two rows."""
+    path.write_text("time_s" + ",x" * size + "\n" + "0,1,2\n0.01,1,2\n", encoding="utf-8")
+
+
 def csv_columns(path: Path, size: int) -> None:
     """`size` columns and two rows."""
     with path.open("w", encoding="utf-8") as file:
@@ -415,6 +420,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "bag-view": (bag_view, "bag", 1, 1),
     "bag-metadata": (bag_metadata, "bag", 300_000, 10),
     "csv-columns": (csv_columns, "a.csv", 100_000, 20),
+    "csv-alike": (csv_alike, "a.csv", 200_000, 20),
     "csv-header": (csv_header, "a.csv", 100_000_000, 500),
     "csv-commas": (csv_commas, "a.csv", 50_000_000, 50),
     "bag-bz2": (bag_bz2, "a.bag", 800, 1),

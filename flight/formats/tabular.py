@@ -86,12 +86,22 @@ class CsvReader(TableReader):
             raise LogError(
                 f"{self.path}: no header line; expected the names of the columns in the first line, as in time,gyro_x"
             )
-        options: dict[str, Any] = {"sep": delimiter, "decimal": decimal, "skiprows": skipped, "on_bad_lines": "skip"}
-        options["skipinitialspace"] = True  # blackbox_decode writes a space behind each comma
+        options: dict[str, Any] = {"sep": delimiter, "encoding": "utf-8-sig", "encoding_errors": "replace"}
+        options |= {"skipinitialspace": True, "header": None}  # blackbox_decode writes a space behind each comma
         try:
-            frame = pd.read_csv(self.path, encoding="utf-8-sig", encoding_errors="replace", low_memory=False, **options)
+            (cells_of_header,) = (
+                pd.read_csv(self.path, nrows=1, skiprows=skipped, dtype=str, keep_default_na=False, **options)
+                .to_numpy()
+                .tolist()
+            )
+            names = [cell or f"Unnamed: {i}" for i, cell in enumerate(cells_of_header)]
+            options |= {"names": range(len(names)), "index_col": False, "skiprows": skipped + 1}
+            with warnings.catch_warnings():  # a delimiter at the end of each line
+                warnings.simplefilter("ignore", pd.errors.ParserWarning)
+                frame = pd.read_csv(self.path, decimal=decimal, on_bad_lines="skip", low_memory=False, **options)
         except (ValueError, pd.errors.ParserError, OSError) as error:
             raise LogError(f"{self.path}: not a readable CSV table ({one_line(error)})") from error
+        frame = frame.set_axis(names, axis="columns")
         with self.path.open("rb") as raw:
             lost = sum(1 for line in raw if line.strip()) - 1 - len(frame) - skipped
         if lost > 0:
@@ -168,14 +178,18 @@ def _plain(table: Any, account: Account) -> Any:
             for chunk in column.chunks:
                 sizes = pyarrow.compute.binary_length(chunk.dictionary).take(chunk.indices)
                 account.take(2 * (pyarrow.compute.sum(sizes).as_py() or 0), f"the texts of column {one.name:.100}")
-            table = table.set_column(i, one.name, column.cast(pyarrow.large_string()))
+            try:
+                texts = column.cast(pyarrow.large_string())
+            except pyarrow.ArrowInvalid:  # bytes that are no text
+                texts = pyarrow.nulls(len(column), pyarrow.large_string())
+            table = table.set_column(i, one.name, texts)
     return table
 
 
 def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     """Topics of a table of columns; notes go to the reader. Raises LogError where no column holds times."""
     path, notes = reader.path, reader.notes
-    frame = _short_names(frame, reader)
+    frame = _own_names(frame, reader)
     known = {str(header): meaning(str(header)) for header in frame.columns}
     time = next((header for header, found in known.items() if found is not None and found.field == "time"), None)
     if time is None:
@@ -207,15 +221,22 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     return made
 
 
-def _short_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
-    """The table with columns of endless names called by their places."""
+def _own_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
+    """The table with a name of its own for each column: endless ones by their place, others of one name counted."""
     names = [str(header) for header in frame.columns]
     called = {i: f"column_{i}" for i, name in enumerate(names) if len(name) > LIMITS.header_letters}
-    if not called:
-        return frame
-    words = f"have names of more than {LIMITS.header_letters} letters: called {listed(list(called.values()))}."
-    reader.notes.append(f"{len(called)} column(s) {words}")
-    return frame.set_axis([called.get(i, name) for i, name in enumerate(names)], axis="columns")
+    if called:
+        words = f"have names of more than {LIMITS.header_letters} letters: called {listed(list(called.values()))}."
+        reader.notes.append(f"{len(called)} column(s) {words}")
+    own = dict[str, int]()
+    counts = dict[str, int]()
+    for name in (called.get(i, name) for i, name in enumerate(names)):
+        unlike = name
+        while unlike in own:
+            counts[name] = counts.get(name, 0) + 1
+            unlike = f"{name}.{counts[name]}"
+        own[unlike] = len(own)
+    return frame.set_axis([*own], axis="columns")
 
 
 def _numeric(header: str, column: Any) -> tuple[Columns, int]:

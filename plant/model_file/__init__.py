@@ -7,7 +7,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.reading import loads
-from wrenchgap.plant.model_file.shipped import as_argument, find_model, shipped_models
+from wrenchgap.plant.model_file.shipped import as_argument, find_model, is_model, shipped_models
 from wrenchgap.plant.model_file.writing import (
     changed_since,
     content_hash,
@@ -26,6 +26,7 @@ __all__ = [
     "content_hash",
     "dumps",
     "find_model",
+    "is_model",
     "load",
     "loads",
     "next_version",

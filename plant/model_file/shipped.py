@@ -23,6 +23,11 @@ def find_model(name_or_path: str | Path) -> Path:
     )
 
 
+def is_model(name_or_path: str) -> bool:
+    """Whether `find_model` finds it."""
+    return Path(name_or_path).is_file() or name_or_path in shipped_models()
+
+
 def shipped_models() -> list[str]:
     """Names of the models that come with this package."""
     return sorted(path.stem for path in _SHIPPED.glob("*.toml"))

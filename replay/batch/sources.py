@@ -90,14 +90,14 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
                 yield from _expanded(line, vehicle, seen)
     elif path.is_dir():
         yield from (_local(one, vehicle) for one in _in_folder(path, seen))
+    elif path.is_file():  # whatever its name could stand for
+        yield _local(path, vehicle)
     elif has_magic(name):
         for one in _matching(path):
             if one.is_dir():
                 yield from _expanded(str(one), vehicle, seen)
             elif is_log(one):
                 yield _local(one, vehicle)
-    elif path.is_file():
-        yield _local(path, vehicle)
     else:
         raise UsageError(f"{name}: no such file or folder")
 
@@ -105,7 +105,7 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
 def _matching(pattern: Path) -> list[Path]:
     """What a pattern matches; `**` follows no links, and nothing whose name begins with a dot is found."""
     parts = pattern.parts
-    first = next(k for k, part in enumerate(parts) if has_magic(part))
+    first = next(k for k, part in enumerate(parts) if has_magic(part) and not Path(*parts[: k + 1]).exists())
     base = Path(*parts[:first])
     try:
         found = sorted(base.glob(str(Path(*parts[first:]))))
@@ -142,7 +142,7 @@ def _remote(name: str, vehicle: str | None) -> Iterator[Source]:
     system, path = opened(name)
     scheme = name.partition("://")[0]
     with reached(name):
-        if has_magic(path):
+        if has_magic(path) and not system.exists(path):
             listed = system.glob(path, detail=True)
         elif system.isdir(path):
             listed = system.find(path, detail=True)

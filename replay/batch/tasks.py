@@ -26,7 +26,7 @@ from wrenchgap.learn.data.opening import OpenFlight, open_flight
 from wrenchgap.learn.identify.trend import flight_values, followed_flight
 from wrenchgap.learn.posterior.flight_evidence import evidence, packed
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.model_file import is_model, tool_version
 from wrenchgap.replay.batch.sources import Source, at_hand
 from wrenchgap.replay.batch.store import Store, fit_json
 from wrenchgap.replay.present.documents import plain
@@ -98,10 +98,11 @@ def models_by_vehicle(texts: tuple[str, ...] | list[str]) -> dict[str, ModelText
     """`["crazyflie", "big=octo.toml"]`: the model of all vehicles, and of some by name. Raises UsageError."""
     out: dict[str, ModelText] = {}
     for text in texts:
-        vehicle, equals, name = text.rpartition("=")
+        splits = [("", text), *((text[:k], text[k + 1 :]) for k, letter in enumerate(text) if letter == "=")]
+        vehicle, name = next((one for one in splits if is_model(one[1])), splits[-1])
         if vehicle in out:
             raise UsageError(f"--model {text}: {vehicle or 'all vehicles'} have a model already; say it once")
-        if equals and not vehicle:
+        if not vehicle and name != text:
             raise UsageError(f"--model {text}: expected MODEL or VEHICLE=MODEL")
         out[vehicle] = model_text(name)
     return out

@@ -16,6 +16,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight import work_files
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant import model_file
 from wrenchgap.replay.batch import driver, sources, tasks
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
@@ -149,6 +150,27 @@ def test_lists_globs_and_folders_name_the_same_logs(logs, tmp_path):
     by_folder = sources.logs_named([str(logs)])
     assert sources.logs_named([str(listed)]) == by_folder == sources.logs_named([f"{logs}/*/*.mcap"])
     assert {s.vehicle for s in sources.logs_named([str(logs)], "mine")} == {"mine"}
+
+
+def test_a_name_with_brackets_is_the_log_of_that_name(logs, tmp_path):
+    """As browsers number copies; not what it would stand for as a pattern."""
+    content = sorted(logs.glob("*/*.mcap"))[0].read_bytes()
+    folder = tmp_path / "day[2]"
+    folder.mkdir()
+    for name in ("log[1].mcap", "log1.mcap"):
+        (folder / name).write_bytes(content)
+    assert [s.name for s in sources.logs_named([str(folder / "log[1].mcap")])] == ["log[1].mcap"]
+    assert [s.name for s in sources.logs_named([f"{folder}/*.mcap"])] == ["log1.mcap", "log[1].mcap"]
+    assert [s.name for s in sources.logs_named([f"{folder}/log[1-3].mcap"])] == ["log1.mcap"]
+
+
+def test_a_model_in_a_folder_with_an_equals_sign_is_of_all_vehicles(tmp_path):
+    folder = tmp_path / "date=2026-11-22"
+    folder.mkdir()
+    path = folder / "quad.toml"
+    shutil.copy(model_file.find_model("crazyflie"), path)
+    assert [*tasks.models_by_vehicle([str(path)])] == [""]
+    assert [*tasks.models_by_vehicle([f"big={path}"])] == ["big"]
 
 
 @pytest.mark.timeout(30)

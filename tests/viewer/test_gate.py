@@ -50,6 +50,12 @@ def test_a_machine_that_listens_everywhere_is_known_by_its_addresses_and_its_own
     assert gate.url(PORT, "bench").startswith("http://bench:8080/")
 
 
+@pytest.mark.parametrize(("host", "link"), [("0.0.0.0", "127.0.0.1"), ("0", "127.0.0.1"), ("::", "[::1]")])
+def test_the_link_of_a_machine_that_listens_everywhere_is_one_on_which_it_listens(host, link):
+    """Python's servers listen on :: for IPv6 alone."""
+    assert Gate(host).url(PORT).startswith(f"http://{link}:8080/")
+
+
 def test_a_host_that_the_user_named_is_known_by_that_name():
     gate = Gate("bench.lan")
     assert passed(gate, host="bench.lan:8080") == "/"

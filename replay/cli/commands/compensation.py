@@ -185,7 +185,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, reading: o.Reading, run: R
         found = wg.prove_flown(log, folder, budget=reading.options.budget)
     if log.is_file():
         run.note_input(log, "log")
-    run.result(found)
+    run.result(found, details=True)
     run.save("replay-export", found, csv=csv, folder=str(folder))
     if not found.proved:
         raise typer.Exit(FOUND_BAD)

@@ -181,6 +181,35 @@ def test_no_flight_in_one_line(content, words, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+def test_a_delimiter_at_the_end_of_each_line_moves_no_column(logs, time, tmp_path):
+    path = tmp_path / "ends.csv"
+    text = pd.DataFrame({"time [s]": time} | columns(logs, time)).to_csv(index=False)
+    first, *rest = text.splitlines()
+    path.write_text("\n".join([first, *(f"{line}," for line in rest)]), encoding="utf-8")
+    agrees(flight.load(path), logs, time)
+
+
+def test_columns_of_one_name_are_told_apart(logs, time, tmp_path):
+    """Of a column `index` beside an index that has no name, as pandas writes both; and of a thousand alike, at once."""
+    table = {"time": time, "index": time, "__index_level_0__": 2.0 * time} | columns(logs, time)
+    path = tmp_path / "two.parquet"
+    pyarrow.parquet.write_table(pyarrow.table(table), path)
+    found = flight.load(path)
+    agrees(found, logs, time)
+    many = tmp_path / "many.csv"
+    frame = pd.DataFrame({"time [s]": time} | columns(logs, time))
+    alike = pd.DataFrame(np.ones((len(time), 500)), columns=["x"] * 500)
+    pd.concat([frame, alike], axis=1).to_csv(many, index=False)
+    agrees(flight.load(many), logs, time)
+
+
+def test_bytes_that_are_no_text_hold_no_numbers(logs, time, tmp_path):
+    path = tmp_path / "bytes.parquet"
+    odd = pyarrow.array([b"\xff\xfe"] * len(time), pyarrow.binary())
+    pyarrow.parquet.write_table(pyarrow.table({"time": time, "blob": odd} | columns(logs, time)), path)
+    agrees(flight.load(path), logs, time)
+
+
 def test_a_whole_number_that_no_float_holds_is_no_number(tmp_path):
     big = "9" * 400
     rows = "".join(f"{0.01 * i},{big if i == 3 else 1}\n" for i in range(50))
