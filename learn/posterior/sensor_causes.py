@@ -38,8 +38,11 @@ ACCELEROMETER, GYROSCOPE = "accelerometer_calibration", "gyroscope_calibration"
 """Names, in sets and of their checks, of what is no effect."""
 EXACT, LEAST = 0.1, 1e-3
 """What a fitted delay is good for beyond that, as a share of it and in seconds: other effects are in its place."""
-DATASHEET = 0.03
-"""How far the scale of a sensor may be off that nothing bounds: the initial tolerance of MPU-6000 class IMUs."""
+DATASHEET = 0.05
+"""How far the scale of a sensor may be off that nothing bounds: 3 % at first for IMUs of the MPU-6000 class, and 2 %
+over temperature."""
+UNBOUNDED = 0.02
+"""How late an IMU may be that nothing bounds [s]: behind a low-pass of 8 Hz, or stamped one period of 50 Hz late."""
 OFFSET = 0.005
 """How far the scale of an accelerometer may be from what the odometry shows: a bias of 0.05 m/s^2 looks like it."""
 ASKEW = 0.03
@@ -90,6 +93,20 @@ class LateClock:
     def made(self, values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> list[str]:
         """Delays and lags that this clock, or a filter before it, may have made."""
         return _no_longer(values, self.seconds / (1.0 - EXACT), self.std)
+
+
+class UnboundedClock(LateClock):
+    """The clock, or a low-pass, of an IMU that may be late by up to `seconds`: no odometry says whether it is."""
+
+    @property
+    def check(self) -> Check:
+        """What settles whether it is late."""
+        what = (
+            "Look up the IMU's low-pass (PX4 IMU_GYRO_CUTOFF, ArduPilot INS_GYRO_FILTER, Betaflight "
+            f"gyro_lpf1_static_hz) and how its messages are stamped: an IMU that is late makes a {DELAY} of as much, "
+            "and no effect is missing; or log the attitude too, which tells."
+        )
+        return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
 
 
 class SlowGyroscope(LateGyroscope):
@@ -208,11 +225,13 @@ def _hull(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:
-    """What is late in the IMU, where it is on every flight."""
+    """What is late in the IMU, where it is on every flight, or may be where none tells."""
     late = [one.late_gyroscope for one in timing if one.late_gyroscope is not None]
     if late and len(late) == len(timing):
         latest = max(late, key=lambda one: one.seconds)
         return SlowGyroscope(latest.seconds, latest.std)
+    if all(one.odometry is None for one in timing):
+        return UnboundedClock(UNBOUNDED, 0.0)
     return late_clock(timing)
 
 

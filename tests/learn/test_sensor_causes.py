@@ -149,6 +149,17 @@ def test_a_gyroscope_that_reads_too_much_is_no_firm_inertia(scaled):
     assert not {"mass", "thrust_scale"} & set(found.firm)
 
 
+def test_without_odometry_a_late_imu_is_no_firm_delay(once, hexarotor):
+    """Nothing tells a low-pass of 15 Hz, which is late by 1 / (2 pi 15 Hz) = 11 ms, from commands that are."""
+    flight = once("late_clock none", lambda: engine.fly("none", None, "train", seed=23, seconds=25))[0]
+    slow = replace(flight.imu, time=flight.imu.time + 0.011)
+    blind = replace(flight, imu=slow, odometry=None)
+    found = explain(open_flights([blind], hexarotor), hexarotor, names=TRIED, jobs=1)
+    assert "command_delay" in found.effects
+    assert "command_delay" not in found.firm
+    assert ("command_delay", "late_clock") in found.groups
+
+
 def test_a_mass_beside_a_good_accelerometer_is_firm(scaled):
     found = scaled(hidden="mass")
     assert "mass" in found.firm
