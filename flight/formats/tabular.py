@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
@@ -95,6 +96,11 @@ class CsvReader(TableReader):
                 .tolist()
             )
             names = [cell or f"Unnamed: {i}" for i, cell in enumerate(cells_of_header)]
+            surplus = _surplus(lines[skipped:], delimiter)
+            if surplus == 1:  # as R and pandas write names of rows, for which the header has no name
+                names = ["row", *names]
+            elif surplus:
+                raise LogError(f"{self.path}: rows have {surplus} cells more than the header has names")
             options |= {"names": range(len(names)), "index_col": False, "skiprows": skipped + 1}
             with warnings.catch_warnings():  # a delimiter at the end of each line
                 warnings.simplefilter("ignore", pd.errors.ParserWarning)
@@ -219,6 +225,12 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     made, words = tables_of_columns("/table", columns, stamps, path)
     notes += words
     return made
+
+
+def _surplus(lines: Sequence[str], delimiter: str) -> int:
+    """How many cells all rows have beyond the header, the first line; empty ones at their ends are none."""
+    header, *rows = (line.strip().rstrip(delimiter).count(delimiter) for line in lines if line.strip())
+    return max(0, min(rows, default=header) - header)
 
 
 def _own_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:

@@ -46,6 +46,7 @@ from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import EquivalenceClass
+from wrenchgap.learn.posterior.sensor_causes import made_by_another_filter
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
@@ -109,6 +110,19 @@ class Changed(Result):
     recoveries: tuple[Recovery, ...] = ()
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
+
+    def differing(self, sigmas: float = 3.0) -> tuple[str, ...]:
+        """Effects of which the suspect flights have values that differ by more than healthy ones do, by so many
+        standard deviations: no one change is that of all of them.
+        """  # noqa: D205
+        rows = [r.values for r in self.rows if r.role == "suspect"]
+        apart = []
+        for one in self.parameters:
+            values = [row[one.effect, one.name] for row in rows if (one.effect, one.name) in row]
+            usual = float(np.hypot(one.scatter, one.std * len(rows) ** 0.5))
+            if len(values) > 1 and np.ptp(values) > sigmas * 2.0**0.5 * usual:
+                apart.append(one.effect)
+        return tuple(dict.fromkeys(apart))
 
     @property
     def suspect(self) -> tuple[str, ...]:
@@ -201,7 +215,11 @@ class Baseline:
         mine = range(len(good), len(flights) - len(gone))
         found = compared(kept, range(len(good)), mine, self.jobs, limits_of)
         rows = (*(rows_by_flight(pool.only([number]), ["odd"], [{}])[0] for number, _ in odd), *found.rows)
-        found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
+        changes = {n: {one.name: one.change for one in found.parameters if one.effect == n} for n in found.names}
+        of_imu = made_by_another_filter(changes, timing[:count], timing[count:])
+        firm = tuple(n for n in found.firm if n not in {family(one) for one in (*of_imu, *found.differing())})
+        odd_ones = tuple(one for _, one in odd)
+        found = replace(found, odd=odd_ones, rows=rows, untried=untried, model=self.model, firm=firm)
         return replace(found, flights=flights, timing=timing)
 
     def _timed(self, flight: OpenFlight) -> FlightTiming:

@@ -147,6 +147,18 @@ class FlightTiming:
         return float(weight @ seconds / weight.sum()), float(weight.sum() ** -0.5), float(np.ptp(seconds))
 
     @property
+    def imu_lateness(self) -> tuple[float, float] | None:
+        """By how much the IMU lags the odometry [s], zero or not, and its standard deviation; None where it is not
+        known.
+        """  # noqa: D205
+        rows = [o for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and not o.same]
+        known = [(o.seconds, o.std) for o in rows if o.seconds is not None and o.std is not None]
+        if not known:
+            return None
+        weight = np.array([max(std, 1e-6) ** -2.0 for _, std in known])
+        return float(-weight @ np.array([seconds for seconds, _ in known]) / weight.sum()), float(weight.sum() ** -0.5)
+
+    @property
     def late_gyroscope(self) -> LateGyroscope | None:
         """Where the attitude leads the gyroscope, and the velocity does not lead the accelerometer by as much.
 

@@ -96,7 +96,7 @@ class LateClock:
 
 
 class UnboundedClock(LateClock):
-    """The clock, or a low-pass, of an IMU that may be late by up to `seconds`: no odometry says whether it is."""
+    """The clock, or a low-pass, of an IMU that may be late by up to `seconds`: no odometry says that it is not."""
 
     @property
     def check(self) -> Check:
@@ -200,8 +200,7 @@ def _relative(values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> di
 
 def sensor_causes(flights: Sequence[Flight], timing: Sequence[FlightTiming]) -> tuple[SensorCause, ...]:
     """What the sensors of these flights may do that looks like effects."""
-    clock = other_clock(timing)
-    return (*([] if clock is None else [clock]), scaled_accelerometer(flights), scaled_gyroscope(flights))
+    return other_clock(timing), scaled_accelerometer(flights), scaled_gyroscope(flights)
 
 
 def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:
@@ -224,15 +223,33 @@ def _hull(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return min(low), max(high)
 
 
-def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope | None:
+def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope:
     """What is late in the IMU, where it is on every flight, or may be where none tells."""
     late = [one.late_gyroscope for one in timing if one.late_gyroscope is not None]
     if late and len(late) == len(timing):
         latest = max(late, key=lambda one: one.seconds)
         return SlowGyroscope(latest.seconds, latest.std)
-    if all(one.odometry is None for one in timing):
-        return UnboundedClock(UNBOUNDED, 0.0)
-    return late_clock(timing)
+    return late_clock(timing) or UnboundedClock(max(map(_latest, timing), default=UNBOUNDED), 0.0)
+
+
+def _latest(one: FlightTiming) -> float:
+    """By how much the IMU may be later than the odometry of a flight [s], or than anything where that does not tell."""
+    known = one.imu_lateness
+    return UNBOUNDED if known is None else max(0.0, known[0] + TIMING.certain * known[1])
+
+
+def made_by_another_filter(
+    values: Mapping[str, Mapping[str, float]], healthy: Sequence[FlightTiming], suspect: Sequence[FlightTiming]
+) -> list[str]:
+    """Delays and lags that came between two sides of flights and that an IMU may have made which is later on one of
+    them than on the other, by another low-pass, say.
+    """  # noqa: D205
+    sides = [[one.imu_lateness for one in side] for side in (healthy, suspect)]
+    known = [np.array([one for one in side if one is not None]) for side in sides]
+    if any(not len(own) or len(own) < len(side) for own, side in zip(known, sides, strict=True)):
+        return _no_longer(values, UNBOUNDED, 0.0)
+    (before, before_std), (after, after_std) = (own.mean(axis=0) for own in known)
+    return _no_longer(values, float(after - before) / (1.0 - EXACT), float(np.hypot(before_std, after_std)))
 
 
 def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:

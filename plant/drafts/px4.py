@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.drafts.ardupilot import rotors_of as usual_frame
 from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
 
 Parameters = Mapping[str, float]
@@ -141,3 +142,24 @@ def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:
             f"{where}: {', '.join(sorted(tilting))} say that rotors tilt; they are fixed in the model: edit it."
         )
     return tuple(found)
+
+
+def frame_notes(parameters: Parameters, typed: str | None, where: str, nearly: float = 0.97) -> tuple[str, ...]:
+    """A note where CA_ROTOR* have motors elsewhere than the frame that was typed; ModelError where it has other rotors.
+
+    Motors are elsewhere where directions from the middle differ by a cosine below `nearly`, 14 deg.
+    """
+    logged = rotors_of(parameters, where, 1.0)
+    if typed is None or not logged:
+        return ()
+    frame = usual_frame(typed, 1.0, "")
+    if len(frame) != len(logged):
+        raise ModelError(
+            f"--frame {typed}: has {len(frame)} rotors, and {where} has CA_ROTOR_COUNT {len(logged)}; leave --frame "
+            "out, or say one of as many"
+        )
+    places = (np.array([r.position_B.value[:2] for r in rotors], dtype=float) for rotors in (logged, frame))
+    directions = [at / np.maximum(np.linalg.norm(at, axis=1, keepdims=True), 1e-9) for at in places]
+    if np.all(np.sum(directions[0] * directions[1], axis=1) > nearly):
+        return ()
+    return (f"{where}: CA_ROTOR* have the motors elsewhere than --frame {typed}, which is used: which is flown?",)

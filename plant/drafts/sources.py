@@ -45,7 +45,7 @@ class Given:
         check_types(type(self), vars(self))
 
     def check(self) -> None:
-        """Raise UsageError for sizes that no vehicle has, and for a frame without the length of an arm."""
+        """Raise UsageError for sizes that no vehicle has, for a frame that there is not or without an arm's length."""
         options = {"--mass": self.mass, "--mass-tolerance": self.mass_tolerance, "--arm": self.arm}
         options |= {"--rotor-radius": self.radius, "--thrust-max": self.thrust_max}
         for option, value in options.items():
@@ -53,6 +53,8 @@ class Given:
                 raise UsageError(
                     f"{option} {value:g}: expected a positive number, {BOUNDS.smallest:g} to {BOUNDS.largest:g}"
                 )
+        if self.frame is not None and self.frame not in FRAMES:
+            raise UsageError(f"--frame {self.frame}: expected one of {', '.join(FRAMES)}")
         if self.frame is not None and self.arm is None:
             raise UsageError(f"--frame {self.frame}: say its size too, --arm METRES from the middle to a motor")
 
@@ -133,7 +135,7 @@ def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
         com=px4.com_of(logged),
         imu_position=px4.imu_of(logged),
         command=px4.command_of(logged, unit),
-        notes=(*px4.notes_of(logged, source.name), *notes),
+        notes=(*px4.notes_of(logged, source.name), *px4.frame_notes(logged, user.frame, source.name), *notes),
     )
     return _level(_over(draft, user), flown)
 

@@ -105,7 +105,8 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
 def _matching(pattern: Path) -> list[Path]:
     """What a pattern matches; `**` follows no links, and nothing whose name begins with a dot is found."""
     parts = pattern.parts
-    first = next(k for k, part in enumerate(parts) if has_magic(part) and not Path(*parts[: k + 1]).exists())
+    patterns = (k for k, part in enumerate(parts) if has_magic(part) and not Path(*parts[: k + 1]).exists())
+    first = next(patterns, len(parts) - 1)
     base = Path(*parts[:first])
     try:
         found = sorted(base.glob(str(Path(*parts[first:]))))

@@ -119,8 +119,12 @@ class Run:
 
     def claim(self, outputs: Mapping[str, Path | None], *inputs: Path | str | None) -> None:
         """Check, before any work, that the outputs may be written (by option; --json is known)."""
+        from wrenchgap.plant.model_file.shipped import shipped_models
         from wrenchgap.replay.present.documents import claim
 
+        for option, path in outputs.items():
+            if path is not None and str(path) in shipped_models():
+                raise UsageError(f"{option} {path}: is what -m takes for a shipped model; write {path}.toml")
         read = [path for path in (*inputs, *(self.own or ())) if path is not None]
         self._outputs = {**outputs, "--json": self.json}
         claim(self._outputs, force=self.force, inputs=read)

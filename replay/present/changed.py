@@ -168,7 +168,9 @@ def _verdict(found: Changed) -> str:
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= posterior.LIGHT]
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
-    return f"Changed: {' and '.join(said)}.{alike}{firm}"
+    apart = " and ".join(found.differing())
+    mean = f" Suspect flights differ in {apart}, of which this is the mean: give each alone." if apart else ""
+    return f"Changed: {' and '.join(said)}.{alike}{firm}{mean}"
 
 
 def _unknown(found: Changed) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from benchmarks.hidden_effects import engine
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import BatterySeries
 from wrenchgap.learn.data.opening import NoFlight
@@ -115,3 +116,11 @@ def test_inspect_says_why_rotors_in_revolutions_per_second_never_carry_the_weigh
     assert "rotor speeds in rad/s?" in bad["model"].words
     error = pickle.loads(pickle.dumps(NoFlight("none", tuple(bad.values()))))
     assert error.checks == tuple(bad.values())  # as a worker of `batch` hands it on
+
+
+def test_a_hover_without_torque_does_not_say_how_rotors_stand():
+    """What is commanded is how the log rounds, and so is what the actuators make: neither is like the other."""
+    flight = engine.fly("none", None, "hover", seed=30000, seconds=12)[0]
+    checks = {c.name for c in wg.open_flights([flight], model_file.load("tilt_hexarotor"))[0].checks}
+    assert "weight" in checks
+    assert "rotors" not in checks

@@ -8,13 +8,17 @@ from scipy.signal import butter, lfilter
 
 from benchmarks.hidden_effects import engine
 from wrenchgap import explain, open_flights
+from wrenchgap.flight.offsets import Offset
 from wrenchgap.learn.diagnose.timing import FlightTiming
 from wrenchgap.learn.posterior.sensor_causes import (
     LateClock,
     ScaledAccelerometer,
     ScaledGyroscope,
     SlowGyroscope,
+    UnboundedClock,
     late_clock,
+    made_by_another_filter,
+    other_clock,
 )
 from wrenchgap.replay.present.timing import warnings
 
@@ -185,3 +189,30 @@ def test_a_gyroscope_makes_inertia_by_eulers_law(hexarotor):
     assert gyroscope.made({"inertia": moments | {"xy": 0.02 * J[0, 0]}}, hexarotor.vehicle) == ["inertia"]
     assert not gyroscope.made({"inertia": moments | {"xy": 0.05 * J[0, 0]}}, hexarotor.vehicle)
     assert not gyroscope.made({"inertia": moments | {"zz": 0.015 * J[2, 2]}}, hexarotor.vehicle)
+
+
+def seen(*seconds):
+    """Timing of flights whose odometry lags the IMU by so much +- 0.1 ms, None where there is none."""
+    return [
+        FlightTiming(str(k), 20.0, (), ())
+        if s is None
+        else FlightTiming(str(k), 20.0, (Offset("gyroscope", "odometry", s, 1e-4, 2e-4),), (0.0,))
+        for k, s in enumerate(seconds)
+    ]
+
+
+def test_one_flight_without_odometry_leaves_the_clock_open():
+    found = other_clock(seen(0.0, None))
+    assert isinstance(found, UnboundedClock)
+    assert found.seconds == pytest.approx(0.02)
+    assert other_clock(seen(0.0, 0.0)).seconds < 1e-3  # three standard deviations
+    assert other_clock(seen(-0.03, None)).seconds > 0.03
+    assert not isinstance(other_clock(seen(-0.03, -0.03)), UnboundedClock)
+
+
+def test_an_imu_that_became_later_may_have_made_a_delay_that_came():
+    delay = {"command_delay": {"delay": 0.006}, "mass": {"added": 0.1}}
+    assert made_by_another_filter(delay, seen(None), seen(0.0)) == ["command_delay"]
+    assert made_by_another_filter(delay, seen(0.0, 0.001), seen(-0.006)) == ["command_delay"]
+    assert not made_by_another_filter(delay, seen(0.0, 0.001), seen(0.0))
+    assert not made_by_another_filter({"command_delay": {"delay": 0.03}}, seen(None), seen(None))

@@ -162,6 +162,8 @@ def test_a_name_with_brackets_is_the_log_of_that_name(logs, tmp_path):
     assert [s.name for s in sources.logs_named([str(folder / "log[1].mcap")])] == ["log[1].mcap"]
     assert [s.name for s in sources.logs_named([f"{folder}/*.mcap"])] == ["log1.mcap", "log[1].mcap"]
     assert [s.name for s in sources.logs_named([f"{folder}/log[1-3].mcap"])] == ["log1.mcap"]
+    with pytest.raises(UsageError, match="no logs found"):
+        sources.logs_named([str(folder / "missing.mcap")])
 
 
 def test_a_model_in_a_folder_with_an_equals_sign_is_of_all_vehicles(tmp_path):

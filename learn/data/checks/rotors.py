@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.checks.remedies import option
-from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.flight import GRAVITY, Array, Flight
 from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, moving
 from wrenchgap.learn.data.checks.torques import TORQUES, Turned
 from wrenchgap.learn.data.measurement import low_pass
@@ -40,6 +40,8 @@ class RotorThresholds:
     made, it is `TORQUES.moves`: real hovers have 0.66 to 0.89."""
     better: float = 0.25
     """By how much its cosine must exceed that of the reading as stated."""
+    commanded: float = 1e-5
+    """Torque [m], over the weight, below which none is commanded: 1 % of the weight at 1 mm."""
     against: float = 0.5
     """Cosine with the motion about z from which on an opposite torque is worth a word."""
     same: float = 0.97
@@ -69,6 +71,8 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
         return
     name, fits = ("the commanded wrench", ROTORS.fits) if seen.wrench is not None else ("the motion", TORQUES.moves)
     scale = _scale(model.vehicle, seen)
+    if seen.wrench is not None and np.all(scale < ROTORS.commanded * model.vehicle.body.mass * GRAVITY):
+        return  # no torque is commanded: what is left is how the log rounds
     stated = _alike(seen, seen.made, scale)
     if turned is not None and stated > fits:
         yield turned.check

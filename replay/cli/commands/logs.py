@@ -1,5 +1,6 @@
 """`wrenchgap check`, `inspect`, `convert`: what is in logs."""
 
+import shlex
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +16,19 @@ from wrenchgap.replay.cli.values import usage_error
 if TYPE_CHECKING:
     from wrenchgap.learn.data.read_options import ReadOptions
     from wrenchgap.plant.model import Model
+
+
+def _said_once(command: str) -> str:
+    """A command in which each role has one --topic, the first."""
+    words, out, roles = shlex.split(command), list[str](), set[str]()
+    for word, before in zip(words, ["", *words], strict=False):
+        role = word.partition("=")[0]
+        if before == "--topic" and role in roles:
+            out.pop()
+            continue
+        roles |= {role} if before == "--topic" else set()
+        out.append(word)
+    return shlex.join(out)
 
 
 def check(
@@ -90,7 +104,7 @@ def inspect(
     for path in logs:
         seen = model_checks.inspect(path, known, asked)
         run.result(seen)
-        run.line(f"next: {next_command(seen)}{run.common_options()}", style="bold")
+        run.line(f"next: {_said_once(next_command(seen) + run.common_options())}", style="bold")
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]

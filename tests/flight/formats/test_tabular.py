@@ -189,6 +189,17 @@ def test_a_delimiter_at_the_end_of_each_line_moves_no_column(logs, time, tmp_pat
     agrees(flight.load(path), logs, time)
 
 
+def test_rows_with_a_name_that_the_header_does_not_have_are_read_as_R_writes_them(logs, time, tmp_path):
+    path = tmp_path / "rows.csv"
+    frame = pd.DataFrame({"time [s]": time} | columns(logs, time))
+    frame.to_csv(path, index_label=False)
+    agrees(flight.load(path), logs, time)
+    text = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([text[0], *(f"{line},1" for line in text[1:])]), encoding="utf-8")
+    with pytest.raises(LogError, match="rows have 2 cells more than the header"):
+        flight.load(path)
+
+
 def test_columns_of_one_name_are_told_apart(logs, time, tmp_path):
     """Of a column `index` beside an index that has no name, as pandas writes both; and of a thousand alike, at once."""
     table = {"time": time, "index": time, "__index_level_0__": 2.0 * time} | columns(logs, time)
