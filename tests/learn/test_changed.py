@@ -26,6 +26,7 @@ from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.replay.present.changed import summary
 
 pytestmark = pytest.mark.usefixtures("without_limits")
 TRIED = (
@@ -103,6 +104,7 @@ def test_a_weak_rotor_is_found_under_a_wrong_model(weak):
     found, truth = weak
     assert found.verdict is Verdict.CHANGED
     assert found.names == found.firm == ("rotor_thrust",)
+    assert found.differing() == ()
     one = change(found, "rotor_thrust", f"rotor_{truth['rotor']}")
     assert one.change == pytest.approx(-truth["loss"], abs=0.15 * truth["loss"])
     assert one.significance > 4
@@ -119,6 +121,17 @@ def test_values_by_flight_show_who_differs(weak):
     values = {role: [r.values[key] for r in found.rows if r.role == role] for role in ("healthy", "suspect")}
     assert np.ptp(values["healthy"]) < 0.3 * truth["loss"]
     assert np.mean(values["healthy"]) - values["suspect"][0] == pytest.approx(truth["loss"], rel=0.3)
+
+
+@pytest.mark.slow
+def test_suspect_flights_of_which_one_has_a_weak_rotor_have_no_firm_change_together(flown, baseline, wrong):
+    """The mean of a damaged flight and two sound ones is true of none of them."""
+    suspects = [flown("weak_rotor", {"rotor": 4, "loss": 0.24})[0], flown(seed=7)[0], flown(seed=8)[0]]
+    found = baseline.against(open_flights(suspects, wrong))
+    assert found.names == ("rotor_thrust",)
+    assert found.firm == ()
+    assert found.differing() == ("rotor_thrust",)
+    assert "Suspect flights differ in rotor_thrust" in summary(found)
 
 
 @pytest.mark.slow

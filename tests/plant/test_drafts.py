@@ -356,6 +356,29 @@ def test_a_typed_frame_that_contradicts_the_parameters_is_used_and_told(tmp_path
     assert draft_of_source(tmp_path / "quad.param", Given(mass=2.0, frame="quad_x", arm=0.2)).notes == ()
 
 
+def test_a_typed_frame_with_motors_elsewhere_than_px4_has_them_is_told():
+    """PX4's frame is forward, right, down: motor 1 of a quad_x is at the front right."""
+    x, y = (1.0, -1.0, 1.0, -1.0), (1.0, -1.0, -1.0, 1.0)
+    parameters = {"CA_ROTOR_COUNT": 4.0} | {
+        f"CA_ROTOR{k}_P{a}": v[k] for k in range(4) for a, v in (("X", x), ("Y", y))
+    }
+    parameters |= {
+        f"CA_ROTOR{k}_{n}": v for k in range(4) for n, v in (("KM", (0.05, 0.05, -0.05, -0.05)[k]), ("AZ", -1.0))
+    }
+    assert px4.frame_notes(parameters, "quad_x", "a.ulg") == px4.frame_notes(parameters, None, "a.ulg") == ()
+    (note,) = px4.frame_notes(parameters, "quad_plus", "a.ulg")
+    assert "CA_ROTOR* have the motors elsewhere than --frame quad_plus" in note
+    with pytest.raises(ModelError, match=r"has 6 rotors, and a\.ulg has CA_ROTOR_COUNT 4"):
+        px4.frame_notes(parameters, "hexa_x", "a.ulg")
+
+
+@pytest.mark.parametrize("frame", ["quad-x", "X", "hexa"])
+def test_a_misspelt_frame_is_answered_with_those_there_are(tmp_path, frame):
+    (tmp_path / "quad.param").write_text(ARDUPILOT)
+    with pytest.raises(UsageError, match=f"--frame {frame}: expected one of quad_plus, quad_x"):
+        draft_of_source(tmp_path / "quad.param", Given(mass=2.0, frame=frame, arm=0.2))
+
+
 @pytest.mark.parametrize(
     ("text", "given", "message"),
     [
