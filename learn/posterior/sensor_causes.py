@@ -95,12 +95,20 @@ class LateClock:
         return _no_longer(values, self.seconds / (1.0 - EXACT), self.std)
 
 
+@dataclass(frozen=True)
 class UnboundedClock(LateClock):
-    """The clock, or a low-pass, of an IMU that may be late by up to `seconds`: no odometry says that it is not."""
+    """The clock, or a low-pass, of an IMU that may be late by up to `seconds`: no odometry says that it is not. Or of
+    the odometry, where there is no `imu`.
+    """  # noqa: D205
+
+    imu: bool = True
 
     @property
     def check(self) -> Check:
         """What settles whether it is late."""
+        if not self.imu:
+            what = f"Find out how the velocity is made: one that is differenced, or filtered, makes a {DELAY}."
+            return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
         what = (
             "Look up the IMU's low-pass (PX4 IMU_GYRO_CUTOFF, ArduPilot INS_GYRO_FILTER, Betaflight "
             f"gyro_lpf1_static_hz) and how its messages are stamped: an IMU that is late makes a {DELAY} of as much, "
@@ -200,7 +208,10 @@ def _relative(values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> di
 
 def sensor_causes(flights: Sequence[Flight], timing: Sequence[FlightTiming]) -> tuple[SensorCause, ...]:
     """What the sensors of these flights may do that looks like effects."""
-    return other_clock(timing), scaled_accelerometer(flights), scaled_gyroscope(flights)
+    clock = other_clock(timing)
+    if all(f.imu is None for f in flights):
+        return (replace(clock, imu=False) if isinstance(clock, UnboundedClock) else clock,)
+    return clock, scaled_accelerometer(flights), scaled_gyroscope(flights)
 
 
 def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:

@@ -24,7 +24,7 @@ from wrenchgap.replay.present.numbers import share, size_in_words, user_name, wi
 PLURAL = ("the motors", "the tilt servos")
 """Subjects of more than one thing."""
 SENSORS = {
-    LATE_CLOCK: "the IMU is late, by its clock or a low-pass",
+    LATE_CLOCK: "the measured motion is late, by a clock or a low-pass of the IMU or the odometry",
     LATE_GYROSCOPE: "the gyroscope is late, by a low-pass of its own",
     ACCELEROMETER: "the accelerometer's calibration is off by as much",
     GYROSCOPE: "the gyroscope's calibration is off by as much",

@@ -43,8 +43,8 @@ ACTIONS = {
     "servo_lag": "look at the tilt servos, their supply voltage and their load",
     "backlash": "hold the hull and rock every arm by hand: gears and horns of the tilt servos have play",
     "arm_twist": "twist every arm by hand: one or several have become softer",
-    "command_delay": "look at the link and the load of the flight computer, for commands that arrive later, and at the "
-    "low-pass and the stamps of the IMU, for one that does",
+    "command_delay": "look at the link and the load of the flight computer (commands may arrive later), and at the "
+    "low-pass and the stamps of the IMU (it may be later)",
     "thrust_scale": "look at the battery and at all propellers: all thrust together has changed",
     "battery_sag": "measure the battery's internal resistance, and its voltage under load",
     "thrust_fade": "measure the battery's internal resistance, and its voltage under load",

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import wrenchgap as wg
 from benchmarks.hidden_effects import engine
@@ -124,3 +125,13 @@ def test_a_hover_without_torque_does_not_say_how_rotors_stand():
     checks = {c.name for c in wg.open_flights([flight], model_file.load("tilt_hexarotor"))[0].checks}
     assert "weight" in checks
     assert "rotors" not in checks
+
+
+def test_an_attitude_in_another_frame_is_said_where_there_is_no_imu(flown, quadrotor):
+    """A hover pushes against gravity: with the attitude turned over, the measured force points down in B."""
+    odometry = flown.odometry
+    turned = Rotation.from_quat(odometry.quat_EB, scalar_first=True) * Rotation.from_rotvec([np.pi, 0.0, 0.0])
+    upside_down = replace(odometry, quat_EB=turned.as_quat(scalar_first=True))
+    wg.open_flights([replace(flown, imu=None, commanded=None)], quadrotor)
+    with pytest.raises(LogError, match=r"inertial-frame: The nominal force is .*, and points the other way"):
+        wg.open_flights([replace(flown, imu=None, commanded=None, odometry=upside_down)], quadrotor)

@@ -56,7 +56,10 @@ def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterato
     along = np.sum(sent * felt, axis=1) / np.maximum(np.sum(felt**2, axis=1), 1e-12)
     ratio = max(abs(float(np.median(along))), 1e-12)  # along the measured force: chatter is no larger
     said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
-    if WRENCH.force[0] < ratio < WRENCH.force[1]:
+    if np.median(along) < 0.0 and WRENCH.force[0] < ratio < WRENCH.force[1]:
+        words = f"{said}, and points the other way: the frames of pose, twist or IMU are not those that were said"
+        yield Check("inertial-frame", "bad", f"{words} (:ned, :enu, :frd, :flu), or not those that the log says")
+    elif WRENCH.force[0] < ratio < WRENCH.force[1]:
         yield Check("force-unit", "ok", f"{said}.")
     elif seen.wrench is not None:
         words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
