@@ -8,6 +8,7 @@ The whole table is one topic, `/table`: its columns under their names, series of
 
 from __future__ import annotations
 
+import csv
 import re
 import warnings
 from collections.abc import Sequence
@@ -228,9 +229,13 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
 
 
 def _surplus(lines: Sequence[str], delimiter: str) -> int:
-    """How many cells all rows have beyond the header, the first line; empty ones at their ends are none."""
-    header, *rows = (line.strip().rstrip(delimiter).count(delimiter) for line in lines if line.strip())
-    return max(0, min(rows, default=header) - header)
+    """How many cells all rows have beyond the header, the first line; of one that ends all rows, empty, none."""
+    try:
+        header, *rows = (row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row)
+    except csv.Error:  # a cell of endless letters
+        return 0
+    surplus = min(map(len, rows), default=0) - len(header)
+    return max(0, surplus - (surplus > 0 and not any(row[-1].strip() for row in rows)))
 
 
 def _own_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:

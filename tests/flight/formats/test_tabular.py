@@ -200,6 +200,12 @@ def test_rows_with_a_name_that_the_header_does_not_have_are_read_as_R_writes_the
         flight.load(path)
 
 
+def test_words_with_delimiters_in_all_rows_move_no_column(logs, time, tmp_path):
+    path = tmp_path / "words.csv"
+    pd.DataFrame({"time [s]": time, "note": "hover, calm"} | columns(logs, time)).to_csv(path, index=False)
+    agrees(flight.load(path), logs, time)
+
+
 def test_columns_of_one_name_are_told_apart(logs, time, tmp_path):
     """Of a column `index` beside an index that has no name, as pandas writes both; and of a thousand alike, at once."""
     table = {"time": time, "index": time, "__index_level_0__": 2.0 * time} | columns(logs, time)
