@@ -420,7 +420,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "bag-view": (bag_view, "bag", 1, 1),
     "bag-metadata": (bag_metadata, "bag", 300_000, 10),
     "csv-columns": (csv_columns, "a.csv", 100_000, 20),
-    "csv-alike": (csv_alike, "a.csv", 200_000, 20),
+    "csv-alike": (csv_alike, "a.csv", 100_000, 20),
     "csv-header": (csv_header, "a.csv", 100_000_000, 500),
     "csv-commas": (csv_commas, "a.csv", 50_000_000, 50),
     "bag-bz2": (bag_bz2, "a.bag", 800, 1),
