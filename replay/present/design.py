@@ -31,16 +31,22 @@ ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
         "let the allocation run the two rotors of a pair at unequal speeds: at equal speeds a loss of the lower rotor "
         "is a loss of all thrust",
     ),
-    (
-        ("rotor_thrust", "tilt_offset", "arm_twist", "rotor_interference", "downwash_blockage"),
-        "move the arms in their null space (tilt neighbours against each other while the wrench stays): a fixed "
-        "allocation ties every arm to the wrench",
-    ),
     (("thrust_scale",), "measure the thrust of a rotor on a stand, or compare flights in air of another density"),
     (("inertia",), "swing the vehicle as a pendulum on two strings: that gives its inertia without thrust"),
     (("wind",), "fly the same moves in still air"),
     (("tether",), "fly the same moves without cable or contact"),
     (("imu_misalignment", "imu_lever_arm"), "check the IMU's place and alignment on the bench"),
+)
+
+OF_ONE_PLACE = ("rotor_thrust", "tilt_offset", "arm_twist", "rotor_interference", "downwash_blockage")
+"""Effects of one rotor or arm, which the allocation ties to the wrench."""
+WITH_TILT = (
+    "move the arms in their null space (tilt neighbours against each other while the wrench stays): a fixed "
+    "allocation ties every arm to the wrench"
+)
+WITHOUT_TILT = (
+    "exchange two propellers and fly again: a weak propeller goes where it is mounted, a motor and the centre of mass "
+    "stay"
 )
 
 
@@ -55,7 +61,10 @@ def design_command(names: Sequence[str], model: str, paths: Sequence[str], optio
 
 def advice(design: Design) -> tuple[str, ...]:
     """What else separates these effects, where no reference trajectory can."""
-    return tuple(words for about, words in ADVICE if set(about) & set(design.expected.names))
+    names, arms = set(design.expected.names), design.model.vehicle.arms
+    tilting = arms is not None and bool(arms.tilts.any())
+    first = (WITH_TILT if tilting else WITHOUT_TILT,) if names & set(OF_ONE_PLACE) else ()
+    return (*first, *(words for about, words in ADVICE if set(about) & names))
 
 
 def parts(design: Design) -> list[Part]:

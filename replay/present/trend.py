@@ -66,7 +66,7 @@ def summary(found: Trend) -> list[str]:
     first = [] if found.changed else [f"No step and no drift over these {count} flights."]
     looks = places(found)
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
-    return [*first, *(sentence(p, found) for p in (*found.changed, *found.scattered)), *inspect]
+    return [*(sentence(p, found) for p in (*found.changed, *found.scattered)), *first, *inspect]
 
 
 def sentence(p: ParameterTrend, found: Trend, most_steps: int = 2) -> str:

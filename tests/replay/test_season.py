@@ -108,8 +108,8 @@ def test_a_rotor_that_is_weak_on_some_flights_is_told_with_these_flights():
     (weak,) = found.scattered
     assert (weak.effect, weak.name, weak.course.apart) == ("rotor_thrust", "rotor_2", (1, 4))
     first, second, last = present.summary(found)
-    assert first == "No step and no drift over these 7 flights."
-    assert "outside the scatter of the others: flights 2, 5." in second
+    assert "outside the scatter of the others: flights 2, 5." in first
+    assert second == "No step and no drift over these 7 flights."
     assert last == f"Look at: {model.vehicle.called('rotor_2')}."
     body = present.to_json(found)
     assert (body["verdict"], body["inspect"]) == ("scattered", [model.vehicle.called("rotor_2")])
