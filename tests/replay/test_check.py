@@ -347,6 +347,18 @@ def test_parameters_that_differ_are_listed_and_counters_are_not(tmp_path, run, r
     assert same["autopilot_parameters"]["differ"] == []
 
 
+def test_without_an_impact_control_was_lost_and_no_more_is_known(made):
+    health = made("bin", "crash")
+    log = health.logs[0]
+    (crash,) = log.phases.named("crash")
+    falling = replace(crash, why="motion contradicts the commands until the end")
+    phases = tuple(falling if phase is crash else phase for phase in log.phases.phases)
+    lost = replace(log, phases=replace(log.phases, phases=phases))
+    words = said(replace(health, logs=(lost,)))["crash"].words
+    assert words.startswith("Loss of control at ")
+    assert "a log alone does not tell why" in words
+
+
 def test_the_document_of_a_crash_holds_its_numbers(tmp_path, result_of):
     """The schema is strict: `json_as_its_schema_says` refuses any other key."""
     found = result_of("check", ulog(tmp_path / "crash.ulg", FAULTS["crash"]))
