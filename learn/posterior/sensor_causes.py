@@ -36,18 +36,29 @@ MASS, THRUST, INERTIA = "mass", "thrust_scale", "inertia"
 LATE_CLOCK, LATE_GYROSCOPE = "late_clock", "late_gyroscope"
 ACCELEROMETER, GYROSCOPE = "accelerometer_calibration", "gyroscope_calibration"
 """Names, in sets and of their checks, of what is no effect."""
-EXACT, LEAST = 0.1, 1e-3
-"""What a fitted delay is good for beyond that, as a share of it and in seconds: other effects are in its place."""
-DATASHEET = 0.05
-"""How far the scale of a sensor may be off that nothing bounds: 3 % at first for IMUs of the MPU-6000 class, and 2 %
-over temperature."""
-UNBOUNDED = 0.02
-"""How late an IMU may be that nothing bounds [s]: behind a low-pass of 8 Hz, or stamped one period of 50 Hz late."""
-OFFSET = 0.005
-"""How far the scale of an accelerometer may be from what the odometry shows: a bias of 0.05 m/s^2 looks like it."""
-ASKEW = 0.03
-"""Products of inertia that a gyroscope's axes may make, relative to the moments: 2 % off square, as datasheets allow
-(cross-axis sensitivity), looks like products of 2 %."""
+
+
+@dataclass(frozen=True)
+class SensorTolerances:
+    """What sensors may be off by."""
+
+    exact: float = 0.1
+    """Share of a fitted delay by which it may be longer than what is late: other effects are in its place."""
+    least: float = 1e-3
+    """And by how much [s]."""
+    datasheet: float = 0.05
+    """How far the scale of a sensor may be off that nothing bounds: 3 % at first for IMUs of the MPU-6000 class, and
+    2 % over temperature."""
+    unbounded: float = 0.02
+    """How late an IMU may be that nothing bounds [s]: behind a low-pass of 8 Hz, or stamped a period of 50 Hz late."""
+    offset: float = 0.005
+    """How far an accelerometer's scale may be from what the odometry shows: a bias of 0.05 m/s^2 looks like it."""
+    askew: float = 0.03
+    """Products of inertia that a gyroscope's axes may make, relative to the moments: 2 % off square, as datasheets
+    allow (cross-axis sensitivity), looks like products of 2 %."""
+
+
+SENSOR = SensorTolerances()
 
 
 class SensorCause(Protocol):
@@ -92,7 +103,7 @@ class LateClock:
 
     def made(self, values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> list[str]:
         """Delays and lags that this clock, or a filter before it, may have made."""
-        return _no_longer(values, self.seconds / (1.0 - EXACT), self.std)
+        return _no_longer(values, self.seconds / (1.0 - SENSOR.exact), self.std)
 
 
 @dataclass(frozen=True)
@@ -139,7 +150,7 @@ class SlowGyroscope(LateGyroscope):
 
 def _no_longer(values: Mapping[str, Mapping[str, float]], seconds: float, std: float) -> list[str]:
     """Delays and lags no longer than what is late by so much."""
-    most = seconds + TIMING.certain * std + LEAST
+    most = seconds + TIMING.certain * std + SENSOR.least
     return [n for n, by in values.items() if family(n) in (DELAY, LAG) and max(by.values(), default=0.0) < most]
 
 
@@ -194,7 +205,7 @@ class ScaledGyroscope:
             sizes = {
                 at: v / np.sqrt(np.prod([J[i, i] for i in map("xyz".index, at)])) for at, v in values[INERTIA].items()
             }
-            square = [abs(size) <= ASKEW for at, size in sizes.items() if at[0] != at[1]]
+            square = [abs(size) <= SENSOR.askew for at, size in sizes.items() if at[0] != at[1]]
             scaled = [self.low <= 1.0 / (1.0 + size) <= self.high for at, size in sizes.items() if at[0] == at[1]]
             made += [INERTIA] if all(square) and all(scaled) else []
         return made
@@ -217,7 +228,8 @@ def sensor_causes(flights: Sequence[Flight], timing: Sequence[FlightTiming]) -> 
 def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:
     """As far as the odometry of all flights bounds the scale, or datasheets do."""
     ratios = [gravity_ratio(f, motion_means(f)) for f in flights]
-    spans = [(r.value, OFFSET + SCALE.sigmas * r.std) for r in ratios if r is not None] or [(1.0, DATASHEET)]
+    known = [(r.value, SENSOR.offset + SCALE.sigmas * r.std) for r in ratios if r is not None]
+    spans = known or [(1.0, SENSOR.datasheet)]
     return ScaledAccelerometer(*_hull([(middle - reach, middle + reach) for middle, reach in spans]))
 
 
@@ -225,8 +237,8 @@ def scaled_gyroscope(flights: Sequence[Flight]) -> ScaledGyroscope:
     """As far as the attitude of all flights bounds the scale of the axes that it shows, or datasheets do."""
     scales = [one.best for f in flights for one in (sensor_scales(f, "gyroscope") or {}).values()]
     reach = SCALE.tolerance
-    spans = [(b.low - reach, b.high + reach) for b in scales if b.width < DATASHEET and b.std < SCALE.tolerance]
-    return ScaledGyroscope(*_hull(spans or [(1.0 - DATASHEET, 1.0 + DATASHEET)]))
+    spans = [(b.low - reach, b.high + reach) for b in scales if b.width < SENSOR.datasheet and b.std < SCALE.tolerance]
+    return ScaledGyroscope(*_hull(spans or [(1.0 - SENSOR.datasheet, 1.0 + SENSOR.datasheet)]))
 
 
 def _hull(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -240,13 +252,13 @@ def other_clock(timing: Sequence[FlightTiming]) -> LateClock | SlowGyroscope:
     if late and len(late) == len(timing):
         latest = max(late, key=lambda one: one.seconds)
         return SlowGyroscope(latest.seconds, latest.std)
-    return late_clock(timing) or UnboundedClock(max(map(_latest, timing), default=UNBOUNDED), 0.0)
+    return late_clock(timing) or UnboundedClock(max(map(_latest, timing), default=SENSOR.unbounded), 0.0)
 
 
 def _latest(one: FlightTiming) -> float:
     """By how much the IMU may be later than the odometry of a flight [s], or than anything where that does not tell."""
     known = one.imu_lateness
-    return UNBOUNDED if known is None else max(0.0, known[0] + TIMING.certain * known[1])
+    return SENSOR.unbounded if known is None else max(0.0, known[0] + TIMING.certain * known[1])
 
 
 def made_by_another_filter(
@@ -258,9 +270,9 @@ def made_by_another_filter(
     sides = [[one.imu_lateness for one in side] for side in (healthy, suspect)]
     known = [np.array([one for one in side if one is not None]) for side in sides]
     if any(not len(own) or len(own) < len(side) for own, side in zip(known, sides, strict=True)):
-        return _no_longer(values, UNBOUNDED, 0.0)
+        return _no_longer(values, SENSOR.unbounded, 0.0)
     (before, before_std), (after, after_std) = (own.mean(axis=0) for own in known)
-    return _no_longer(values, float(after - before) / (1.0 - EXACT), float(np.hypot(before_std, after_std)))
+    return _no_longer(values, float(after - before) / (1.0 - SENSOR.exact), float(np.hypot(before_std, after_std)))
 
 
 def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:
