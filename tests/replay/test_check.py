@@ -464,6 +464,13 @@ def test_the_next_command_is_one_that_runs(hover, made):
     assert all(m.rotor.x is not None for m in health.logs[0].motors.motors)
 
 
+def test_no_output_takes_the_name_of_a_shipped_model(hover, run):
+    """It would stand for that model from then on, in this folder."""
+    found = run("add", "mass", "-m", "crazyflie", "--from", hover, "-o", "crazyflie")
+    assert found.exit_code == 2
+    assert "is what -m takes for a shipped model; write crazyflie.toml" in " ".join(found.output.split())
+
+
 def test_inspect_ends_with_the_next_command(hover, run):
     """Of a sound log the next question; of a bad one what mends it."""
     assert f"next: wrenchgap check {hover}" in " ".join(run("inspect", hover).output.split())
