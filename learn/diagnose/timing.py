@@ -142,9 +142,8 @@ class FlightTiming:
         rows = self._certain()
         if not rows:
             return None
-        weight = np.array([1.0 / max(o.std or 0.0, 1e-6) ** 2 for o, _ in rows])
-        seconds = np.array([o.seconds for o, _ in rows], dtype=float)
-        return float(weight @ seconds / weight.sum()), float(weight.sum() ** -0.5), float(np.ptp(seconds))
+        offsets = [o for o, _ in rows]
+        return *_mean(offsets), float(np.ptp([o.seconds for o in offsets if o.seconds is not None]))
 
     @property
     def imu_lateness(self) -> tuple[float, float] | None:
@@ -152,11 +151,11 @@ class FlightTiming:
         known.
         """  # noqa: D205
         rows = [o for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and not o.same]
-        known = [(o.seconds, o.std) for o in rows if o.seconds is not None and o.std is not None]
+        known = [o for o in rows if o.seconds is not None]
         if not known:
             return None
-        weight = np.array([max(std, 1e-6) ** -2.0 for _, std in known])
-        return float(-weight @ np.array([seconds for seconds, _ in known]) / weight.sum()), float(weight.sum() ** -0.5)
+        seconds, std = _mean(known)
+        return -seconds, std
 
     @property
     def late_gyroscope(self) -> LateGyroscope | None:
@@ -184,6 +183,13 @@ class FlightTiming:
         if late[2] > TIMING.unlike:
             found.append(UnevenOffset(tuple(o for o, _ in rows)))
         return found
+
+
+def _mean(offsets: Sequence[Offset]) -> tuple[float, float]:
+    """Mean of offsets that are known [s], by their variances, and its standard deviation."""
+    weight = np.array([1.0 / max(o.std or 0.0, 1e-6) ** 2 for o in offsets])
+    seconds = np.array([o.seconds for o in offsets], dtype=float)
+    return float(weight @ seconds / weight.sum()), float(weight.sum() ** -0.5)
 
 
 def timing(flight: Flight, within: Intervals = EVERYWHERE, answers: tuple[Response, ...] = ()) -> FlightTiming:

@@ -14,6 +14,7 @@ scale may be off is known from the odometry (`flight.checks.accelerometer_scale`
 from datasheets. A gyroscope whose axes are off square makes products of inertia.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
@@ -117,15 +118,13 @@ class UnboundedClock(LateClock):
     @property
     def check(self) -> Check:
         """What settles whether it is late."""
-        if not self.imu:
-            what = f"Find out how the velocity is made: one that is differenced, or filtered, makes a {DELAY}."
-            return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
-        what = (
+        what = f"Find out how the velocity is made: one that is differenced, or filtered, makes a {DELAY}."
+        of_imu = (
             "Look up the IMU's low-pass (PX4 IMU_GYRO_CUTOFF, ArduPilot INS_GYRO_FILTER, Betaflight "
             f"gyro_lpf1_static_hz) and how its messages are stamped: an IMU that is late makes a {DELAY} of as much, "
             "and no effect is missing; or log the attitude too, which tells."
         )
-        return Check("bench", what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
+        return Check("bench", of_imu if self.imu else what, (((DELAY,),), ((LATE_CLOCK,),)), LATE_CLOCK)
 
 
 class SlowGyroscope(LateGyroscope):
@@ -234,7 +233,9 @@ def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:
 
 
 def scaled_gyroscope(flights: Sequence[Flight]) -> ScaledGyroscope:
-    """As far as the attitude of all flights bounds the scale of the axes that it shows, or datasheets do."""
+    """As far as the attitude of all flights bounds the scale of the axes that it shows, or datasheets do: bounds that
+    are further apart than those say nothing.
+    """  # noqa: D205
     scales = [one.best for f in flights for one in (sensor_scales(f, "gyroscope") or {}).values()]
     reach = SCALE.tolerance
     spans = [(b.low - reach, b.high + reach) for b in scales if b.width < SENSOR.datasheet and b.std < SCALE.tolerance]
@@ -270,9 +271,11 @@ def made_by_another_filter(
     sides = [[one.imu_lateness for one in side] for side in (healthy, suspect)]
     known = [np.array([one for one in side if one is not None]) for side in sides]
     if any(not len(own) or len(own) < len(side) for own, side in zip(known, sides, strict=True)):
-        return _no_longer(values, SENSOR.unbounded, 0.0)
+        return _no_longer({n: {at: abs(v) for at, v in by.items()} for n, by in values.items()}, SENSOR.unbounded, 0.0)
     (before, before_std), (after, after_std) = (own.mean(axis=0) for own in known)
-    return _no_longer(values, float(after - before) / (1.0 - SENSOR.exact), float(np.hypot(before_std, after_std)))
+    later, std = float(after - before) / (1.0 - SENSOR.exact), float(np.hypot(before_std, after_std))
+    sizes = {n: max(by.values(), key=abs, default=0.0) for n, by in values.items()}
+    return [n for n, size in sizes.items() if _no_longer({n: {"": abs(size)}}, math.copysign(1.0, size) * later, std)]
 
 
 def late_clock(timing: Sequence[FlightTiming]) -> LateClock | None:

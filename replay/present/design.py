@@ -45,8 +45,8 @@ WITH_TILT = (
     "allocation ties every arm to the wrench"
 )
 WITHOUT_TILT = (
-    "exchange two propellers and fly again: a weak propeller goes where it is mounted, a motor and the centre of mass "
-    "stay"
+    "exchange two propellers that turn alike and fly again: a weakness moves with a propeller, and stays with a motor "
+    "or the centre of mass"
 )
 
 
