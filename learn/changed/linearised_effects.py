@@ -41,7 +41,8 @@ class LinearisedEffect:
     `line` is what it adds, on all rows, to the model as given, its parameters counted from those that the model has;
     `bent` what a change adds to it, counted from `reference` (P,), what it is in healthy flights. The two differ for
     lags, which are far from straight lines. `torque` (K, 6, R) is what the drag torque of each rotor adds, where a
-    change of the effect takes that too (`learn.changed.priors.damaged`).
+    change of the effect takes that too (`learn.changed.priors.damaged`). With `regained` a change that can only lose
+    is a gain: the healthy flights are the ones that lack something.
     """
 
     name: str
@@ -49,23 +50,32 @@ class LinearisedEffect:
     line: Column
     bent: Column
     torque: Array | None = None
+    regained: bool = False
 
     def change(self, rows: Mask) -> Column:
         """Its change on some `rows` (K,), with the prior of changes."""
         prior = change_prior(self.name)
         line = self.bent if self.torque is None else damaged(self.bent, self.torque)
         size = prior.share * line.scale
-        low, high = beyond(line)
+        low, high = self.range_of(line)
         low, high = np.maximum(low, -prior.far * line.scale), np.minimum(high, prior.far * line.scale)
         return replace(
             line,
             offset=line.offset * rows[:, None],
             jacobian=line.jacobian * rows[:, None, None],
             low=low,
-            high=np.zeros_like(high) if prior.loses else high,
+            high=high,
             scale=size,
             price=prior.price,
         )
+
+    def range_of(self, line: Column) -> tuple[Array, Array]:
+        """How far its parameters can change (P,), down and up, on this one of its lines."""
+        low, high = beyond(line)
+        none = np.zeros_like(low)
+        if self.regained:
+            return none, -low
+        return low, none if change_prior(self.name).loses else high
 
     def rows(self, kept: Mask) -> LinearisedEffect:
         """The law on some of its rows (K,)."""

@@ -9,6 +9,7 @@ vehicle about a centre of mass that lies elsewhere: what else there may be is mu
 everything is linearised anew on the suspect flights, beside changes that are large (`relinearised`).
 """
 
+import copy
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,9 +18,9 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array, Mask
-from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, beyond, linearised, relinearised_at
+from wrenchgap.learn.changed.linearised_effects import LinearisedEffect, linearised, relinearised_at
 from wrenchgap.learn.changed.pooled_flights import PooledFlights
-from wrenchgap.learn.changed.priors import read
+from wrenchgap.learn.changed.priors import ROTOR_THRUST, read
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import each
@@ -43,6 +44,10 @@ from wrenchgap.plant.wrench_model import ModelEffect
 FAR = 0.3
 """Change from where it was linearised, in sizes of its prior (of a lag outside the best set, of itself where that is
 more), that calls for new derivatives.
+"""
+REGAINED = 3.0
+"""Log odds against a rotor that got stronger rather than weaker: one comparison in twenty is of flights after a repair,
+or has its sides exchanged.
 """
 
 
@@ -83,6 +88,10 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(rounds):
         scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), jobs)
+        if number == 0 and regained(scorer):
+            stronger = tuple(replace(one, regained=one.name == ROTOR_THRUST) for one in pool.laws)
+            pool = replace(pool, laws=stronger)
+            continue
         late, far = _late(scorer, vehicle), _moved(scorer)
         if number + 1 == rounds or not (late or far):
             break
@@ -103,6 +112,20 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     sets = merged_by_names(scored, weights(scored).tolist())
     found = posterior(sets, classes_of(sets, scorer), vehicle, settings)
     return Weighed(found, scorer, pool, not far)
+
+
+def regained(scorer: Scorer) -> bool:
+    """Whether a rotor that is stronger on the suspect flights explains more by itself than all sets that were scored:
+    its propeller is new, or the flights of both sides were exchanged.
+    """  # noqa: D205
+    space = copy.copy(scorer.spectrum)
+    if ROTOR_THRUST not in space.columns:
+        return False
+    rows = space.parameters[ROTOR_THRUST]
+    space.low, space.high = space.low.copy(), space.high.copy()
+    space.low[rows], space.high[rows] = 0.0, -space.low[rows]
+    gain = scorer.on(space)((ROTOR_THRUST,)).log_probability
+    return gain > ordered(scorer)[0].log_probability + REGAINED
 
 
 def worth_a_name(scorer: Scorer, name: str) -> bool:
@@ -200,7 +223,7 @@ def changed_model(pool: PooledFlights, changes: Mapping[str, Array]) -> Model:
     effects = {e.name: e for e in pool.model.effects}
     for name, theta in changes.items():
         one = laws[name]
-        effects[name] = ModelEffect(find(name), one.reference + np.clip(theta, *beyond(one.bent)))
+        effects[name] = ModelEffect(find(name), one.reference + np.clip(theta, *one.range_of(one.bent)))
     return replace(pool.model, effects=tuple(effects[n] for n in sorted(effects)))
 
 

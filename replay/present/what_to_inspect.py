@@ -8,6 +8,7 @@ import numpy as np
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
+from wrenchgap.learn.changed.priors import ROTOR_THRUST
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.posterior.explain import Explanation
@@ -63,6 +64,10 @@ LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignmen
 """Those of which a model that lacks them says that something is to be looked at."""
 NOTHING = "Nothing is established that asks for an inspection; a change smaller than those listed here would not show."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
+REGAINED = (
+    "{0} lifts more than on the healthy flights: its propeller is new, or flights with damage were given as the "
+    "healthy ones. Then inspect {0}: {1}"
+)
 NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "
     "flights, and fly the suspect vehicle with excitation on all axes."
@@ -194,6 +199,8 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
             else [p for p in places if p.probability >= INSPECTION.likely]
         )
         which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
+        if name == ROTOR_THRUST and max(listed, key=lambda p: p.significance).change > 0.0:
+            return REGAINED.format(which, PARTS[name])
         return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"
     return _of_whole(name, {p.name: p.change for p in listed}, found.model.vehicle, "has moved")
 

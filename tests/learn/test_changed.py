@@ -27,6 +27,7 @@ from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scat
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.replay.present.changed import summary
+from wrenchgap.replay.present.what_to_inspect import sentences as inspect
 
 pytestmark = pytest.mark.usefixtures("without_limits")
 TRIED = (
@@ -111,6 +112,20 @@ def test_a_weak_rotor_is_found_under_a_wrong_model(weak):
     assert found.nothing < 0.01
     assert found.places[0].parameter == f"rotor_{truth['rotor']}"
     assert found.places[0].probability > 0.9
+
+
+@pytest.mark.slow
+def test_sides_that_were_exchanged_show_the_same_rotor_stronger(flown, against):
+    """A rotor with 12 % less thrust on the healthy flights has 12 % more on the suspect ones, and no other has less."""
+    flights = [flown("weak_rotor", {"rotor": 4, "loss": 0.12}, seed=s) for s in (9, 12)]
+    found = against([flown(seed=s)[0] for s in (1, 2)], [flight for flight, _ in flights])
+    truth = flights[0][1].parameters["weak_rotor"]
+    assert found.verdict is Verdict.CHANGED
+    assert set(found.firm) <= {"rotor_thrust"}
+    assert found.places[0].parameter == f"rotor_{truth['rotor']}"
+    one = change(found, "rotor_thrust", f"rotor_{truth['rotor']}")
+    assert one.change == pytest.approx(truth["loss"], abs=0.25 * truth["loss"])
+    assert "lifts more than on the healthy flights" in inspect(found)[0]
 
 
 @pytest.mark.slow
