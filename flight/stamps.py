@@ -89,6 +89,15 @@ class Steps:
         return self._usual.jitter
 
     @property
+    def burst(self) -> float:
+        """Interval [s] between bursts of samples, where these arrive so; else zero.
+
+        A tenth of the intervals is then longer than what would be a gap of samples that come one by one.
+        """
+        long = self._usual.long
+        return long if long > self.gap_factor * self.nominal_period else 0.0
+
+    @property
     def gaps(self) -> tuple[Gap, ...]:
         """Intervals longer than `gap_factor` usual periods, or than `SILENT`.
 

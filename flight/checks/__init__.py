@@ -24,6 +24,7 @@ from wrenchgap.flight.checks import (
     accelerometer_scale,
     attitude,
     channels,
+    command_rate,
     gyroscope_scale,
     late_sensors,
     odometry,
@@ -43,6 +44,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.limited,
     channels.copied,
     channels.held,
+    command_rate.sparse_commands,
     channels.stamps,
     channels.dropped,
 )

@@ -70,16 +70,24 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
 
 
 def _axes(flight: Flight) -> Check | None:
-    """Axes that contradict the odometry."""
+    """Axes that contradict the odometry, by name; by a warning alone where they may be mounted askew."""
     scales = sensor_scales(flight, "accelerometer") or {}
-    faults = ((axis, scale.fault()) for axis, scale in scales.items())
-    wrong = {axis: fault.words for axis, fault in faults if fault is not None and fault.size > SCALE.refused_axis}
+    wrong: dict[str, str] = {}
+    largest = 0.0
+    for axis, scale in scales.items():
+        fault = scale.fault()
+        size = fault.size if fault is not None else 0.0
+        if fault is not None and size > SCALE.refused_axis:
+            wrong[axis], largest = fault.words, max(largest, size)
+        elif not scale.unsteady and scale.least_off > SCALE.refused:
+            wrong[axis] = f"has a scale of {scale.best.low:.2f} to {scale.best.high:.2f}"
+            largest = max(largest, scale.least_off)
     if not wrong:
         return None
     said = "; ".join(f"{axis} {words}" for axis, words in wrong.items())
     words = f"The accelerometer does not read the odometry's acceleration: {said}. One of the two failed or was set "
     mend = f"--unmeasured {','.join(f'force_{axis}' for axis in wrong)}"
-    return Check("accelerometer-scale", "bad", f"{words}anew", mend)
+    return Check("accelerometer-scale", "bad" if largest > SCALE.refused_axis else "warn", f"{words}anew", mend)
 
 
 def gravity_ratio(

@@ -136,6 +136,17 @@ class Scale:
         """Of the band that knows it best."""
         return min(self.bounds, key=lambda b: b.width + b.std)
 
+    @property
+    def least_off(self) -> float:
+        """By which share the scale is off at least, by the band that knows it best; zero where another one contradicts.
+
+        A wide pair of bounds says no number, and still that it is not one.
+        """
+        best, slack = self.best, [SCALE.sigmas * b.std for b in self.bounds]
+        meet = all(b.low - s < best.high and best.low < b.high + s for b, s in zip(self.bounds, slack, strict=True))
+        away = SCALE.sigmas * best.std
+        return max(best.low - away - 1.0, 1.0 - (best.high + away), 0.0) if meet and best.low > 0.0 else 0.0
+
     def allows(self, value: float) -> bool:
         """Whether the scale may be this one."""
         slack = [SCALE.sigmas * b.std + SCALE.tolerance for b in self.bounds]

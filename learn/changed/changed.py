@@ -48,6 +48,7 @@ from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.sensor_causes import made_by_another_filter
 from wrenchgap.learn.posterior.settings import CHANGES
+from wrenchgap.learn.posterior.sparse_commands import made_by_sparse_commands
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -217,7 +218,9 @@ class Baseline:
         rows = (*(rows_by_flight(pool.only([number]), ["odd"], [{}])[0] for number, _ in odd), *found.rows)
         changes = {n: {one.name: one.change for one in found.parameters if one.effect == n} for n in found.names}
         of_imu = made_by_another_filter(changes, timing[:count], timing[count:])
-        firm = tuple(n for n in found.firm if n not in {family(one) for one in (*of_imu, *found.differing())})
+        of_log = made_by_sparse_commands(changes, *([f.flight for f in s] for s in (flights[:count], flights[count:])))
+        doubtful = {family(one) for one in (*of_imu, *of_log, *found.differing())}
+        firm = tuple(n for n in found.firm if n not in doubtful)
         odd_ones = tuple(one for _, one in odd)
         found = replace(found, odd=odd_ones, rows=rows, untried=untried, model=self.model, firm=firm)
         return replace(found, flights=flights, timing=timing)

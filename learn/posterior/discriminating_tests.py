@@ -134,7 +134,7 @@ def _candidates(found: Sequence[_Explanation], vehicle: Vehicle) -> list[_Candid
     there = {name for e in found for name in e.effects}
     out = []
     for trial in TRIALS:
-        if not there & set(trial.shows):
+        if not there & set(trial.shows) or (trial.tilts and vehicle.arms is not None and not vehicle.arms.tilts.any()):
             continue
         setup = trial.setup(vehicle, [e.known for e in found])
         predicted = ((k, _outcome(trial, setup, e, vehicle)) for k, e in enumerate(found))

@@ -29,6 +29,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming, LateGyroscope
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
+from wrenchgap.learn.posterior.sparse_commands import SparseCommands, widest_spacing
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -219,9 +220,11 @@ def _relative(values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> di
 def sensor_causes(flights: Sequence[Flight], timing: Sequence[FlightTiming]) -> tuple[SensorCause, ...]:
     """What the sensors of these flights may do that looks like effects."""
     clock = other_clock(timing)
+    spacing = widest_spacing(flights)
+    sparse = (SparseCommands(spacing),) if spacing else ()
     if all(f.imu is None for f in flights):
-        return (replace(clock, imu=False) if isinstance(clock, UnboundedClock) else clock,)
-    return clock, scaled_accelerometer(flights), scaled_gyroscope(flights)
+        return (replace(clock, imu=False) if isinstance(clock, UnboundedClock) else clock, *sparse)
+    return clock, scaled_accelerometer(flights), scaled_gyroscope(flights), *sparse
 
 
 def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:

@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 from wrenchgap.flight.flight import AXES
@@ -12,9 +11,10 @@ from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
 from wrenchgap.replay.present.addition import granted_thrust
+from wrenchgap.replay.present.answer import answer_lines, evidence, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, too_short
+from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     by_axis,
@@ -51,55 +51,6 @@ def parts(found: Explanation) -> list[Part]:
         out.append(tables.before_after(title, tested.before, tested.after, tested.reduction))
         out += note_lines(comparison.validation_warnings(tested)[1:], "warning")
     return [*out, *not_tried_lines(found.untried), *note_lines(of_flights(found.flights))]
-
-
-def short(found: Explanation) -> list[str]:
-    """A warning where hardly any flight was left to judge by."""
-    seconds = [float(r.time[-1] - r.time[0]) for f in found.flights for r in f.records]
-    return too_short(sum(seconds)) if seconds else []
-
-
-def summary(found: Explanation) -> str:
-    """The verdict in plain words, and what speaks for it and against it."""
-    return " ".join([*answer(found), *evidence(found)])
-
-
-def answer(found: Explanation) -> list[str]:
-    """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
-    names, by = posterior.members_in_words(found)
-    alike = " ".join(map(partial(fitted_effects.either, found), found.groups))
-    match found.verdict:
-        case Verdict.NOTHING:
-            said = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
-        case Verdict.UNKNOWN if names:
-            partly = f"{by('Partly explained')} {names}; more is missing than the catalogue can explain."
-            said = [partly, alike, posterior.residual_causes(found)]
-        case Verdict.UNKNOWN if short(found):
-            said = ["Too short to tell what is missing.", posterior.nearest(found, at_all=True)]
-        case Verdict.UNKNOWN:
-            none = "Something is missing, but no effect of the catalogue explains it."
-            said = [none, alike, posterior.residual_causes(found)]
-        case Verdict.GROUP:
-            grouped = {name for group in found.groups for name in group[0].split(" + ")}
-            beside = [m for m in found.members if m.name not in grouped]
-            certain = posterior.confidence(found, found.members[0])
-            said = [alike, f"That it is one of them: {certain}."]
-            if beside:
-                listed, by = posterior.members_in_words(found, beside)
-                said.append(f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}.")
-        case _:
-            said = [f"{by('Explained')} {names}.", alike]
-    return [text for text in (*said, posterior.large_residual(found), posterior.largest_residual(found)) if text]
-
-
-def evidence(found: Explanation) -> list[str]:
-    """What the answer leaves to the details: what depends on what, what stays open, and what may have made it."""
-    if found.verdict is Verdict.UNKNOWN:
-        short_one = short(found) and not found.members
-        said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
-    else:
-        said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, posterior.answered(found), *granted_thrust(found.fit, found.model)) if text]
 
 
 def what_next(
@@ -246,7 +197,8 @@ def brief(found: Explanation) -> list[Part]:
     and the members.
     """  # noqa: D205
     places = what_to_inspect.of_explanation(found)[:MOST_PLACES]
-    said: list[Part] = [Line(text, "bold") for text in (*posterior.apart(found), " ".join(answer(found)), *places)]
+    said: list[Part] = [Line(text, "bold") for text in posterior.apart(found)]
+    said += [*answer_lines(found), *(Line(text, "bold") for text in places)]
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += map(Line, posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
@@ -255,7 +207,8 @@ def brief(found: Explanation) -> list[Part]:
         said.append(Line(f"On flights it never saw ({', '.join(tested.comparison.flights)}): {', '.join(sizes)} rms."))
         said += note_lines(comparison.validation_warnings(tested)[:1], "warning")
     said += note_lines([*short(found), *timing.in_short(found.timing, of_topics=True)][:1], "warning")
-    said += map(Line, detection.in_short(found)[: tables.ANSWER_LINES - len(said)])
+    room = max(MOST_PLACES, tables.ANSWER_LINES - len(said))
+    said += map(Line, detection.in_short(found)[:room])
     return [*said, Line(), *([members(found)] if found.members else [])]
 
 

@@ -15,6 +15,7 @@ from wrenchgap.learn.posterior.sensor_causes import (
     LATE_CLOCK,
     LATE_GYROSCOPE,
 )
+from wrenchgap.learn.posterior.sparse_commands import SPARSE_COMMANDS
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
@@ -27,9 +28,12 @@ SENSORS = {
     LATE_CLOCK: "the measured motion is late, by a clock or a low-pass of the IMU or the odometry",
     LATE_GYROSCOPE: "the gyroscope is late, by a low-pass of its own",
     ACCELEROMETER: "the accelerometer's calibration is off by as much",
+    SPARSE_COMMANDS: "the log does not say often enough what was commanded",
     GYROSCOPE: "the gyroscope's calibration is off by as much",
 }
 """What stands beside an effect, and is none."""
+SPOKEN = {"com_offset": ("x", "y"), "imu_misalignment": ("x", "y", "z"), "imu_lever_arm": ("x", "y", "z")}
+"""Parameters that the words of an effect hold beside the clearest one."""
 DIFFERENT = "different from the model file's"
 """Of effects that have no words of their own."""
 
@@ -73,38 +77,46 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 
 
-def either(found: Explanation, group: Sequence[str], most: int = 3) -> str:
-    """What cannot be told apart, each in a pilot's words with its size and its weight; of many the likeliest."""
+def alternatives(found: Explanation, group: Sequence[str], most: int = 3) -> list[tuple[str, str]]:
+    """What cannot be told apart, as weights and clauses in a pilot's words with their sizes; of many the likeliest."""
     vehicle, place = found.model.vehicle, tuple(group[0].split(" + "))
     rivals = {r.names: r for m in found.members for r in m.alike if r.members == place}
     mine = sum(s.weight for s in found.posterior.sets if set(place) <= set(s.names))
-    own = [e for e in found.fit.effects if e.name in place]
-    said = [together(own, vehicle, share(mine))]
+    said = [(share(mine), together([e for e in found.fit.effects if e.name in place], vehicle))]
     for names, rival in rivals.items():
         having = (s for s in found.posterior.sets if set(names) <= set(s.names) and not set(place) & set(s.names))
         theta = next((s.theta(found.model) for s in having), {})
         effects = [ModelEffect(find(name), theta[name]) for name in names if name in theta]
-        weight = share(rival.weight)
-        sensor = next((f"{SENSORS[name]} ({rival.name}, {weight})" for name in names if name in SENSORS), "")
-        whole = together(effects, vehicle, weight) if len(effects) == len(names) else f"{rival.name} ({weight})"
-        said.append(sensor or whole)
+        sensor = next((f"{SENSORS[name]} ({rival.name})" for name in names if name in SENSORS), "")
+        whole = together(effects, vehicle) if len(effects) == len(names) else rival.name
+        said.append((share(rival.weight), sensor or whole))
     more = len(said) - most
-    listed = said[:most] + ([f"{'one other' if more == 1 else f'one of {more} others'} (--details)"] * (more > 0))
-    flights = "this flight" if len(found.flights) == 1 else "these flights"
-    return f"Either {', or '.join(listed)}: {flights} cannot tell which."
+    rest = f"{'one other' if more == 1 else f'one of {more} others'} (--details)"
+    return said[:most] + [("", rest)] * (more > 0)
 
 
-def together(effects: Sequence[ModelEffect], vehicle: Vehicle, weight: str) -> str:
-    """What one or two effects say together as a clause, with their values and a weight; of more, or of two without
-    words of their own, the names alone.
+def either(found: Explanation, group: Sequence[str]) -> str:
+    """The `alternatives` as a sentence."""
+    said = [f"{clause}, {weight}" if weight else clause for weight, clause in alternatives(found, group)]
+    return f"Either {'; or '.join(said)}: {which_flights(found)} cannot tell which."
+
+
+def which_flights(found: Explanation) -> str:
+    """The subject of a sentence on what they cannot tell."""
+    return "this flight" if len(found.flights) == 1 else "these flights"
+
+
+def together(effects: Sequence[ModelEffect], vehicle: Vehicle) -> str:
+    """What one or two effects say together as a clause, with their values; of more, or of two without words of their
+    own, the names alone.
     """  # noqa: D205
     found = [_in_words(one, vehicle, stds=True) for one in effects]
     wordless = any(one.is_so in ("", DIFFERENT) for one in found)
     if len(effects) > 2 or (len(effects) == 2 and wordless):
-        return f"{' + '.join(one.name for one in effects)} ({weight})"
+        return " + ".join(one.name for one in effects)
     if wordless:
-        return f"{found[0].values} ({weight})"
-    return f"{' and '.join(map(_clause, found))} ({' + '.join(one.values for one in found)}, {weight})"
+        return found[0].values
+    return f"{' and '.join(map(_clause, found))} ({' + '.join(one.values for one in found)})"
 
 
 def _clause(one: FittedEffect) -> str:
@@ -112,13 +124,11 @@ def _clause(one: FittedEffect) -> str:
 
 
 def _in_words(effect: ModelEffect, vehicle: Vehicle, *, stds: bool = False, prominent: float = 0.3) -> FittedEffect:
-    """An effect in words, its values with their standard deviations where `stds`; a further value of it is said from
-    `prominent` times the largest on, or its typical size.
+    """An effect in words and its values; a further value of it is said from `prominent` times the largest on, or its
+    typical size. With `stds` the words have the standard deviation, and what they say stands in no value again.
     """  # noqa: D205
-    parameters, std = (
-        effect.effect.parameters(vehicle),
-        np.zeros(len(effect.theta)) if effect.std is None else effect.std,
-    )
+    parameters = effect.effect.parameters(vehicle)
+    std = np.zeros(len(effect.theta)) if effect.std is None else effect.std
     sizes = {
         p.name: abs(value) / p.scale
         for p, value, one in zip(parameters, effect.theta, std, strict=True)
@@ -130,23 +140,32 @@ def _in_words(effect: ModelEffect, vehicle: Vehicle, *, stds: bool = False, prom
     by = {v.name: v for v in values if v.name in sizes}
     if stds and not by and values:  # what is named is said with its size, however unsure
         nearest = max(values, key=lambda v: abs(v.value) / (v.std or 1e-30))
-        return FittedEffect("", "", f"{effect.name} {user_name(nearest.name, vehicle)} {with_std(nearest)}", 0.0)
+        return FittedEffect("", "", f"{effect.name} {user_name(nearest.name, vehicle)} {_sized(nearest)}", 0.0)
     largest = sizes[clearest[0]] if clearest else 0.0
     said = [by[n] for n in clearest[:3] if sizes[n] > min(1.0, prominent * largest)]
-    listed = ", ".join(f"{user_name(v.name, vehicle)} {with_std(v)}" for v in said)
     subject, is_so = _words(effect.name, by, clearest, vehicle) if clearest else ("", "")
-    return FittedEffect(subject, is_so, f"{effect.name} {listed}".rstrip(), largest)
+    if stds and is_so != DIFFERENT:
+        said = [v for v in said if v.name not in (*clearest[:1], *SPOKEN.get(effect.name, ()))]
+    listed = ", ".join(f"{user_name(v.name, vehicle)} {_sized(v) if stds else with_std(v)}" for v in said)
+    also = ", also" if said and stds and is_so != DIFFERENT else ""
+    return FittedEffect(subject, is_so, f"{effect.name}{also} {listed}".rstrip(), largest)
+
+
+def _sized(value: Value) -> str:
+    return size_in_words(value.value, value.unit, value.std)
 
 
 def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle: Vehicle) -> tuple[str, str]:
-    """What an effect with these values is about, and how that is off."""
+    """What an effect with these values is about, and how that is off, with its standard deviation where it has one."""
     first = by[clearest[0]]
     x, y, z = (by[axis].value if axis in by else 0.0 for axis in "xyz")
-    length, more = float(np.linalg.norm([x, y, z])), first.value > 0.0
-    size, where = size_in_words(abs(first.value), first.unit), user_name(first.name, vehicle)
+    more = first.value > 0.0
+    size, where = size_in_words(abs(first.value), first.unit, first.std), user_name(first.name, vehicle)
+    length = size_in_words(float(np.linalg.norm([x, y, z])), first.unit, first.std)
+    level = size_in_words(float(np.hypot(x, y)), first.unit, first.std)
     match name:
         case "com_offset" if x or y:
-            return "the centre of mass", f"{size_in_words(np.hypot(x, y), 'm')} towards the {towards(vehicle, x, y)}"
+            return "the centre of mass", f"{level} towards the {towards(vehicle, x, y)}"
         case "com_offset":
             return "the centre of mass", f"{size} {'higher' if more else 'lower'}"
         case "rotor_thrust":
@@ -154,9 +173,9 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
         case "tilt_offset":
             return where, f"tilted {size} off"
         case "imu_misalignment":
-            return "the IMU", f"turned by {size_in_words(length, 'rad')}"
+            return "the IMU", f"turned by {length}"
         case "imu_lever_arm":
-            return "the IMU", f"{size_in_words(length, 'm')} away from where it was given"
+            return "the IMU", f"{length} away from where it was given"
         case "mass":
             return "the vehicle", f"{size} {'heavier' if more else 'lighter'}"
         case "thrust_scale":

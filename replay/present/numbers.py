@@ -112,12 +112,15 @@ def signed(value: float, words: str) -> str:
     return f"+{words}" if value > 0.0 else words
 
 
-def size_in_words(value: float, unit_name: str) -> str:
-    """A size as it is said: two digits, in per cent, degrees, or thousandths of a unit where it is small."""
+def size_in_words(value: float, unit_name: str, std: float | None = None) -> str:
+    """A size as it is said: two digits, in per cent, degrees, or thousandths of a unit where it is small; with its
+    standard deviation where it has one: "3.9 +- 1.0 %".
+    """  # noqa: D205
     factor, words = SCALED.get(unit_name, (1.0, unit(unit_name)))
     if unit_name in MILLI and abs(value) < 0.1:
         factor, words = 1000.0, {"kg": "g"}.get(unit_name, f"m{unit_name}")
-    return f"{number(factor * value, 2)} {words}"
+    uncertain = f" +- {number(factor * std, 2)}" if std else ""
+    return f"{number(factor * value, 2)}{uncertain} {words}"
 
 
 def separation(value: float, most: float = 100.0) -> str:

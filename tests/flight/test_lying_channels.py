@@ -7,6 +7,7 @@ import pytest
 
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.channels import held_for
+from wrenchgap.flight.checks.command_rate import command_spacing
 from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries
 
 TIME = np.arange(0.0, 24.0, 0.01)
@@ -47,6 +48,43 @@ def test_readings_that_are_held_have_the_rate_at_which_they_change(held, name, r
     assert found.words.startswith(f"The {name} has each value {max(held)} times: it reads at {rate}, not at the 100 Hz")
     late = 0.5 * (max(held) - 1) * 10.0  # ms: the mean age of a value that is held for so long
     assert f"late by {late:.2g} ms" in found.words
+
+
+def held_commands(rotor):
+    """A log at 100 Hz of commands that a 10 Hz topic repeats."""
+    return np.repeat(rotor[::10], 10, axis=0)
+
+
+def interpolated_commands(rotor):
+    """The same with straight lines between them, as resampled tables have them."""
+    return np.stack([np.interp(TIME, TIME[::10], column[::10]) for column in rotor.T], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"), [(held_commands, "have each value 10 times"), (interpolated_commands, "lie on straight lines")]
+)
+def test_commands_of_which_one_in_ten_says_something_have_that_rate(how, words):
+    found = said(flown(speeds=how))["rate"]
+    assert words in found.words
+    assert "at 10 Hz, not at the 100 Hz of their stamps, so that no delay and no lag below 1e+02 ms" in found.words
+    assert command_spacing(flown(speeds=how))["actuators"].seconds == pytest.approx(0.1, rel=0.02)
+
+
+def test_commands_that_are_stamped_in_bursts_say_no_more_often_what_was_sent():
+    """Eight samples of one packet within 7 us, 80 ms apart: as loggers stamp what arrives together."""
+    flight = flown()
+    place = np.arange(len(TIME))
+    stamps = TIME[place - place % 8] + 1e-6 * (place % 8)
+    flight = replace(flight, actuators=replace(flight.actuators, time=stamps))
+    assert command_spacing(flight)["actuators"].seconds == pytest.approx(0.08, rel=0.01)
+    assert "in bursts, 80 ms apart" in said(flight)["rate"].words
+
+
+def test_smooth_commands_and_those_of_which_one_rotor_is_held_are_as_fast_as_their_stamps():
+    assert not command_spacing(
+        flown(speeds=lambda rotor: 600.0 + 40.0 * np.sin(2.0 * np.pi * TIME)[:, None] + 0 * rotor)
+    )
+    assert not command_spacing(flown(speeds=lambda rotor: np.c_[held_commands(rotor)[:, :3], rotor[:, 3]]))
 
 
 def test_coarse_readings_and_rest_are_not_held():

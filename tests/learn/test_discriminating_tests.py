@@ -158,6 +158,13 @@ def test_a_step_tells_dead_time_from_lag_and_up_from_down(checks):
     assert "first motion 30 ms after the command if command_delay" in step.what
 
 
+def test_a_vehicle_without_tilt_servos_steps_no_servo(checks):
+    """A delay of 28 ms against nothing: a step of either would show it."""
+    sets = {"command_delay": {"delay": 0.028}}, {}
+    assert "servo_step" in bench(checks(*sets))
+    assert [*bench(checks(*sets, on=model_file.load("crazyflie").vehicle))] == ["rotor_step"]
+
+
 def test_two_forms_that_the_camera_cannot_tell_apart_are_not_told_apart(checks):
     found = checks({"motor_lag": {"tau": 0.04}}, {"asymmetric_motor_lag": {"tau_up": 0.039, "tau_down": 0.042}})
     assert bench(found) == {}

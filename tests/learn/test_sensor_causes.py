@@ -20,6 +20,7 @@ from wrenchgap.learn.posterior.sensor_causes import (
     made_by_another_filter,
     other_clock,
 )
+from wrenchgap.learn.posterior.sparse_commands import SparseCommands, made_by_sparse_commands, widest_spacing
 from wrenchgap.replay.present.timing import warnings
 
 TRIED = ["command_delay", "servo_lag", "motor_lag", "com_offset", "mass"]
@@ -214,3 +215,20 @@ def test_an_imu_that_became_later_may_have_made_a_delay_that_came():
     assert not made_by_another_filter(gone, seen(0.0), seen(0.0))
     assert not made_by_another_filter(gone, seen(0.0), seen(-0.006))
     assert not made_by_another_filter({"command_delay": {"delay": -0.03}}, seen(None), seen(None))
+
+
+def test_a_lag_below_the_time_between_commands_is_not_firm(once, hexarotor):
+    """Commands of 200 Hz of which the log repeats every tenth, 50 ms: what it says of a lag of 30 ms is its own."""
+    flight = once("late_clock servo_lag", lambda: engine.fly("servo_lag", None, "train", seed=23, seconds=25))[0]
+    act = flight.actuators
+    held = {name: np.repeat(getattr(act, name)[::10], 10, axis=0)[: len(act.time)] for name in ("tilt", "rotor_speed")}
+    sparse = replace(flight, actuators=replace(act, **held), commanded=None)
+    assert widest_spacing([flight]) == 0.0
+    assert widest_spacing([sparse]) == pytest.approx(10 * act.period, rel=0.01)
+    lags = {"motor_lag": {"tau": 0.03}, "mass": {"added": 0.1}}
+    assert SparseCommands(0.05).made(lags, hexarotor.vehicle) == ["motor_lag"]
+    assert SparseCommands(0.02).made(lags, hexarotor.vehicle) == []
+    assert made_by_sparse_commands(lags, [flight], [sparse]) == ["motor_lag"]
+    assert made_by_sparse_commands(lags, [sparse], [sparse]) == []
+    found = explain(open_flights([sparse], hexarotor), hexarotor, names=TRIED, jobs=1)
+    assert not {"servo_lag", "motor_lag", "command_delay"} & set(found.firm)

@@ -26,8 +26,9 @@ from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, what_to_inspect
+from wrenchgap.replay.present.answer import answer, answer_lines, short, summary
 from wrenchgap.replay.present.documents import VERSIONS, plain
-from wrenchgap.replay.present.explanation import answer, brief, members, short, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import brief, members, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.posterior import oscillation_in_words, with_values
@@ -195,7 +196,7 @@ def test_a_group_is_told_with_all_its_members_and_their_weights(grouped):
     said = summary(grouped)
     assert all(name in said for name in grouped.groups[0])
     assert said.startswith("Either all thrust is ")
-    weights = [float(w) for w in re.findall(r"(\d+) %\)", said.partition(":")[0])]
+    weights = [float(w) for w in re.findall(r", (\d+) %[;:]", said)]
     sure = re.search(r"one of them: confidence (\d+) %", said)
     assert sure is not None
     assert len(weights) == 2
@@ -208,17 +209,26 @@ def test_explanations_that_are_alike_are_said_by_what_a_pilot_can_look_for():
     mass = make_effect(MODEL.vehicle, "com_offset", (0.004, 0.003, 0.0))
     drag = make_effect(MODEL.vehicle, "body_drag", {"linear_x": 0.1})
     vehicle = MODEL.vehicle
-    assert (
-        fitted_effects.together([rotor], vehicle, "70 %") == "M3 is 12 % weaker (rotor_thrust M3 -0.120 +- 0.030, 70 %)"
-    )
-    words = fitted_effects.together([mass], vehicle, "26 %")
+    assert fitted_effects.together([rotor], vehicle) == "M3 is 12 +- 3.0 % weaker (rotor_thrust)"
+    words = fitted_effects.together([mass], vehicle)
     assert words.startswith("the centre of mass is 5.0 mm towards the front left (")
-    assert words.endswith("(com_offset x 0.00400 m, y 0.00300 m, 26 %)")
-    both = fitted_effects.together([mass, rotor], vehicle, "9 %")
-    assert " and M3 is 12 % weaker (" in both
-    assert fitted_effects.together([drag], vehicle, "3 %") == "body_drag linear_x 0.100 N s/m (3 %)"
-    assert fitted_effects.together([drag, mass], vehicle, "3 %") == "body_drag + com_offset (3 %)"
-    assert fitted_effects.together([drag, mass, rotor], vehicle, "3 %") == "body_drag + com_offset + rotor_thrust (3 %)"
+    assert words.endswith("(com_offset)")
+    both = fitted_effects.together([mass, rotor], vehicle)
+    assert both.endswith(" and M3 is 12 +- 3.0 % weaker (com_offset + rotor_thrust)")
+    two = replace(make_effect(vehicle, "rotor_thrust", {"rotor_2": -0.12, "rotor_0": -0.1}), std=np.full(12, 0.03))
+    assert fitted_effects.together([two], vehicle).endswith("% weaker (rotor_thrust, also M1 -10 +- 3.0 %)")
+    assert fitted_effects.together([drag], vehicle) == "body_drag linear_x 0.10 N s/m"
+    assert fitted_effects.together([drag, mass], vehicle) == "body_drag + com_offset"
+    assert fitted_effects.together([drag, mass, rotor], vehicle) == "body_drag + com_offset + rotor_thrust"
+
+
+def test_what_cannot_be_told_apart_has_a_line_each(grouped):
+    """Under a head that says how sure it is that it is one of them, with the weight of each."""
+    head, *rows = answer_lines(grouped)
+    assert re.fullmatch(r"One of these \(confidence \d+ %\); this flight cannot tell which:", head.text)
+    assert [re.match(r" +\d+ %  ", row.text) is not None for row in rows] == [True, True, False]
+    assert "thrust_scale" in rows[0].text + rows[1].text
+    assert "coaxial_loss" in rows[0].text + rows[1].text
 
 
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):

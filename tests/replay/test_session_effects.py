@@ -9,8 +9,8 @@ from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.fit import fit, with_fit
 from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant import model_file
+from wrenchgap.replay.present.answer import summary
 from wrenchgap.replay.present.design import sentence
-from wrenchgap.replay.present.explanation import summary
 from wrenchgap.replay.present.staircase import label
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.saving import SaveFolder

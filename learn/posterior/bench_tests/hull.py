@@ -231,7 +231,14 @@ def hang(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     )
 
 
-@bench_test("servo_step", 30, ("servo_lag", "command_delay"), "dead time and time constant of a tilt servo", "4 ms")
+@bench_test(
+    "servo_step",
+    30,
+    ("servo_lag", "command_delay"),
+    "dead time and time constant of a tilt servo",
+    "4 ms",
+    tilts=True,
+)
 def servo_step(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """Dead time and time constant (2,) [s] of a tilt servo after a step in the direction of its last move."""
     return Setup(

@@ -54,8 +54,8 @@ class Trial:
     `minutes` is its cost, our estimate, tools at hand. Effects in `shows` change the reading; those in `unclear` may
     or may not, so that the check says nothing of a set with one of them; no other effect of the catalogue does.
     `setup` is called with the vehicle and with the known values of every set that is to be told apart, heaviest first,
-    when one of them has an effect in `shows`. `measures` and `resolves` say in words what is measured, and to what
-    resolution.
+    when one of them has an effect in `shows`; with `tilts` only where the vehicle has arms that tilt. `measures` and
+    `resolves` say in words what is measured, and to what resolution.
     """
 
     name: str
@@ -65,13 +65,21 @@ class Trial:
     measures: str
     resolves: str
     unclear: tuple[str, ...] = ()
+    tilts: bool = False
 
 
 def bench_test(
-    name: str, minutes: int, shows: tuple[str, ...], measures: str, resolves: str, unclear: tuple[str, ...] = ()
+    name: str,
+    minutes: int,
+    shows: tuple[str, ...],
+    measures: str,
+    resolves: str,
+    unclear: tuple[str, ...] = (),
+    *,
+    tilts: bool = False,
 ) -> Callable[[Callable[[Vehicle, Sequence[Fitted]], Setup]], Trial]:
     """Decorates a `Trial.setup`; the name then is that of the trial."""
-    return lambda setup: Trial(name, minutes, shows, setup, measures, resolves, unclear)
+    return lambda setup: Trial(name, minutes, shows, setup, measures, resolves, unclear, tilts)
 
 
 def whole(theta: Array) -> Array:

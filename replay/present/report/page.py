@@ -23,9 +23,9 @@ from wrenchgap.learn.health.health import Health
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import (
+    answer,
     changed,
     comparison,
-    explanation,
     fitted_effects,
     health,
     parameters,
@@ -67,8 +67,8 @@ def page(report: Report, repetition: Repetition) -> str:
             date=repetition.date,
             vehicle=report.model.vehicle.name,
             verdict=str(found.verdict),
-            summary=" ".join(explanation.answer(found)) + law,
-            evidence=explanation.evidence(found),
+            summary=" ".join(answer.answer(found)) + law,
+            evidence=answer.evidence(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
             already=fitted_effects.already_in(report.model),
             warnings=[

@@ -6,7 +6,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.design.design_result import Design
 from wrenchgap.plant.trajectory import file as trajectory_file
-from wrenchgap.replay.present import explanation, fitted_effects, learning, staircase, timing, where
+from wrenchgap.replay.present import answer, explanation, fitted_effects, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import checks_json, sentences
 from wrenchgap.replay.present.numbers import by_axis, entries, separation, unmeasured
@@ -62,7 +62,7 @@ def designed(found: Design) -> str:
 def parts(report: Report) -> list[Part]:
     """The verdict, and by how much the error is reduced."""
     return [
-        Line(" ".join(explanation.answer(report.explanation)), "bold"),
+        Line(" ".join(answer.answer(report.explanation)), "bold"),
         *(Line(text) for text in (fitted_effects.already_in(report.model),) if text),
         *(Line(staircase.sentence(case)) for case in report.staircases),
     ]
@@ -75,7 +75,7 @@ def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, A
     return {
         "axes": list(AXES),
         "unmeasured": unmeasured(report.explanation.noise),
-        "summary": explanation.summary(report.explanation),
+        "summary": answer.summary(report.explanation),
         "explain": explanation.to_json(report.explanation),
         "staircases": [staircase.to_json(case) for case in report.staircases],
         "absorbs": None if absorbed is None else learning.absorption_json(absorbed),

@@ -131,7 +131,7 @@ class EffectsPanel(Panel):
 
     def _search_html(self, found: Explanation, model: str) -> str:
         """Verdict and candidates, with links that add effects and lead to the flight that separates a group."""
-        from wrenchgap.replay.present import detection, explanation  # here: the page stands before it is there
+        from wrenchgap.replay.present import answer, detection, explanation  # here: the page stands before it is there
 
         inside = {i.name for i in self.effects.installed}
         names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
@@ -140,8 +140,8 @@ class EffectsPanel(Panel):
         return html.render(
             "search",
             found=found,
-            summary=" ".join(explanation.answer(found)),
-            evidence=explanation.evidence(found),
+            summary=" ".join(answer.answer(found)),
+            evidence=answer.evidence(found),
             values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
             open=explanation.open_in_words(found),
             shown=detection.sentences(found),

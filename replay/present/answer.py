@@ -1,0 +1,78 @@
+"""The answer of `explain`: what is missing, how sure that is, what cannot be told apart, and what is left."""
+
+from wrenchgap.learn import Explanation, Verdict
+from wrenchgap.replay.present import fitted_effects, posterior
+from wrenchgap.replay.present.addition import granted_thrust
+from wrenchgap.replay.present.notes import too_short
+from wrenchgap.replay.present.tables import Line
+
+
+def short(found: Explanation) -> list[str]:
+    """A warning where hardly any flight was left to judge by."""
+    seconds = [float(r.time[-1] - r.time[0]) for f in found.flights for r in f.records]
+    return too_short(sum(seconds)) if seconds else []
+
+
+def summary(found: Explanation) -> str:
+    """The verdict in plain words, and what speaks for it and against it."""
+    return " ".join([*answer(found), *evidence(found)])
+
+
+def answer(found: Explanation) -> list[str]:
+    """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
+    before, after = _around_groups(found)
+    certain = []
+    if found.verdict is Verdict.GROUP:
+        certain = [f"That it is one of them: {posterior.confidence(found, found.members[0])}."]
+    return [*before, *(fitted_effects.either(found, group) for group in found.groups), *certain, *after]
+
+
+def answer_lines(found: Explanation) -> list[Line]:
+    """The same with a line for each of what cannot be told apart."""
+    if not found.groups:
+        return [Line(" ".join(answer(found)), "bold")]
+    before, after = _around_groups(found)
+    out = [Line(" ".join(before), "bold")] if before else []
+    for k, group in enumerate(found.groups):
+        sure = (
+            f" ({posterior.confidence(found, found.members[0])})" if found.verdict is Verdict.GROUP and k == 0 else ""
+        )
+        which = fitted_effects.which_flights(found)
+        out.append(Line(f"{'And one' if k else 'One'} of these{sure}; {which} cannot tell which:", "bold"))
+        out += [Line(f"  {weight:>5}  {clause}") for weight, clause in fitted_effects.alternatives(found, group)]
+    return [*out, Line(" ".join(after))]
+
+
+def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
+    """Sentences before and after those on what cannot be told apart."""
+    names, by = posterior.members_in_words(found)
+    before, after = [f"{by('Explained')} {names}."], []
+    match found.verdict:
+        case Verdict.NOTHING:
+            before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
+        case Verdict.UNKNOWN if names:
+            before = [f"{by('Partly explained')} {names}; more is missing than the catalogue can explain."]
+            after = [posterior.residual_causes(found)]
+        case Verdict.UNKNOWN if short(found):
+            before = ["Too short to tell what is missing.", posterior.nearest(found, at_all=True)]
+        case Verdict.UNKNOWN:
+            before = ["Something is missing, but no effect of the catalogue explains it."]
+            after = [posterior.residual_causes(found)]
+        case Verdict.GROUP:
+            before = []
+            grouped = {name for group in found.groups for name in group[0].split(" + ")}
+            if beside := [m for m in found.members if m.name not in grouped]:
+                listed, by = posterior.members_in_words(found, beside)
+                after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}."]
+    after += [posterior.large_residual(found), posterior.largest_residual(found)]
+    return [text for text in before if text], [text for text in after if text]
+
+
+def evidence(found: Explanation) -> list[str]:
+    """What the answer leaves to the details: what depends on what, what stays open, and what may have made it."""
+    if found.verdict is Verdict.UNKNOWN:
+        short_one = short(found) and not found.members
+        said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
+    else:
+        said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
+    return [text for text in (*said, posterior.answered(found), *granted_thrust(found.fit, found.model)) if text]
