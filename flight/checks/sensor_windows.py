@@ -118,7 +118,7 @@ class Block:
         )
         when = self.time[start]
         segment = np.minimum(((when - when[0]) / SCALE.segment).astype(int), self.segments - 1)
-        columns = _detrended(when, np.concatenate((reference, measured, by_delay), axis=1))
+        columns = detrended(when, np.concatenate((reference, measured, by_delay), axis=1))
         starts = self.time[0] + SCALE.segment * np.arange(self.segments)
         return Windows(columns[:, :3], columns[:, 3:6], columns[:, 6:], segment, starts)
 
@@ -142,7 +142,7 @@ def _specific_impulses(odometry: OdometrySeries, rows: slice, every: int) -> tup
     return time, so3.rotate_inverse(quat, pushed)
 
 
-def _detrended(time: Array, values: Array) -> Array:
+def detrended(time: Array, values: Array) -> Array:
     """Values (K, C) without their mean and slope over time: a bias, and its drift."""
     lever = time - np.mean(time)
     slope = lever @ values / np.maximum(lever @ lever, 1e-30)

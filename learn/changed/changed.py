@@ -63,6 +63,8 @@ one that is far from straight, and that several others make up for.
 """
 CHANCE = 0.1
 """Weight of nothing having changed below which something has."""
+CLEAR = 1.64
+"""Standard deviations of its change from which on an effect is firm: its sign is known to 95 %."""
 UNLIKE = 1.6
 """Ratio of commanded thrusts from which on two flights are not of one vehicle."""
 
@@ -154,8 +156,8 @@ def changed(
     """Find what changed between flights that were opened for `model`, among `names`, by default the catalogue.
 
     So many `injections` into the suspect flights check the limits of what would have been firm. `jobs` processes, by
-    default one for each core. Raises UsageError where a side has no flight, LogError for the same
-    flight on both sides or one of another vehicle, ModelError for unknown names.
+    default one for each core. Raises UsageError where a side has no flight, LogError for the same flight on both sides
+    or one of another vehicle, ModelError for unknown names.
     """
     return Baseline(healthy, model, names=names, jobs=jobs).against(suspects, progress, injections)
 
@@ -220,10 +222,10 @@ class Baseline:
         of_imu = made_by_another_filter(changes, timing[:count], timing[count:])
         of_log = made_by_sparse_commands(changes, *([f.flight for f in s] for s in (flights[:count], flights[count:])))
         doubtful = {family(one) for one in (*of_imu, *of_log, *found.differing())}
-        firm = tuple(n for n in found.firm if n not in doubtful)
-        odd_ones = tuple(one for _, one in odd)
-        found = replace(found, odd=odd_ones, rows=rows, untried=untried, model=self.model, firm=firm)
-        return replace(found, flights=flights, timing=timing)
+        clear = {family(p.effect) for p in found.parameters if p.significance > CLEAR}
+        firm = tuple(n for n in found.firm if n in clear - doubtful)
+        found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
+        return replace(found, firm=firm, flights=flights, timing=timing)
 
     def _timed(self, flight: OpenFlight) -> FlightTiming:
         key = f"{flight.flight.name} {flight.flight.content_hash}"
@@ -292,9 +294,7 @@ def compared(
     jobs: int = 1,
     limits_of: Sequence[str] | None = None,
 ) -> Changed:
-    """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number;
-    with the detection limits of all effects, or of those in `limits_of`.
-    """  # noqa: D205
+    """The answer on a calibrated pool of healthy flights `good` and suspect ones `mine`, with limits of `limits_of`."""
     found = weigh(pool, mine, jobs)
     pool = found.pool
     best = next((c.sets[0] for c in found.posterior.classes if c.sets[0].names), None)

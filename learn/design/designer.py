@@ -189,6 +189,12 @@ class _Search:
     def _compose(self) -> tuple[Segment, ...]:
         """Segment after segment the manoeuvre that helps most, then exchanges as long as they help."""
         flyable = self._flyable()
+        if not flyable:
+            raise FitError(
+                f"design: {self.model.vehicle.name} flies none of the manoeuvres {', '.join(self.manoeuvres)} within "
+                "its limits; check its mass and highest thrust (`wrenchgap model show`), or give wider limits "
+                "(`wrenchgap design --help`)"
+            )
         chosen: tuple[Segment, ...] = ()
         best = 0.0
         for number in range(self.count):

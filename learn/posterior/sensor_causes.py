@@ -24,7 +24,7 @@ import numpy as np
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
 from wrenchgap.flight.checks.motion import motion_means
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.sensor_scales import Bounds, sensor_scales
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming, LateGyroscope
 from wrenchgap.learn.posterior.discriminating_tests import Check
@@ -228,21 +228,30 @@ def sensor_causes(flights: Sequence[Flight], timing: Sequence[FlightTiming]) -> 
 
 
 def scaled_accelerometer(flights: Sequence[Flight]) -> ScaledAccelerometer:
-    """As far as the odometry of all flights bounds the scale, or datasheets do."""
+    """As far as the odometry of all flights bounds the scale of the mean, or datasheets do; and as it shows the scale
+    of what changes along the thrust, which is another where vibration is rectified.
+    """  # noqa: D205
     ratios = [gravity_ratio(f, motion_means(f)) for f in flights]
     known = [(r.value, SENSOR.offset + SCALE.sigmas * r.std) for r in ratios if r is not None]
-    spans = known or [(1.0, SENSOR.datasheet)]
-    return ScaledAccelerometer(*_hull([(middle - reach, middle + reach) for middle, reach in spans]))
+    spans = [(middle - reach, middle + reach) for middle, reach in known or [(1.0, SENSOR.datasheet)]]
+    scales = [(sensor_scales(f, "accelerometer") or {}).get("z") for f in flights]
+    spans += _plain([one.best for one in scales if one is not None])
+    return ScaledAccelerometer(*_hull(spans))
 
 
 def scaled_gyroscope(flights: Sequence[Flight]) -> ScaledGyroscope:
     """As far as the attitude of all flights bounds the scale of the axes that it shows, or datasheets do: bounds that
     are further apart than those say nothing.
     """  # noqa: D205
-    scales = [one.best for f in flights for one in (sensor_scales(f, "gyroscope") or {}).values()]
-    reach = SCALE.tolerance
-    spans = [(b.low - reach, b.high + reach) for b in scales if b.width < SENSOR.datasheet and b.std < SCALE.tolerance]
+    spans = _plain([one.best for f in flights for one in (sensor_scales(f, "gyroscope") or {}).values()])
     return ScaledGyroscope(*_hull(spans or [(1.0 - SENSOR.datasheet, 1.0 + SENSOR.datasheet)]))
+
+
+def _plain(scales: Sequence[Bounds]) -> list[tuple[float, float]]:
+    """Bounds that say more of a scale than datasheets do, widened by what they, and fitted effects, may be off by."""
+    known = [b for b in scales if b.width < SENSOR.datasheet and b.std < SCALE.tolerance]
+    reach = [SCALE.tolerance + SENSOR.exact / (1.0 - SENSOR.exact) * abs(b.middle - 1.0) for b in known]
+    return [(b.low - r, b.high + r) for b, r in zip(known, reach, strict=True)]
 
 
 def _hull(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:

@@ -9,7 +9,9 @@ from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.slow_turns import high_pass
 from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
 
 RATE = 1000.0
@@ -254,3 +256,32 @@ def test_an_axis_with_bounds_far_apart_is_not_known():
     assert found.level == "ok"
     assert "beyond doubt (x " in found.words
     assert "Not known, for too little motion next to noise: z" in found.words
+
+
+def behind_high_pass(flight, corner):
+    """The gyroscope behind a high-pass of the first order, as one that takes its bias off by itself."""
+    imu = flight.imu
+    sos = butter(1, corner, "highpass", fs=1.0 / imu.period, output="sos")
+    return replace(flight, imu=replace(imu, omega_B=sosfilt(sos, imu.omega_B, axis=0)))
+
+
+@pytest.mark.parametrize("corner", [0.05, 0.1, 0.2])
+def test_a_gyroscope_that_loses_slow_turns_is_said_with_its_corner(corner):
+    """omega - g = c G: the attitude shows c, to the share by which the filter's start and the noise blur it."""
+    flight = behind_high_pass(flown(seconds=40.0, seed=3), corner)
+    found, std = high_pass(flight)
+    assert found == pytest.approx(corner, rel=0.1)
+    assert std < 0.05 * corner
+    checks = [c for c in with_checks(flight).checks if c.name == "gyroscope-scale" and c.level == "bad"]
+    assert "loses slow turns" in checks[0].words
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{}, {"late": 0.03}, {"odometry_hz": 20.0}, {"lag": 0.02}, {"scale": 0.97}, {"attitude_noise": 0.01}],
+    ids=str,
+)
+def test_a_sound_gyroscope_loses_no_slow_turns(how):
+    for seed in range(3):
+        found = high_pass(flown(seconds=40.0, seed=seed, **how))
+        assert found is None or found[0] < max(SCALE.least_corner / 2, 3 * found[1])
