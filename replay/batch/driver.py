@@ -106,6 +106,8 @@ def _client_of(scheduler: str) -> Any:
     def ask() -> None:
         try:
             answer.set_result(distributed.Client(scheduler, timeout=PATIENCE))
+            for name in ("distributed.client", "distributed.utils"):  # a scheduler that is lost is said in one line
+                logging.getLogger(name).setLevel(logging.CRITICAL)
         except BaseException as error:
             answer.set_exception(error)
 

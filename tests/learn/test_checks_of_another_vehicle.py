@@ -40,6 +40,28 @@ def test_one_factor_on_every_thrust_is_a_c_f_and_no_other_vehicle(tilting, facto
     assert check.level == level
 
 
+@pytest.mark.parametrize("factor", [1.03, 0.95])
+def test_one_rotor_whose_logged_speed_is_off_is_said_and_is_no_weak_rotor(tilting, factor):
+    """The commanded wrench of the same log needs another speed of it: T = c_f Omega^2 at (1 / factor) times that."""
+    model, flight = tilting
+    speed = flight.actuators.rotor_speed * np.where(np.arange(flight.actuators.rotor_speed.shape[1]) == 4, factor, 1.0)
+    (check,) = of_name(replace(flight, actuators=replace(flight.actuators, rotor_speed=speed)), model, "actuation")
+    assert check.level == "bad"
+    rotor = model.vehicle.rotor_name(4)
+    assert (
+        f"the logged speed of {rotor} alone makes it, {factor:.3f} times the one that the wrench needs" in check.words
+    )
+
+
+def test_a_model_with_one_rotor_that_lifts_less_is_asked_about_too(tilting):
+    """c_f 20 % too low for one rotor is one speed that is 1 / sqrt(1 / 0.8) times what the wrench needs."""
+    model, flight = tilting
+    c_f = model.vehicle.rotors.c_f * np.where(np.arange(len(model.vehicle.rotors.c_f)) == 2, 0.8, 1.0)
+    (check,) = of_name(flight, with_rotors(model, c_f=c_f), "actuation")
+    assert check.level == "bad"
+    assert f"{0.8**0.5:.3f} times" in check.words
+
+
 @pytest.mark.parametrize(("share", "level"), [(1.0, "ok"), (1.2, "warn"), (1.4, "warn"), (1.6, "bad"), (0.6, "bad")])
 def test_commands_that_carry_another_weight_are_another_vehicles(tilting, share, level):
     """In flight the mean commanded force is m g: a model of a vehicle 1.6 times lighter is not this one's."""

@@ -11,7 +11,7 @@ with the commanded wrench.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,9 @@ from wrenchgap.flight.stamps import thinned
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import about_com
 
@@ -137,6 +139,10 @@ class RecordThresholds:
     """Of the weight: rms force by which h(u) and a commanded wrench differ beyond what a vehicle and its model do."""
     factor: tuple[float, float] = (0.5, 2.0)
     """On h(u) that a wrong c_f may explain: the thrust's unit and the weight are asked elsewhere."""
+    odd_rotor: float = 0.04
+    """Share of its thrust by which one rotor's logged speed may be off: 2 % of speed, as coarse throttle steps are."""
+    unexplained: float = 0.1
+    """Share of what h(u) and the logged wrench differ by, squared, that a single rotor may leave to be its cause."""
     speed_margin: float = 1.2
     """Times a rotor's `speed_max` beyond which no command is one."""
     force_margin: float = 3.0
@@ -225,10 +231,38 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known
         share = f"{100.0 * force / weight:.0f} % of the weight"
         ask = f"is {vehicle.name} the model of this vehicle? Else correct its arms, tilt signs and order of rotors"
         return [Check("actuation", "bad", f"{words}, {share}, and neither c_f nor a unit explains it: {ask}")]
+    if not known and (one := _odd_rotor(vehicle, sent, made - logged)) is not None:
+        rotor, factor = vehicle.rotor_name(one[0]), one[1]
+        says = f"the logged speed of {rotor} alone makes it, {factor:.3f} times the one that the wrench needs"
+        ask = f"correct the scale of {rotor} in the log or its c_f in the model; else it is found to be weak or strong"
+        return [Check("actuation", "bad", f"{words}: {says}: {ask}")]
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
         remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
         return [Check("actuation", "warn", f"{words}: {remedy}")]
     return [Check("actuation", "ok", f"{words}.")]
+
+
+def _odd_rotor(vehicle: Vehicle, sent: Sequence[Commands], apart: Array) -> tuple[int, float] | None:
+    """The rotor of which a wrong scale alone makes that h(u) is `apart` (N, 6) from the logged wrench, and the factor
+    on its speed; None where no rotor does.
+    """  # noqa: D205
+    if vehicle.rotors is None or any(commands.rotor_speed is None for commands in sent):
+        return None
+    count = len(vehicle.rotors.c_f)
+    scale = np.array([1.0] * 3 + [1.0 / span(vehicle)] * 3)  # torques as forces at the rotors
+    left, found = apart * scale, []
+    whole = float(np.sum(left**2))
+    for rotor in range(count):
+        only = np.arange(count) == rotor
+        alone = [replace(c, rotor_speed=np.asarray(c.rotor_speed) * only) for c in sent]
+        own = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, commands)) for commands in alone])
+        own *= scale
+        share = float(np.sum(own * left)) / max(float(np.sum(own**2)), 1e-30)
+        found.append((float(np.sum((left - share * own) ** 2)), rotor, share))
+    rest, rotor, share = min(found)
+    if rest > RECORDS.unexplained * whole or not RECORDS.odd_rotor < abs(share) < 1.0:
+        return None
+    return rotor, float(1.0 / np.sqrt(1.0 - share))
 
 
 def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
