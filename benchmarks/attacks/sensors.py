@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import butter, sosfilt
 
 from benchmarks.attacks import Attack, Outcome
 from wrenchgap import load_model, open_flights, save_log, simulate
@@ -45,6 +46,36 @@ def dead(flight: Flight) -> Flight:
         return values
 
     return _imu(flight, "omega_B", stopped)
+
+
+def high_passed(flight: Flight) -> Flight:
+    """A gyroscope that takes its bias off by a high-pass of 0.1 Hz."""
+    period = 0.0 if flight.imu is None else flight.imu.period
+    sos = butter(1, 0.1, "highpass", fs=1.0 / period, output="sos")
+    return _imu(flight, "omega_B", lambda v: sosfilt(sos, v, axis=0))
+
+
+def gained(flight: Flight) -> Flight:
+    """An accelerometer whose y axis reads 1.6 times what there is."""
+    return _imu(flight, "specific_force_B", lambda v: v * [1.0, 1.6, 1.0])
+
+
+def repeated(flight: Flight) -> Flight:
+    """Commands of which the log repeats every tenth."""
+    sent = flight.actuators
+    assert sent is not None
+    held = {
+        name: np.repeat(getattr(sent, name)[::10], 10, axis=0)[: len(sent.time)] for name in ("tilt", "rotor_speed")
+    }
+    return replace(flight, actuators=replace(sent, **held), commanded=None)
+
+
+def fast_rotor(flight: Flight) -> Flight:
+    """One rotor whose logged speed is 5 % too large, beside a commanded wrench that is as sent."""
+    sent = flight.actuators
+    assert sent is not None
+    speed = sent.rotor_speed * np.where(np.arange(sent.rotor_speed.shape[1]) == 4, 1.05, 1.0)
+    return replace(flight, actuators=replace(sent, rotor_speed=speed))
 
 
 def flat(flight: Flight) -> Flight:
@@ -161,6 +192,26 @@ ATTACKS = (
         "a gyroscope scaled by 0.9, in front of a good attitude",
         "refused: gyroscope-scale, with the factor",
         lambda folder: said(scaled, "gyroscope-scale", folder),
+    ),
+    Attack(
+        "a gyroscope that takes its bias off in flight, by a high-pass of 0.1 Hz",
+        "refused: gyroscope-scale, with the corner",
+        lambda folder: said(high_passed, "gyroscope-scale", folder, 2.0 * SECONDS),
+    ),
+    Attack(
+        "an accelerometer whose y axis reads 1.6 times what there is",
+        "refused: accelerometer-scale, with the scale",
+        lambda folder: said(gained, "accelerometer-scale", folder),
+    ),
+    Attack(
+        "motor commands of which the log repeats every tenth",
+        "said: rate, with the lag below which nothing is known",
+        lambda folder: said(repeated, "rate", folder),
+    ),
+    Attack(
+        "one rotor whose logged speed is 5 % too large, beside a sound commanded wrench",
+        "refused: actuation, with the rotor and the factor",
+        lambda folder: said(fast_rotor, "actuation", folder),
     ),
     Attack(
         "a gyroscope that dies until the end of the log",

@@ -14,7 +14,7 @@ of a bias along the vertical: near hover these are the same. Its standard deviat
 of the positions at their ends counts as well.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,7 @@ from wrenchgap.flight.checks.channels import is_clipped
 from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales
 from wrenchgap.flight.checks.sensor_windows import steady_blocks
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
 from wrenchgap.flight.row_kernels import integral
@@ -51,8 +51,11 @@ def accelerometer_scale(flight: Flight, seen: MotionMeans | None, known: Sequenc
         return
     ratio = gravity_ratio(flight, seen)
     size = None if ratio is None else _size(flight, ratio, known)
-    axes = _axes(flight) if size is None or size.level != "bad" else None
-    yield from [check for check in (axes or size,) if check is not None]
+    scales = sensor_scales(flight, "accelerometer") or {}
+    plain = "z" in scales and scales["z"].allows(1.0) and scales["z"].best.width < SCALE.widest
+    if plain or size is None or size.level != "bad":  # else one factor for all axes, of which changes say less
+        size = _axes(scales) or size
+    yield from [] if size is None else [size]
 
 
 def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
@@ -69,9 +72,8 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     return Check("accelerometer-scale", "bad" if off > SCALE.refused else "warn", words, mend)
 
 
-def _axes(flight: Flight) -> Check | None:
+def _axes(scales: Mapping[str, Scale]) -> Check | None:
     """Axes that contradict the odometry, by name; by a warning alone where they may be mounted askew."""
-    scales = sensor_scales(flight, "accelerometer") or {}
     wrong: dict[str, str] = {}
     largest = 0.0
     for axis, scale in scales.items():

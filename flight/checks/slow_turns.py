@@ -26,10 +26,9 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
     compared, or the axes that say something do not agree that there is one.
     """  # noqa: D205
     blocks = comparable_blocks(flight, "gyroscope")
-    shift = odometry_delay(blocks)
-    if shift is None:
+    if not blocks:
         return None
-    sums = []
+    shift, sums = odometry_delay(blocks) or 0.0, []  # slow turns that are lost may look like a long delay
     for block in blocks:
         time = block.time - shift
         turned = interpolated(time, block.sensor_time, block.integrals)
@@ -62,6 +61,6 @@ def slow_turns(flight: Flight) -> Iterator[Check]:
     """Whether the gyroscope keeps the slow turns that the attitude shows."""
     found = None if flight.imu is None else high_pass(flight)
     if found is not None and found[0] > max(SCALE.least_corner, SCALE.sigmas * found[1]):
-        words = f"The gyroscope loses slow turns, as behind a high-pass of {found[0]:.2f} +- {found[1]:.2f} Hz, by the "
+        words = f"The gyroscope loses slow turns, as behind a high-pass of {found[0]:.2g} Hz, by the "
         words += "attitude: that looks like a drag on turning. Switch off what takes its bias away in flight"
         yield Check("gyroscope-scale", "bad", words)
