@@ -4,7 +4,7 @@ Recorders repeat the last command at their own rate, tables are resampled by str
 commands are stamped when they arrive. When between two of those the vehicle was sent something is not known.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,11 @@ def command_spacing(flight: Flight) -> dict[str, CommandSpacing]:
         elif burst:
             found[role] = CommandSpacing(burst, f"have stamps in bursts, {1e3 * burst:.3g} ms apart")
     return {role: one for role, one in found.items() if one.seconds > LEAST_SPACING}
+
+
+def widest_spacing(flights: Sequence[Flight]) -> float:
+    """Time [s] between what logs say of commands, where that is longer than between their stamps; else zero."""
+    return max((one.seconds for f in flights for one in command_spacing(f).values()), default=0.0)
 
 
 def sparse_commands(flight: Flight) -> Iterator[Check]:

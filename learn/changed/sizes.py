@@ -93,7 +93,8 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> 
         for k, p in enumerate(find(name).parameters(vehicle)):
             scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
             base, change = float(usual[at]), float(values[at])
-            inexact = np.hypot(MISFIT * change, found.pool.data.records[0].dt / np.sqrt(12.0) if p.unit == "s" else 0.0)
+            timing = max(r.timing_error for r in found.pool.data.records) if p.unit == "s" else 0.0
+            inexact = np.hypot(MISFIT * change, timing)
             if abs(change) >= MATERIAL * space.columns[name].scale[k] or not find(name).sparse:
                 where = where_of(vehicle, name, p.name)
                 size = Size(

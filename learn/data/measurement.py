@@ -52,7 +52,8 @@ class Record:
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
     nominal allocation) or "none". `input_error` (bands, 6) is the share of error in what they nominally make
-    (`learn.data.input_errors`), None where they are taken as exact.
+    (`learn.data.input_errors`), None where they are taken as exact. `command_period` [s] is the time between what the
+    log says of commands where that is longer than between their stamps (`flight.checks.command_rate`), else zero.
     """
 
     flight: str
@@ -72,6 +73,7 @@ class Record:
     has_voltage: bool
     has_imu: bool = True
     input_error: Array | None = None
+    command_period: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time)
@@ -80,6 +82,13 @@ class Record:
     def measured_axes(self) -> Mask:
         """Which axes (6,) were measured: those that have a noise."""
         return np.asarray(np.isfinite(self.noise))
+
+    @property
+    def timing_error(self) -> float:
+        """Rms [s] of when a command was sent against when it is taken to be: within a sample, and at any time since the
+        command before.
+        """  # noqa: D205
+        return float(np.hypot(self.dt / np.sqrt(12.0), self.command_period / np.sqrt(3.0)))
 
     @property
     def dt_kept(self) -> float:

@@ -312,8 +312,8 @@ class Problem:
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
         late = ("commands", "sensor")  # where a time shifts something; elsewhere seconds are what units leave over
         seconds = np.array([p.unit == "s" and find(name).place in late for name, p in self.parameters], dtype=bool)
-        dt = max(r.dt for r in self.data.records)
-        inexact = (MISFIT * point.x[: self.size]) ** 2 + seconds * dt**2 / 12.0
+        timing = max(r.timing_error for r in self.data.records)
+        inexact = (MISFIT * point.x[: self.size]) ** 2 + seconds * timing**2
         dependence = dependence[: self.size]
         return np.asarray(whole[: self.size, : self.size] + np.diag(inexact + dependence)), dependence
 

@@ -22,6 +22,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
+from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.checks.motion import motion_means
 from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_scales import Bounds, sensor_scales
@@ -29,7 +30,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming, LateGyroscope
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.posterior import NamedSet, WeighedSets
-from wrenchgap.learn.posterior.sparse_commands import SparseCommands, widest_spacing
+from wrenchgap.learn.posterior.sparse_commands import SparseCommands
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import Vehicle
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wrenchgap.flight.checks.command_rate import command_spacing
+from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.plant.effects import family
@@ -34,11 +34,6 @@ class SparseCommands:
     def made(self, values: Mapping[str, Mapping[str, float]], vehicle: Vehicle) -> list[str]:
         """Delays and lags that may come from when, between two of them, commands were sent."""
         return [n for n, by in values.items() if family(n) in LAGS and max(by.values(), default=0.0) < self.seconds]
-
-
-def widest_spacing(flights: Sequence[Flight]) -> float:
-    """Time [s] between what logs say of commands, where that is longer than between their stamps; else zero."""
-    return max((one.seconds for f in flights for one in command_spacing(f).values()), default=0.0)
 
 
 def made_by_sparse_commands(

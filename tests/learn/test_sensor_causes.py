@@ -8,6 +8,7 @@ from scipy.signal import butter, lfilter
 
 from benchmarks.hidden_effects import engine
 from wrenchgap import explain, open_flights
+from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.offsets import Offset
 from wrenchgap.learn.diagnose.timing import FlightTiming
 from wrenchgap.learn.posterior.sensor_causes import (
@@ -20,7 +21,7 @@ from wrenchgap.learn.posterior.sensor_causes import (
     made_by_another_filter,
     other_clock,
 )
-from wrenchgap.learn.posterior.sparse_commands import SparseCommands, made_by_sparse_commands, widest_spacing
+from wrenchgap.learn.posterior.sparse_commands import SparseCommands, made_by_sparse_commands
 from wrenchgap.replay.present.timing import warnings
 
 TRIED = ["command_delay", "servo_lag", "motor_lag", "com_offset", "mass"]
@@ -232,3 +233,5 @@ def test_a_lag_below_the_time_between_commands_is_not_firm(once, hexarotor):
     assert made_by_sparse_commands(lags, [sparse], [sparse]) == []
     found = explain(open_flights([sparse], hexarotor), hexarotor, names=TRIED, jobs=1)
     assert not {"servo_lag", "motor_lag", "command_delay"} & set(found.firm)
+    lag = next(v for n in found.effects if n in ("servo_lag", "motor_lag") for v in found.fit.values(n))
+    assert lag.std > 0.05 / 3**0.5  # sent at any time in the 50 ms before
