@@ -4,6 +4,10 @@ Every message says what is wrong, where, what was found and expected, and what t
 one line and exits with code 2; a library user catches `WrenchgapError`.
 """
 
+import difflib
+from collections.abc import Iterable
+from itertools import islice
+
 from wrenchgap._escaping import printable
 
 LONGEST = 2000
@@ -32,3 +36,10 @@ class FitError(WrenchgapError):
 
 class UsageError(WrenchgapError):
     """A command or call whose arguments contradict each other."""
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """The nearest of the known words as a question with a space before it; empty where none is near."""
+    short = [one for one in islice(known, 1000) if len(one) < 100]  # of a file's names, which may be any
+    near = difflib.get_close_matches(word[:100], short, 1)
+    return f" (did you mean {near[0]!r}?)" if near else ""

@@ -28,7 +28,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import LogError, UsageError, meant
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
 from wrenchgap.flight.mapping_units import Meaning, Said, meaning, parse_source, topic_of
@@ -300,7 +300,7 @@ def _named_source(
     said = parse_source(value)
     topic, place, columns = said.topic, said.field, said.columns
     if topic not in tables:
-        raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
+        raise LogError(f"{where}: no topic {topic!r}{meant(topic, tables)}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
     asked = place is not None
     if place is None and part in ASKED:  # three numbers: of an Imu, or the one vector of another message

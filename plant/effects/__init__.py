@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import entry_points
 
-from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError, meant
 from wrenchgap.plant.effects.effect import (
     AirEffect,
     AnyEffect,
@@ -150,7 +150,7 @@ def find(name: str) -> AnyEffect:
         return part_effects()[name]
     if name not in known:
         raise ModelError(
-            f"effect {name!r} is not in the catalogue; known effects: {', '.join(known)}; "
+            f"effect {name!r} is not in the catalogue{meant(name, known)}; known effects: {', '.join(known)}; "
             "a file of your own is passed with --effects FILE.py"
         )
     return known[name]

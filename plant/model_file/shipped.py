@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError, meant
 from wrenchgap.plant.model import Model
 
 _SHIPPED = Path(__file__).parents[2] / "models"
@@ -18,7 +18,8 @@ def find_model(name_or_path: str | Path) -> Path:
     if path.is_dir():
         raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
     raise ModelError(
-        f"{name_or_path}: no such model file; give a path to a .toml file or one of the shipped models: "
+        f"{name_or_path}: no such model file{meant(str(name_or_path), shipped_models())}; give a path to a .toml file "
+        "or one of the shipped models: "
         f"{', '.join(shipped_models())}"
     )
 
