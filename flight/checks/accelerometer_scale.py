@@ -81,9 +81,9 @@ def _axes(scales: Mapping[str, Scale]) -> Check | None:
         size = fault.size if fault is not None else 0.0
         if fault is not None and size > SCALE.refused_axis:
             wrong[axis], largest = fault.words, max(largest, size)
-        elif not scale.unsteady and scale.least_off > SCALE.refused:
+        elif not scale.unsteady and scale.least_excess > SCALE.refused:
             wrong[axis] = f"has a scale of {scale.best.low:.2f} to {scale.best.high:.2f}"
-            largest = max(largest, scale.least_off)
+            largest = max(largest, scale.least_excess)
     if not wrong:
         return None
     said = "; ".join(f"{axis} {words}" for axis, words in wrong.items())

@@ -137,15 +137,14 @@ class Scale:
         return min(self.bounds, key=lambda b: b.width + b.std)
 
     @property
-    def least_off(self) -> float:
-        """By which share the scale is off at least, by the band that knows it best; zero where another one contradicts.
-
-        A wide pair of bounds says no number, and still that it is not one.
-        """
+    def least_excess(self) -> float:
+        """By which share the sensor reads too much at least, by the band that knows it best; zero where another band
+        contradicts. Noise of the odometry leaves no number, but makes the lower bound smaller and never larger; the
+        upper one, the sensor's noise apart, rests on what the two have in common, and chance may make that large.
+        """  # noqa: D205
         best, slack = self.best, [SCALE.sigmas * b.std for b in self.bounds]
         meet = all(b.low - s < best.high and best.low < b.high + s for b, s in zip(self.bounds, slack, strict=True))
-        away = SCALE.sigmas * best.std
-        return max(best.low - away - 1.0, 1.0 - (best.high + away), 0.0) if meet and best.low > 0.0 else 0.0
+        return max(best.low - SCALE.sigmas * best.std - 1.0, 0.0) if meet else 0.0
 
     def allows(self, value: float) -> bool:
         """Whether the scale may be this one."""

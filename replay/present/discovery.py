@@ -78,6 +78,11 @@ def said_of(law: Law) -> list[str]:
     """Chance, aliases, the nearest effect, energy, range."""
     causes = f" It depends on {' and '.join(law.causes)}." if law.causes else ""
     out = [f"{law.name}: chance finds as much in {share(law.p_value)} of residuals at most.{causes}"]
+    if set(law.causes) == {"time"}:
+        out.append(
+            "A sensor that drifts, as an accelerometer's bias does while it warms up, grows with time too: calibrate "
+            "it warm and fly again, before this is taken for a force."
+        )
     if law.equivalents:
         others = listed([formula for _, formula in law.equivalents], 3, "; ")
         out.append(f"These flights cannot tell it from {others}.")

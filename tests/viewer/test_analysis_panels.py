@@ -14,7 +14,7 @@ from wrenchgap.learn.diagnose.where import Source
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.model_file import loads
-from wrenchgap.replay.present import design, explanation
+from wrenchgap.replay.present import answer, design, explanation
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels.allocation import AllocationPanel
 from wrenchgap.replay.session.panels.compensation import CompensationPanel
@@ -424,8 +424,8 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     monkeypatch.setattr(page.session.effects, "trajectory_text", lambda found: "x = 1\n")
     monkeypatch.setattr(design, "sentence", lambda found: "This flight separates them.")
-    monkeypatch.setattr(explanation, "answer", lambda found: [SENTENCE])
-    monkeypatch.setattr(explanation, "evidence", lambda found: ["It comes and goes."])
+    monkeypatch.setattr(answer, "answer", lambda found: [SENTENCE])
+    monkeypatch.setattr(answer, "evidence", lambda found: ["It comes and goes."])
     monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
     effects.searches["train"] = UNKNOWN, "tilt_hexarotor"
     effects.opened(page.scene)
