@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.command_units import ROTOR_WORDS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight
@@ -138,6 +139,8 @@ def as_speeds(found: Flight, curve: CommandCurve | None, vehicle: Vehicle, model
     if sent is None or sent.unit == "rad/s" or curve is None or not vehicle.has_rotors:
         return found
     if sent.unit != curve.unit:
+        if unpowered := next((str(note) for note in found.notes if str(note).endswith(UNPOWERED)), None):
+            raise LogError(f"{found.path.name}: {unpowered}")
         raise LogError(
             f"{found.path.name}: the rotor commands of {sent.topic} are {ROTOR_WORDS[sent.unit]}, and [command] of "
             f"{model} is for {ROTOR_WORDS[curve.unit]}; is it the model of this vehicle? Else set its unit and curve, "

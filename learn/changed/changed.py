@@ -31,7 +31,7 @@ from wrenchgap.learn.changed.healthy_model import HealthyModel, OutlierFlight, h
 from wrenchgap.learn.changed.linearised_effects import over_both_sides
 from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated
-from wrenchgap.learn.changed.priors import NAMELESS
+from wrenchgap.learn.changed.priors import NAMELESS, ROTOR_THRUST
 from wrenchgap.learn.changed.search import ODDS, Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
@@ -54,7 +54,6 @@ from wrenchgap.plant.model import Model
 
 Kind = tuple[tuple[str, ...], tuple[int, ...], tuple[bool, ...]]
 """What healthy flights are compared in: laws, axes on which commands answer the motion, axes that were measured."""
-
 SECONDS = 120.0
 """Most flight time of either side [s]; of longer logs, pieces spread over all of it."""
 AT_ONCE = 2
@@ -64,7 +63,7 @@ one that is far from straight, and that several others make up for.
 CHANCE = 0.1
 """Weight of nothing having changed below which something has."""
 CLEAR = 1.64
-"""Standard deviations of its change from which on an effect is firm: its sign is known to 95 %."""
+"""Standard deviations of a change from which on it is firm: its sign is known to 95 %."""
 UNLIKE = 1.6
 """Ratio of commanded thrusts from which on two flights are not of one vehicle."""
 
@@ -222,6 +221,7 @@ class Baseline:
         of_imu = made_by_another_filter(changes, timing[:count], timing[count:])
         of_log = made_by_sparse_commands(changes, *([f.flight for f in s] for s in (flights[:count], flights[count:])))
         doubtful = {family(one) for one in (*of_imu, *of_log, *found.differing())}
+        doubtful |= {p.effect for p in found.parameters if p.effect == ROTOR_THRUST and p.change > 0.0}  # by how much?
         clear = {family(p.effect) for p in found.parameters if p.significance > CLEAR}
         firm = tuple(n for n in found.firm if n in clear - doubtful)
         found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)

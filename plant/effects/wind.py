@@ -4,7 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wrenchgap.plant.effects.effect import AirEffect, Array, Parameter, State, Vehicle
+from wrenchgap.flight import so3
+from wrenchgap.plant.effects.effect import AirEffect, Array, Context, Parameter, State, Vehicle
+
+LEAST_CHANGE = 0.2
+"""Share of the typical wind's force that must change within a flight, for wind to be no constant force: 12 deg of
+turns, or 0.6 m/s. What looks like it, trims and mountings, differs by a tenth to a fifth within a real flight."""
 
 
 class Wind(AirEffect):
@@ -24,6 +29,19 @@ class Wind(AirEffect):
         """The air's velocity along E's x and y; a light breeze is typical, 7 on Beaufort's scale the most to fly in."""
         strongest = 15.0
         return tuple(Parameter(f"velocity_{a}", "m/s", -strongest, strongest, 3.0) for a in "xy")
+
+    def unexcited(self, context: Context) -> str | None:
+        """Seen from the body, air that hardly turns and a vehicle that hardly moves make a constant force."""
+        state, typical = context.state, self.parameters(context.vehicle)[0].scale
+        along_B = so3.matrix(state.quat_EB)[:, :2, :]  # E's x and y in B
+        turned = float(np.sqrt(np.mean(np.sum((along_B - along_B.mean(axis=0)) ** 2, axis=(1, 2)) / 2.0)))
+        moved = float(np.sqrt(np.mean(np.sum((state.velocity_E - state.velocity_E.mean(axis=0)) ** 2, axis=1))))
+        if turned > LEAST_CHANGE or moved > LEAST_CHANGE * typical:
+            return None
+        return (
+            f"a constant force on these flights: the vehicle turned by {np.degrees(turned):.0f} deg rms and moved by "
+            f"{moved:.2g} m/s rms; fly in several directions, or faster"
+        )
 
     def outdated(self, values: Mapping[str, float]) -> str | None:
         """Version 0.1.0 had a drag D of its own, the same in every direction, and the force w = D v_w."""

@@ -21,10 +21,7 @@ def summary(found: Explanation) -> str:
 def answer(found: Explanation) -> list[str]:
     """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
     before, after = _around_groups(found)
-    certain = []
-    if found.verdict is Verdict.GROUP:
-        certain = [f"That it is one of them: {posterior.confidence(found, found.members[0])}."]
-    return [*before, *(fitted_effects.either(found, group) for group in found.groups), *certain, *after]
+    return [*before, *(fitted_effects.either(found, group) for group in found.groups), *after]
 
 
 def answer_lines(found: Explanation) -> list[Line]:
@@ -34,11 +31,8 @@ def answer_lines(found: Explanation) -> list[Line]:
     before, after = _around_groups(found)
     out = [Line(" ".join(before), "bold")] if before else []
     for k, group in enumerate(found.groups):
-        sure = (
-            f" ({posterior.confidence(found, found.members[0])})" if found.verdict is Verdict.GROUP and k == 0 else ""
-        )
         which = fitted_effects.which_flights(found)
-        out.append(Line(f"{'And one' if k else 'One'} of these{sure}; {which} cannot tell which:", "bold"))
+        out.append(Line(f"{'And one' if k else 'One'} of these, {which} cannot tell which:", "bold"))
         out += [Line(f"  {weight:>5}  {clause}") for weight, clause in fitted_effects.alternatives(found, group)]
     return [*out, Line(" ".join(after))]
 

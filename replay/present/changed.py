@@ -130,6 +130,10 @@ def summary(found: Changed) -> str:
 def what_next(found: Changed, healthy: Sequence[str], model: str, options: str = "") -> list[Line]:
     """What to do after the answer, with the logs and the model as the user named them."""
     against = f"--healthy {shlex.join(healthy)} -m {shlex.quote(model)}{options}"
+    if found.verdict is not Verdict.NOTHING and (exchanged := what_to_inspect.exchanged(found)):
+        return [
+            Line(f"next, if the sides were exchanged: wrenchgap changed {exchanged} -m {shlex.quote(model)}{options}")
+        ]
     if found.verdict is not Verdict.NOTHING:
         return [Line(f"next: mend it, fly again, and see whether it is gone: wrenchgap changed NEW_LOG {against}")]
     kind = "flights of both kinds" if found.scatter_known else "healthy flights"
@@ -165,7 +169,7 @@ def _verdict(found: Changed) -> str:
         words = name if first is None else in_words(found, first)
         said.append(f"{words}, confidence {share(found.confidence(name))}")
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
-    others = [" + ".join(s.names) for s in group[1:] if s.weight >= posterior.LIGHT]
+    others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
     apart = " and ".join(found.differing())
@@ -332,12 +336,7 @@ def frame(found: Changed) -> list[dict[str, Any]]:
 
 
 def picture(found: Changed) -> style.Picture:
-    """Three panels side by side.
-
-    Left, every flight's signed mean on each axis, from the mean of the healthy ones: what lies within the band is what
-    healthy flights differ by. In the middle each change by itself: how many standard deviations it is. Right, the
-    vehicle from above, with what to inspect marked.
-    """
+    """Left each flight's means against the healthy ones' scatter, in the middle each change, right what to inspect."""
     title = f"{found.model.name}: {', '.join(map(style.shortened, found.suspect))} against {len(found.healthy)} healthy"
     return style.Picture((1, 3), (15.0, 4.4), lambda axes: _draw(found, np.ravel(axes)), title=title)
 

@@ -60,7 +60,7 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     advice = [f"{words[0].lower()}{words[1:]}" for words in settings]
     advice += [f"for {name} fly {find(name).excited_by}" for name in lacking[:most_flown]]
     return (
-        f"Would have been shown{unchecked}: {listed(would, most_shown, last=', and ')}." if would else "",
+        f"Would surely have been shown{unchecked}: {listed(would, most_shown, last=', and ')}." if would else "",
         f"Could not have been shown: {listed(could_not, most_hidden, last=', and ')}." if could_not else "",
         f"Could not have been told apart: {listed(unlike, most_hidden, last=', and ')}." if unlike else "",
         f"To show more: {'; '.join(advice)}." if advice else "",

@@ -20,7 +20,7 @@ from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.present.numbers import share, size_in_words, user_name, with_std
+from wrenchgap.replay.present.numbers import LIGHT, share, size_in_words, user_name, with_std
 
 PLURAL = ("the motors", "the tilt servos")
 """Subjects of more than one thing."""
@@ -83,16 +83,27 @@ def alternatives(found: Explanation, group: Sequence[str], most: int = 3) -> lis
     rivals = {r.names: r for m in found.members for r in m.alike if r.members == place}
     mine = sum(s.weight for s in found.posterior.sets if set(place) <= set(s.names))
     said = [(share(mine), together([e for e in found.fit.effects if e.name in place], vehicle))]
+    named, rest = {place}, 1.0 - mine
     for names, rival in rivals.items():
-        having = (s for s in found.posterior.sets if set(names) <= set(s.names) and not set(place) & set(s.names))
+        having = [
+            s
+            for s in found.posterior.sets
+            if set(names) <= set(s.names) and not any(set(one) <= set(s.names) for one in named)
+        ]
+        named.add(names)
+        weight = sum(s.weight for s in having)
+        if weight < LIGHT:
+            continue
+        rest -= weight
         theta = next((s.theta(found.model) for s in having), {})
         effects = [ModelEffect(find(name), theta[name]) for name in names if name in theta]
         sensor = next((f"{SENSORS[name]} ({rival.name})" for name in names if name in SENSORS), "")
         whole = together(effects, vehicle) if len(effects) == len(names) else rival.name
-        said.append((share(rival.weight), sensor or whole))
+        said.append((share(weight), sensor or whole))
     more = len(said) - most
-    rest = f"{'one other' if more == 1 else f'one of {more} others'} (--details)"
-    return said[:most] + [("", rest)] * (more > 0)
+    others = f"{'one other' if more == 1 else f'one of {more} others'} (--details)"
+    none = [(share(rest), "none of these")] if rest >= LIGHT else []
+    return said[:most] + [("", others)] * (more > 0) + none
 
 
 def either(found: Explanation, group: Sequence[str]) -> str:

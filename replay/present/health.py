@@ -92,7 +92,9 @@ def summary(found: Health) -> str:
     count = f"{len(said)} thing{'s' if len(said) > 1 else ''} to look at" if said else _quiet(found.logs)
     if len(found.logs) > 1:
         kinds = {_kind(log) for log in found.logs}
-        mixed = " They come of different autopilots or formats: are they of one vehicle?" if len(kinds) > 1 else ""
+        boards = len({kind[0] for kind in kinds}) == 1  # one firmware, or one format
+        unlike = "boards" if boards else "autopilots or formats"
+        mixed = f" They come of different {unlike}: are they of one vehicle?" if len(kinds) > 1 else ""
         return f"{len(found.logs)} logs: {count}.{mixed}"
     (log,) = found.logs
     checked: dict[str, object] = {"motors": log.motors, "battery": log.battery, "estimator": log.estimator}

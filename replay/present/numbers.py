@@ -101,6 +101,8 @@ def with_std(v: Value) -> str:
     return quantity(v.value, v.unit) if not v.std else f"{number(v.value)} +- {quantity(v.std, v.unit, 2)}"
 
 
+LIGHT = 0.02
+"""Weight of a set [-] below which it is not put in words: one in fifty is no alternative to act on."""
 SCALED = {"1": (100.0, "%"), "rad": (180.0 / np.pi, "deg")}
 """Factor and unit in which a size is said."""
 MILLI = frozenset({"m", "s", "N", "Nm", "kg"})

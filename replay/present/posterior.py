@@ -20,11 +20,9 @@ from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import where
-from wrenchgap.replay.present.numbers import certainty, quantity, share, unit_of, user_name, with_std
+from wrenchgap.replay.present.numbers import LIGHT, certainty, quantity, share, unit_of, user_name, with_std
 from wrenchgap.replay.present.tables import Line
 
-LIGHT = 0.02
-"""Weight of a set [-] below which it is not put in words: one in fifty is no alternative to act on."""
 SMALL = 0.05
 """Share of the error energy below which a sentence says that an effect explains little of it, however sure it is."""
 KINDS = {"bench": "on the bench", "flight": "in flight"}

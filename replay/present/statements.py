@@ -66,10 +66,8 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             at = events[0].start if events[0].event is None else events[0].event
             mode = changed_before(log.modes, at)
             after = "" if mode is None else f"; flight mode {mode.name} since {mode.start:.1f} s"
-            seen = "impact" in events[0].why or "comes to lie" in events[0].why
-            title = "Loss of control" if name == "crash" and not seen else capitalised(name)
             why = "; a log alone does not tell why: `wrenchgap view` shows the seconds before" * (name == "crash")
-            words = f"{title} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}{why}."
+            words = f"{events[0].title} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}{why}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
         words = "The motors never ran: this log holds no flight. Give another log."

@@ -1,5 +1,6 @@
 """What to look at on the vehicle after something was found: a sentence for each effect, in the user's names."""
 
+import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -66,7 +67,7 @@ NOTHING = "Nothing is established that asks for an inspection; a change smaller 
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 REGAINED = (
     "{0} lifts more than on the healthy flights: its propeller is new, or flights with damage were given as the "
-    "healthy ones. Then inspect {0}: {1}"
+    "healthy ones. Then exchange the two sides, which says the size better, and inspect {0}: {1}"
 )
 NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "
@@ -191,6 +192,22 @@ def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "", named
     return causes
 
 
+def _is_stronger(listed: Sequence[Size]) -> bool:
+    """Whether the clearest of these changes is that of a rotor which lifts more."""
+    clearest = max(listed, key=lambda p: p.significance)
+    return clearest.effect == ROTOR_THRUST and clearest.change > 0.0
+
+
+def exchanged(found: Changed) -> str:
+    """Both sides of flights the other way round, for a command; empty where no rotor got stronger."""
+    if not _is_stronger([p for p in found.parameters if p.effect == ROTOR_THRUST] or found.parameters):
+        return ""
+    sides: list[list[str]] = [[], []]
+    for one in found.flights:
+        sides[one.records[0].flight in found.suspect].append(str(one.flight.path))
+    return f"{shlex.join(sides[0])} --healthy {shlex.join(sides[1])}"
+
+
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
     if places:
         likely = (
@@ -199,7 +216,7 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
             else [p for p in places if p.probability >= INSPECTION.likely]
         )
         which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
-        if name == ROTOR_THRUST and max(listed, key=lambda p: p.significance).change > 0.0:
+        if _is_stronger(listed):
             return REGAINED.format(which, PARTS[name])
         return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"
     return _of_whole(name, {p.name: p.change for p in listed}, found.model.vehicle, "has moved")

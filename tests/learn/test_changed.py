@@ -26,7 +26,7 @@ from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.replay.present.changed import summary
+from wrenchgap.replay.present.changed import summary, what_next
 from wrenchgap.replay.present.what_to_inspect import sentences as inspect
 
 pytestmark = pytest.mark.usefixtures("without_limits")
@@ -121,11 +121,13 @@ def test_sides_that_were_exchanged_show_the_same_rotor_stronger(flown, against):
     found = against([flown(seed=s)[0] for s in (1, 2)], [flight for flight, _ in flights])
     truth = flights[0][1].parameters["weak_rotor"]
     assert found.verdict is Verdict.CHANGED
-    assert set(found.firm) <= {"rotor_thrust"}
+    assert found.firm == ()
     assert found.places[0].parameter == f"rotor_{truth['rotor']}"
     one = change(found, "rotor_thrust", f"rotor_{truth['rotor']}")
     assert one.change == pytest.approx(truth["loss"], abs=0.25 * truth["loss"])
     assert "lifts more than on the healthy flights" in inspect(found)[0]
+    (line,) = what_next(found, ["healthy"], "model.toml")
+    assert line.text.startswith("next, if the sides were exchanged: wrenchgap changed ")
 
 
 @pytest.mark.slow

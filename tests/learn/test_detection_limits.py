@@ -207,7 +207,7 @@ def test_injections_are_drawn_from_what_would_be_shown(hexarotor):
 
 def test_the_lines_say_what_would_have_been_shown_and_what_not(searched):
     said = detection.sentences(searched)
-    assert said[0].startswith("Would have been shown, by the geometry and not checked by injection: ")
+    assert said[0].startswith("Would surely have been shown, by the geometry and not checked by injection: ")
     assert "rotor_thrust from" in said[0]
     found = detection.to_json(searched)
     assert len(found["limits"]) == len(searched.limits)
@@ -221,7 +221,7 @@ def test_what_was_injected_and_not_firm_is_not_said_to_have_been_shown(searched)
     before = detection.sentences(searched, 100, 100)
     missed = Recovery(limit.effect, limit.parameter, limit.unit, limit.size, 1.0, False, ())
     would, could, *_ = detection.sentences(replace(searched, recoveries=(missed,)), 100, 100)
-    assert would.startswith("Would have been shown: ")
+    assert would.startswith("Would surely have been shown: ")
     assert "thrust_scale from" in before[0]
     assert "thrust_scale" not in would
     assert "thrust_scale scale " in could

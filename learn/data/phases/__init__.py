@@ -100,9 +100,7 @@ def phase_checks(phases: Sequence[Phase]) -> tuple[Check, ...]:
             kept = " left out" if first.left_out else " kept (--keep)"
             at = first.start if first.event is None else first.event
             spell = f"{first.start:.2f} to {first.stop:.2f} s"
-            found.append(
-                Check("crash", "warn", f"{name.capitalize()} at {at:.2f} s{more}: {first.why}; {spell}{kept}.")
-            )
+            found.append(Check("crash", "warn", f"{first.title} at {at:.2f} s{more}: {first.why}; {spell}{kept}."))
     limited = [p for p in phases if p.name == "saturation" and (p.left_out or "too low" in p.why)]
     if limited:
         seconds = sum(p.stop - p.start for p in limited)

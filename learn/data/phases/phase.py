@@ -49,6 +49,12 @@ class Phase:
     left_out: bool = True
     event: float | None = None
 
+    @property
+    def title(self) -> str:
+        """What it is called: a crash of which no impact was logged is a loss of control."""
+        seen = "impact" in self.why or "comes to lie" in self.why
+        return "Loss of control" if self.name == "crash" and not seen else self.name.capitalize()
+
 
 def phase_names(names: Iterable[str], said: str = "--keep") -> tuple[str, ...]:
     """Names of phases, however they are spelt, "all" for all of them; raises UsageError for one that there is not."""
