@@ -10,6 +10,7 @@ from wrenchgap import load_model
 from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.data.phases import phase_checks
 from wrenchgap.learn.data.phases.ground import contact, grounded
 from wrenchgap.learn.data.phases.phase import NAMES, Phase, Signals, phase_names, used_samples
 
@@ -100,6 +101,15 @@ def test_a_crash_begins_where_motion_contradicts_the_commands(model):
     assert crash.why.startswith("an impact, 1.3 s after motion began to contradict the commands")
     with pytest.raises(LogError, match=r"no 2 s of flight \(.*crash 6\.\d s\); keep a phase with --keep crash"):
         opened(fly(Plan(dead=6.0, off=None)).flight, model)
+
+
+def test_a_crash_of_which_no_impact_was_logged_is_a_loss_of_control():
+    """As where a log ends in the fall."""
+    lost = Phase("crash", 3.0, 5.0, "motion contradicts the commands until the end", event=3.1)
+    (check,) = phase_checks([lost])
+    assert check.words.startswith("Loss of control at 3.10 s: motion contradicts the commands until the end; 3.00 to")
+    (check,) = phase_checks([replace(lost, why="an impact, and motion contradicts the commands until the end")])
+    assert check.words.startswith("Crash at 3.10 s: an impact")
 
 
 def test_what_is_within_the_filters_of_an_impact_is_said_to_precede_no_crash(model):

@@ -1,7 +1,10 @@
 """Air that moves: no force of its own, and only the velocity relative to it counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.so3 import rotate, rotate_inverse
@@ -140,3 +143,21 @@ def test_the_remedy_is_the_force_that_the_earlier_version_had(bench):
     W = wrench(bench, new, u, x) - wrench(bench, {}, u, x)
     earlier = -0.4 * x.velocity_E[0] + np.array([0.8, -0.4, 0.0])
     np.testing.assert_allclose(W[:3], rotate_inverse(x.quat_EB[0], earlier), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "speed", "shows"),
+    [(4.0, 0.3, False), (0.0, 0.0, False), (25.0, 0.3, True), (4.0, 1.5, True)],
+    ids=["a hover indoors", "at rest", "in several directions", "fast"],
+)
+def test_air_that_neither_turns_nor_is_flown_through_is_a_constant_force(bench, turned_deg, speed, shows):
+    """D R^T (v - v_w) is constant in B where R and v hardly change: a trim, a mounting and a wind are one thing."""
+    time = np.linspace(0.0, 40.0, 400)
+    wave = np.sqrt(2.0) * np.sin(0.5 * time)  # rms 1
+    quat = Rotation.from_euler("z", wave[:, None] * turned_deg + 90.0, degrees=True).as_quat(scalar_first=True)
+    x, _ = bench.moving(0)
+    many = replace(rows(x, np.zeros(len(time), int)), quat_EB=quat, velocity_E=np.outer(wave, [speed, 0.0, 0.0]))
+    said = catalogue()["wind"].unexcited(model(bench, {}).context(many))
+    assert (said is None) == shows
+    if said is not None:
+        assert f"turned by {turned_deg:.0f} deg rms and moved by {speed:.2g} m/s rms" in said
