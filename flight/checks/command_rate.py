@@ -14,9 +14,6 @@ from wrenchgap.flight.checks.channels import held_for
 from wrenchgap.flight.flight import Array, Flight, Series
 from wrenchgap.flight.stamps import Steps
 
-LEAST_SPACING = 0.005
-"""Time between commands [s] up to which it is no matter how they were logged: motors' lags are 10 ms and more."""
-
 
 def straight_for(values: Array, share: float = 1e-3) -> int:
     """How many samples a channel (N,) lies on each straight line for, where it was interpolated from fewer; else 1.
@@ -39,8 +36,11 @@ class CommandSpacing:
     words: str
 
 
-def command_spacing(flight: Flight) -> dict[str, CommandSpacing]:
-    """By role, of commands that repeat, lie on straight lines, or have the stamps of bursts, `LEAST_SPACING` apart."""
+def command_spacing(flight: Flight, least: float = 0.005) -> dict[str, CommandSpacing]:
+    """By role, of commands that repeat, lie on straight lines, or have the stamps of bursts.
+
+    Up to `least` [s] between commands it is no matter how they were logged: motors' lags are 10 ms and more.
+    """
     found: dict[str, CommandSpacing] = {}
     wrench, actuators = flight.commanded, flight.actuators
     values: dict[str, tuple[Series, Array]] = {}
@@ -60,7 +60,7 @@ def command_spacing(flight: Flight) -> dict[str, CommandSpacing]:
             found[role] = CommandSpacing(line * period, f"lie on straight lines between every {line}th")
         elif burst:
             found[role] = CommandSpacing(burst, f"have stamps in bursts, {1e3 * burst:.3g} ms apart")
-    return {role: one for role, one in found.items() if one.seconds > LEAST_SPACING}
+    return {role: one for role, one in found.items() if one.seconds > least}
 
 
 def widest_spacing(flights: Sequence[Flight]) -> float:

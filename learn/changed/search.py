@@ -45,10 +45,6 @@ FAR = 0.3
 """Change from where it was linearised, in sizes of its prior (of a lag outside the best set, of itself where that is
 more), that calls for new derivatives.
 """
-REGAINED = 3.0
-"""Log odds against a rotor that got stronger rather than weaker: one comparison in twenty is of flights after a repair,
-or has its sides exchanged.
-"""
 
 
 def log_odds(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
@@ -114,9 +110,11 @@ def weigh(pool: PooledFlights, suspects: Collection[int], jobs: int = 1, rounds:
     return Weighed(found, scorer, pool, not far)
 
 
-def regained(scorer: Scorer) -> bool:
+def regained(scorer: Scorer, against: float = 3.0) -> bool:
     """Whether a rotor that is stronger on the suspect flights explains more by itself than all sets that were scored:
     its propeller is new, or the flights of both sides were exchanged.
+
+    So it is in one comparison of twenty: `against` are log odds.
     """  # noqa: D205
     space = copy.copy(scorer.spectrum)
     if ROTOR_THRUST not in space.columns:
@@ -125,7 +123,7 @@ def regained(scorer: Scorer) -> bool:
     space.low, space.high = space.low.copy(), space.high.copy()
     space.low[rows], space.high[rows] = 0.0, -space.low[rows]
     gain = scorer.on(space)((ROTOR_THRUST,)).log_probability
-    return gain > ordered(scorer)[0].log_probability + REGAINED
+    return gain > ordered(scorer)[0].log_probability + against
 
 
 def worth_a_name(scorer: Scorer, name: str) -> bool:

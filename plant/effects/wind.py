@@ -1,15 +1,12 @@
 """Air that moves."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.plant.effects.effect import AirEffect, Array, Context, Parameter, State, Vehicle
-
-LEAST_CHANGE = 0.2
-"""Share of the typical wind's force that must change within a flight, for wind to be no constant force: 12 deg of
-turns, or 0.6 m/s. What looks like it, trims and mountings, differs by a tenth to a fifth within a real flight."""
 
 
 class Wind(AirEffect):
@@ -24,6 +21,9 @@ class Wind(AirEffect):
     excited_by = "a drag, and flight in several directions: the air's velocity is fixed in E"
     confused_with = ("tether", "body_drag", "constant_wrench", "imu_misalignment")
     needs_pose = True
+    least_change: ClassVar[float] = 0.2
+    """Share of the typical wind's force that must change within a flight, for it to be no constant force: 12 deg of
+    turns, or 0.6 m/s. With less the trim of a quadrotor indoors (5 deg, 0.3 m/s) was named a wind of 4 m/s."""
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The air's velocity along E's x and y; a light breeze is typical, 7 on Beaufort's scale the most to fly in."""
@@ -36,7 +36,7 @@ class Wind(AirEffect):
         along_B = so3.matrix(state.quat_EB)[:, :2, :]  # E's x and y in B
         turned = float(np.sqrt(np.mean(np.sum((along_B - along_B.mean(axis=0)) ** 2, axis=(1, 2)) / 2.0)))
         moved = float(np.sqrt(np.mean(np.sum((state.velocity_E - state.velocity_E.mean(axis=0)) ** 2, axis=1))))
-        if turned > LEAST_CHANGE or moved > LEAST_CHANGE * typical:
+        if turned > self.least_change or moved > self.least_change * typical:
             return None
         return (
             f"a constant force on these flights: the vehicle turned by {np.degrees(turned):.0f} deg rms and moved by "
