@@ -70,8 +70,8 @@ class ScaleThresholds:
     """Factor between the scales of such segments from which on they have another unit; degrees make 57. Without the two
     furthest segments either way 84 recorded flights have 1.85 at most, after a crash, and 1.39 else."""
     least_corner: float = 0.02
-    """Corner of a gyroscope's high-pass [Hz] from which on it stops a log: J c omega is 0.6 of a typical rotational drag
-    there. Of 60 recorded flights none shows one on all axes."""
+    """Corner of a gyroscope's high-pass [Hz] from which on it stops a log: J c omega is 0.6 of a typical rotational
+    drag there. Of 60 recorded flights none shows one on all axes."""
     longest_delay: float = 0.1
     """Delay [s] between the two beyond which they show no common motion."""
 
