@@ -1,5 +1,6 @@
 """Delays and lags that a log may have made which says too seldom what was commanded (`flight.checks.command_rate`)."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -42,5 +43,5 @@ def made_by_sparse_commands(
     """Delays and lags that came between two sides of flights of which one logged its commands less often."""
     sides = widest_spacing(healthy), widest_spacing(suspect)
     sizes = {name: {at: abs(v) for at, v in by.items()} for name, by in values.items()}
-    most = max(sides) if sides[0] != sides[1] else 0.0
+    most = 0.0 if math.isclose(*sides, rel_tol=0.1) else max(sides)  # alike but for jitter: what the log does, cancels
     return [name for name, by in sizes.items() if family(name) in LAGS and max(by.values(), default=0.0) < most]
