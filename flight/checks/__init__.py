@@ -49,8 +49,6 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.stamps,
     channels.dropped,
 )
-SLOW_TURNS_AFTER = (*gyroscope_scale.BEFORE, "gyroscope", "gyroscope-scale")
-"""Checks that leave no slow turns to speak of where they are bad."""
 AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,
     attitude.frames,
@@ -69,8 +67,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
         moved = motion_means(flight)
         found += [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
         found += gyroscope_scale.gyroscope_scale(flight, found)
-        if not any(check.name in SLOW_TURNS_AFTER and check.level == "bad" for check in found):
-            found += slow_turns.slow_turns(flight)
+        found += slow_turns.slow_turns(flight, found)
         found += accelerometer_scale.accelerometer_scale(flight, moved, found)
         found += late_sensors.late_sensors(flight, found)
     found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)

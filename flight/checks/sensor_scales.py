@@ -138,9 +138,11 @@ class Scale:
 
     @property
     def least_excess(self) -> float:
-        """By which share the sensor reads too much at least, by the band that knows it best; zero where another band
-        contradicts. Noise of the odometry leaves no number, but makes the lower bound smaller and never larger; the
-        upper one, the sensor's noise apart, rests on what the two have in common, and chance may make that large.
+        """By which share the sensor reads too much at least, by the band that knows it best; zero where another one
+        contradicts.
+
+        Noise of the odometry makes the lower bound smaller, never larger. Nothing like it holds for a sensor that reads
+        too little: R^2 / T R is small where that noise happens to go with what little the sensor shows.
         """  # noqa: D205
         best, slack = self.best, [SCALE.sigmas * b.std for b in self.bounds]
         meet = all(b.low - s < best.high and best.low < b.high + s for b, s in zip(self.bounds, slack, strict=True))

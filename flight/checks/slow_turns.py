@@ -10,15 +10,19 @@ each block, and what a delay d between the two would make, d dg/dt; an attitude 
 negative.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks import gyroscope_scale
 from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_windows import comparable_blocks, detrended, odometry_delay
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.stamps import interpolated
+
+BEFORE = (*gyroscope_scale.BEFORE, "gyroscope", "gyroscope-scale")
+"""Checks that leave no slow turns to speak of where they are bad."""
 
 
 def high_pass(flight: Flight) -> tuple[float, float] | None:
@@ -57,9 +61,12 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
     return float(mean) / (2.0 * np.pi), float(mean_std) / (2.0 * np.pi)
 
 
-def slow_turns(flight: Flight) -> Iterator[Check]:
-    """Whether the gyroscope keeps the slow turns that the attitude shows."""
-    found = None if flight.imu is None else high_pass(flight)
+def slow_turns(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
+    """Whether the gyroscope keeps the slow turns that the attitude shows; nothing where `known` says that it reads
+    another quantity.
+    """  # noqa: D205
+    wrong = any(check.name in BEFORE and check.level == "bad" for check in known)
+    found = None if flight.imu is None or wrong else high_pass(flight)
     if found is not None and found[0] > max(SCALE.least_corner, SCALE.sigmas * found[1]):
         words = f"The gyroscope loses slow turns, as behind a high-pass of {found[0]:.2g} Hz, by the "
         words += "attitude: that looks like a drag on turning. Switch off what takes its bias away in flight"

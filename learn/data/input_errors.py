@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.flight import AXES, ActuatorSeries, Array, Flight, Mask
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.learn.data.sensor_noise import noise_shapes
@@ -114,10 +113,7 @@ def sensors_by_band(record: Record) -> Array:
 
 
 def with_input_error(record: Record, played: Flight, vehicle: Vehicle) -> Record:
-    """The record with what its commands do not say: when they were sent, and the share of error (bands, 6) in what they
-    make; as exact where they are too few.
-    """  # noqa: D205
-    record = replace(record, command_period=widest_spacing([played]))
+    """The record with the share of error (bands, 6) in what its commands make; as exact where they are too few."""
     series = played.actuators if record.source == "logged" else played.commanded
     if series is None:
         return record

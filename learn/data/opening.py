@@ -10,6 +10,7 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.command_units import REMEDY
 from wrenchgap.flight.errors import FitError, LogError, UsageError, WrenchgapError
 from wrenchgap.flight.flight import Flight, Gap, Samples
@@ -131,17 +132,17 @@ def opened(
     asked.pass_(against_model(played, model, _flown(stretches, phases)))
     parts, left_out = _parts(kept_within(stretches, between, found), stretches, phases, vehicle, known)
     flown, records, short = [], [], []
+    of_flight: dict[str, Any] = {"has_imu": played.imu is not None, "command_period": widest_spacing([played])}
     for rows, sent, source in parts:
-        how: dict[str, Any] = {"rate_hz": rate_hz, "commands": (sent, source), "imu": played.imu}
         try:
-            made = prepare(rows, vehicle, cutoff_hz=cutoff_hz, **how)
+            made = prepare(rows, vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu)
         except FitError as error:
             if not 0.0 < len(rows) * rows.dt * cutoff_hz < 12.0:
                 raise
             short.append(str(error))
         else:
             flown.append(rows)
-            records.append(with_input_error(replace(made, has_imu=played.imu is not None), played, vehicle))
+            records.append(with_input_error(replace(made, **of_flight), played, vehicle))
     if not records and not (incomplete and short):
         said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
         raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])

@@ -20,6 +20,7 @@ from wrenchgap.learn.posterior.sensor_causes import (
     late_clock,
     made_by_another_filter,
     other_clock,
+    scaled_accelerometer,
 )
 from wrenchgap.learn.posterior.sparse_commands import SparseCommands, made_by_sparse_commands
 from wrenchgap.replay.present.timing import warnings
@@ -146,6 +147,19 @@ def test_an_accelerometer_that_reads_too_much_is_no_firm_mass(scaled):
     assert "mass" not in found.firm
     assert ("mass", "accelerometer_calibration") in found.groups
     assert any(c.name == "accelerometer_calibration" for c in found.posterior.settle)
+
+
+def test_an_accelerometer_that_rectifies_vibration_is_known_by_what_changes_along_the_thrust(once, hexarotor):
+    """Its mean is right and its changes are 12 % too large: so a mass that is 1 / 1.12 of the model's looks."""
+    flight = once("late_clock none", lambda: engine.fly("none", None, "train", seed=23, seconds=25))[0]
+    force = flight.imu.specific_force_B.copy()
+    force[:, 2] += 0.12 * (force[:, 2] - force[:, 2].mean())
+    mass = hexarotor.vehicle.body.mass
+    lighter = {"mass": {"added": (1.0 / 1.12 - 1.0) * mass}}
+    read = replace(flight, imu=replace(flight.imu, specific_force_B=force))
+    assert scaled_accelerometer([read]).made(lighter, hexarotor.vehicle) == ["mass"]
+    assert scaled_accelerometer([flight]).made(lighter, hexarotor.vehicle) == []
+    assert scaled_accelerometer([read]).made({"mass": {"added": -0.3 * mass}}, hexarotor.vehicle) == []
 
 
 def test_without_odometry_a_late_imu_is_no_firm_delay(once, hexarotor):
