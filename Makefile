@@ -46,7 +46,7 @@ check: setup ## format, lint, types, layers, licences
 	$(VENV) -m mypy
 	$(VENV) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
 	$(VENV) scripts/licences.py
-	$(VENV) scripts/generate.py --check
+	$(VENV) -m scripts.generate --check
 
 format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff format .
@@ -59,8 +59,8 @@ bench: setup ## the tables of docs/performance.md, their rows as JSON in build/b
 	@set -e; for name in $(filter-out __init__ pages $(SPEED),$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
 
-generated: setup ## print compensate/generated anew, after a change of compensate/kernels.py or tables.py
-	$(VENV) scripts/generate.py
+generated: setup ## print compensate/generated anew, after a change of kernels or tables
+	$(VENV) -m scripts.generate
 
 golden: setup ## keep the golden results and texts of tests/golden anew, after a change that was meant
 	$(VENV) -m scripts.golden_replays --refresh

@@ -38,7 +38,7 @@ opening = njit(cache=True, error_model="numpy", nogil=True)
 
 @opening
 def _end(at: int, size: int) -> int:
-    """Where a part that begins at `at` ends, in whole lines of the cache (`compensate.packing.LINE`)."""
+    """Where a part that begins at `at` ends, in whole lines of the cache (`compensate.tables.LINE`)."""
     return at + (size + 7) // 8 * 8
 
 

@@ -15,10 +15,19 @@ from wrenchgap.compensate import kernels
 from wrenchgap.compensate.generated.views import opened
 from wrenchgap.compensate.kernels import COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
 from wrenchgap.compensate.lbfgs import Optimiser, Optimum
-from wrenchgap.compensate.packing import packed
 from wrenchgap.compensate.physics import PhysicsMismatch, PhysicsPrograms, trace
 from wrenchgap.compensate.reach import Reach, no_reach
-from wrenchgap.compensate.tables import IMPLAUSIBLE, STATE, Compensation, Gate, Process, Tape, looked_at, state_row
+from wrenchgap.compensate.tables import (
+    IMPLAUSIBLE,
+    STATE,
+    Compensation,
+    Gate,
+    Process,
+    Tape,
+    looked_at,
+    packed,
+    state_row,
+)
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.flight import AXES, Array, Mask
 from wrenchgap.plant.mismatch import (

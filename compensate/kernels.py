@@ -875,7 +875,7 @@ def _advance(
 def advance(numbers: Array, counts: Ints, wrenches: Array, states: Array, out: Array, expects: bool) -> int:
     """Steps through wrenches (K, 6) with states (K, 15) until the end, or one that is handed back; how many are done.
 
-    `numbers` and `counts` are a `packing.packed` compensation. `out` (K, 24 + 2 L) has the results, with the mismatch
+    `numbers` and `counts` are a `tables.packed` compensation. `out` (K, 24 + 2 L) has the results, with the mismatch
     expected of the desired wrench, as far as the vehicle can make it, and of the sent command where `expects`. What is
     remembered is as it was before a step that is handed back.
     """

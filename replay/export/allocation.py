@@ -19,7 +19,7 @@ from wrenchgap.compensate import allocation_kernels as kernels
 from wrenchgap.compensate.allocation_tables import AllocationTable
 from wrenchgap.compensate.allocator import Allocator, Left, Margins, left_by_model, margins
 from wrenchgap.compensate.c_expressions import INT
-from wrenchgap.compensate.c_printer import Printer, bounds, fields_of, members, name_of_constant
+from wrenchgap.compensate.c_names import bounds, fields_of, name_of_constant
 from wrenchgap.compensate.compiling import PRINTED
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import ModelError
@@ -32,7 +32,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.targets.quantities import acting_effects
 from wrenchgap.replay.export.c_lines import Own, literal, rows_text
-from wrenchgap.replay.export.context import Table, numbers_text
+from wrenchgap.replay.export.context import GENERATED, Table, numbers_text
 from wrenchgap.replay.export.export import Precision, environment
 from wrenchgap.replay.export.folder import checked, write_folder
 
@@ -158,8 +158,6 @@ def _context(model: Model, allocator: Allocator, precision: Precision, command: 
     vehicle, table = model.vehicle, allocator.table
     arms, rotors = vehicle.geometry()
     given, wanted = _recorded(allocator)
-    printer = Printer(kernels)
-    enum, _, macros = printer.constants().partition("};\n")
     sizes = {"WGA_RANK": len(table.demand), "WGA_GROUPS": len(table.half)}
     return {
         "vehicle": vehicle.name,
@@ -173,12 +171,8 @@ def _context(model: Model, allocator: Allocator, precision: Precision, command: 
         "tilts": bool(arms.tilts.any()),
         "rounds": table.rounds,
         "sizes": sizes,
-        "structs": Own(_own(f"typedef struct {{\n{members('AllocationMemory')}\n}} wg_memory;")),
-        "answer": Own(_own(f"typedef struct {{\n{members('AllocationCommand')}\n}} wg_command;")),
-        "room": Own(_own(f"typedef struct {{\n{members('AllocationRoom')}\n}} wg_room;")),
-        "statuses": Own(_own(f"{enum}}};")),
-        "macros": Own(_own(macros)),
-        "functions": Own(_own(printer.text())),
+        "declarations": Own((GENERATED / "allocation.h").read_text()),
+        "functions": Own((GENERATED / "allocation.c").read_text()),
         "tables": list(_tables(table)),
         "python_table": Own(_python_table(table)),
         "python_functions": Own("\n\n\n".join(_python_functions())),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.compensate import Combined, Compensator, generated
 from wrenchgap.compensate.c_expressions import INT
-from wrenchgap.compensate.c_printer import bounds, fields_of, name_of_constant
+from wrenchgap.compensate.c_names import bounds, fields_of, name_of_constant
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.run import run
 from wrenchgap.compensate.tables import STATE, rows_of

@@ -114,5 +114,7 @@ def test_sigma_that_is_no_number_is_not_hidden_by_an_output_that_has_one():
 
 
 def test_what_is_generated_is_what_would_be_printed():
-    done = subprocess.run([sys.executable, "scripts/generate.py", "--check"], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "scripts.generate", "--check"], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stdout

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from wrenchgap.compensate.c_printer import Printer, Unprintable
+from scripts.c_printer import Printer, Unprintable
 
 HEAD = """
 import math

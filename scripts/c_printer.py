@@ -1,4 +1,4 @@
-"""Prints `compensate.kernels` as C99: the functions that are `printed`, and the structs of `compensate.tables`.
+"""Prints the kernels of `compensate` as C99: the functions that are `printed`, and the structs of their tables.
 
 The functions say little that C does not say in the same words: assignments, `for` over `range`, `if`, arithmetic,
 `math`, calls of each other, arrays whose shapes the annotations give. Tuples of constants become static tables
@@ -8,22 +8,20 @@ pointer. Anything else raises `Unprintable`, with the line.
 
 import ast
 import inspect
+import re
 from dataclasses import dataclass, field
 from textwrap import wrap
 from types import ModuleType
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
-from wrenchgap.compensate import allocation_tables, tables
+from wrenchgap.compensate import allocation_kernels, kernels, tables
 from wrenchgap.compensate.c_expressions import ATOM, INT, OPERATORS, REAL, Expressions, Type, Unprintable, Written
+from wrenchgap.compensate.c_names import CONSTANT, bounds, fields_of, name_of_constant, type_of
 from wrenchgap.compensate.compiling import PRINTED
 
-CONSTANT = {"Compensation": "", "Gate": "", "ReachTable": "reach_", "Process": "process_", "Observer": "observer_"}
-CONSTANT |= {"AllocationTable": ""}
-"""Tuples whose parts are tables and macros, with what stands before their names; a `Tape` has none."""
 STRUCTS = {"Memory": "wg_memory", "Observed": "wg_memory", "ReachRoom": "wg_reach_room", "Room": "wg_room"}
 STRUCTS |= {"AllocationRoom": "wg_room", "AllocationMemory": "wg_memory", "AllocationCommand": "wg_command"}
-MAYBE_NONE = ("WG_POINTS", "WG_WHITENER", "WG_TILTING", "WG_ACTUATORS", "WG_FIXED")
-"""Sizes that may be zero, where C has no array."""
+"""Tuples that change, and their structs; a `Tape` has none."""
 
 
 def is_tuple(kind: Type) -> bool:
@@ -36,31 +34,6 @@ def is_constant(kind: Type) -> bool:
     return kind.name in CONSTANT or kind.name == "Tape"
 
 
-def type_of(hint: Any) -> Type:
-    """The type of an annotation of `tables`, or of an argument."""
-    if hint in (int, bool):
-        return INT
-    if hint is float:
-        return REAL
-    if hasattr(hint, "_fields"):
-        return Type(hint.__name__)
-    sizes = [str(size) for size in getattr(hint, "__metadata__", ("?",)) if size != "int"]
-    whole = get_args(hint)[:1] == (tables.Ints,) or "int" in getattr(hint, "__metadata__", ())
-    return Type("int" if whole else "wg_real", tuple(sizes))
-
-
-def fields_of(name: str) -> dict[str, Type]:
-    """Fields of a tuple with their types."""
-    owner = tables if hasattr(tables, name) else allocation_tables
-    hints = get_type_hints(getattr(owner, name), include_extras=True)
-    return {field: type_of(hint) for field, hint in hints.items()}
-
-
-def bounds(sizes: tuple[str, ...]) -> str:
-    """The brackets of a declaration."""
-    return "".join(f"[WG_SIZE({size})]" if size in MAYBE_NONE else f"[{size}]" for size in sizes)
-
-
 def members(name: str) -> str:
     """The members of a struct, one a line, for a tuple that changes."""
     lines = []
@@ -68,12 +41,6 @@ def members(name: str) -> str:
         sizes = () if kind.sizes == ("1",) else kind.sizes
         lines.append(f"    {STRUCTS.get(kind.name, kind.name)} {part}{bounds(sizes)};")
     return "\n".join(lines)
-
-
-def name_of_constant(owner: str, part: str, kind: Type) -> str:
-    """What a part of a tuple of constants is called in C."""
-    name = CONSTANT[owner] + part
-    return f"wg_{name}" if kind.sizes else f"WG_{name.upper()}"
 
 
 @dataclass
@@ -316,13 +283,19 @@ OBSERVING = ("torque_made", "observe", "remember_asked", "stop_watching", "take_
 """Functions that only an observer needs."""
 
 
-def period_text(module: ModuleType) -> str:
+def struct(*names: str) -> str:
+    """The struct of a tuple that changes; the members of a second one are there with an observer alone."""
+    parts = [members(names[0]), *(f"#if WG_OBSERVER\n{members(name)}\n#endif" for name in names[1:])]
+    return "\n".join(["typedef struct {", *parts, f"}} {STRUCTS[names[0]]};"])
+
+
+def period_text() -> str:
     """The generated part of an exported compensation: constants, room to work in, and the functions of a period."""
-    printer = Printer(module)
+    printer = Printer(kernels)
     parts = [
         "/* Printed from compensate/kernels.py of wrenchgap (`make generated`); not to be edited. */",
         printer.constants(),
-        *(f"typedef struct {{\n{members(name)}\n}} {STRUCTS[name]};" for name in ("ReachRoom", "Room")),
+        *map(struct, ("ReachRoom", "Room")),
         *(f"{printer.signature(name)};" for name in ("physics_fixed", "physics_moving", "physics_sent")),
         printer.text([name for name in printer.printed if name not in OBSERVING]),
         "#if WG_OBSERVER",
@@ -334,5 +307,30 @@ def period_text(module: ModuleType) -> str:
 
 def memory_text() -> str:
     """The struct of what is remembered, for the header of an exported compensation."""
-    observed = f"#if WG_OBSERVER\n{members('Observed')}\n#endif"
-    return f"typedef struct {{\n{members('Memory')}\n{observed}\n}} wg_memory;\n"
+    return struct("Memory", "Observed") + "\n"
+
+
+ANSWER = """
+/* Thrusts [N] of the nominal rotors, tilts [rad] of the arms, each within its limits; the wrench that they make by the
+ * model, which an integrator should be told of; the smallest distance of a rotor from its limits, as a share of half its
+ * range (of its thrust where the arm tilts); status. */"""  # noqa: E501
+
+
+def allocation_names(text: str) -> str:
+    """Names of the exported allocation: it may stand beside the compensation."""
+    return re.sub(r"\bWG(?=[_(])", "WGA", re.sub(r"\bwg_", "wga_", text))
+
+
+def allocation_header() -> str:
+    """The generated part of an exported allocation's header: statuses, what is remembered, the answer."""
+    statuses, _, _ = Printer(allocation_kernels).constants().partition("#define")
+    parts = [statuses, "/* What is remembered: the command before. */", struct("AllocationMemory")]
+    return allocation_names("\n".join([*parts, ANSWER, struct("AllocationCommand")]))
+
+
+def allocation_text() -> str:
+    """The generated part of an exported allocation: constants, room to work in, functions."""
+    printer = Printer(allocation_kernels)
+    macros = printer.constants().partition("};\n")[2]
+    note = "/* Printed from compensate/allocation_kernels.py of wrenchgap. */"
+    return allocation_names("\n\n".join([macros, struct("AllocationRoom"), note, printer.text()]))
