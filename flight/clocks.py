@@ -298,7 +298,7 @@ def _agree(relations: list[Relation]) -> bool:
 
 
 def _describe(found: Relation) -> str:
-    rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate{found.kind}"
+    rate = "" if found.same_rate else f"; its clock runs at {found.rate:.4g} times the log's{found.kind}"
     return f"carries stamps {found.offset:+.3f} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
 
 

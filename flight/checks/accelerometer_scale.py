@@ -67,9 +67,16 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical, which `explain` looks for; the ground station "
-    words += "calibrates both. If it is the scale, reading can undo it"
-    mend = None if is_clipped(known, "accelerometer") else option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
-    return Check("accelerometer-scale", "bad" if off > SCALE.refused else "warn", words, mend)
+    words += "calibrates both"
+    if is_clipped(known, "accelerometer"):
+        undone = None
+    else:
+        undone = option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
+    if off > SCALE.refused:
+        words += ". If it is the scale, reading can undo it" * (undone is not None)
+        return Check("accelerometer-scale", "bad", words, undone)
+    words += f". Only where you know that it is the scale: `{undone}`" * (undone is not None)
+    return Check("accelerometer-scale", "warn", words)  # no mend: of a bias it would be the wrong one
 
 
 def _axes(scales: Mapping[str, Scale]) -> Check | None:

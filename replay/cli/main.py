@@ -8,6 +8,7 @@ Modules are imported when a command needs them, so that `wrenchgap --help` is qu
 
 import inspect
 import os
+import re
 import sys
 import tempfile
 import traceback
@@ -150,7 +151,11 @@ def _usage(error: Any) -> int:
     words = error.format_message()
     for theirs, ours in PLAIN.items():
         words = words.replace(theirs, ours, 1)
-    say(f"{words.rstrip('.')}; see `{where} --help`")
+    example = ""
+    if type(error).__name__ == "MissingParameter" and ctx is not None:  # what an answer looks like is in the help
+        found = re.search(r"Example: (`[^`]+`)", ctx.command.help or "")
+        example = "" if found is None else f", as in {found[1]}"
+    say(f"{words.rstrip('.')}{example}; see `{where} --help`")
     return 2
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.formats.header_names import CRAZYFLIE
-from wrenchgap.learn.health.answers import NEEDS
+from wrenchgap.learn.health.answers import NEEDS, Lack
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.motors import Motors
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -122,11 +122,14 @@ def flown(log: LogHealth, short: float = 20.0) -> str:
 
 def _lacks(found: Health) -> list[tuple[str, str]]:
     """What the logs cannot answer, and the settings that change it; of several logs what all of them lack."""
-    missing = [{str(a.question) for a in log.answers if a.lack is not None} for log in found.logs]
-    both = [str(a.question) for a in found.logs[0].answers if all(str(a.question) in one for one in missing)]
-    who = "None of the logs" if len(found.logs) > 1 else "The log"
-    verb = "can" if len(found.logs) > 1 else "cannot"
-    said = f"{who} {verb} answer: {'; '.join(both)} (why: table)." if both else ""
+    lacks = [{a.question: a.lack for a in log.answers if a.lack is not None} for log in found.logs]
+    both = [a.question for a in found.logs[0].answers if all(a.question in one for one in lacks)]
+    calm = [question for question in both if any(one[question] in (Lack.SPEED, Lack.TURNING) for one in lacks)]
+    several = len(found.logs) > 1
+    whole = ("None of the logs can answer" if several else "The log cannot answer", [q for q in both if q not in calm])
+    partly = (f"The log{'s show' if several else ' shows'} only what is large of", calm)
+    said = " ".join(f"{who}: {'; '.join(map(str, asked))}." for who, asked in (whole, partly) if asked)
+    said = f"{said.removesuffix('.')} (why: table)." if said else ""
     todo = dict.fromkeys(setting(one) for log in found.logs for one in log.settings)
     more = f"{next(iter(todo))}, to answer more." if todo else ""
     longer = f"Fly at least {NEEDS.flight:g} s: `explain` needs as much." if _short(found.logs) else ""

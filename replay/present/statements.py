@@ -153,13 +153,14 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
             f"a yaw bias. Look for {YAW_BIAS}{also}; a sound vehicle may have a part of it: compare with an earlier "
             "flight."
         )
+    earlier = " A sound vehicle may have a part of it: compare with an earlier flight." * (motors.balance_level == "warn")
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
         where = _direction(*motors.centre)
         return (
             f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
             "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "
-            f"battery away from there.{drift}"
+            f"battery away from there.{earlier}{drift}"
         )
     if motors.shape is Shape.ONE and hard.alike:
         names = " and ".join(one.name for one in (hard.rotor, *hard.alike))
@@ -168,7 +169,7 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
             "weak: inspect both propellers, then motors and ESCs."
         )
     if motors.shape is Shape.ONE:
-        return f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC."
+        return f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC.{earlier}"
     if motors.shape is Shape.UNKNOWN:
         return f"{said}. {told} whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)

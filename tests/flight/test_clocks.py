@@ -58,7 +58,7 @@ def test_a_flight_is_told_in_the_clock_of_its_motion(logs, loaded):
     slope = np.gradient(found.odometry.position_E, found.odometry.time, axis=0)[5:-5]
     np.testing.assert_allclose(slope, logs.Motion(sim).velocity_E[5:-5], atol=1e-3)
     (note,) = [note for note in found.notes if note.startswith("Two clocks")]
-    assert "at 0.5 times its rate" in note
+    assert "its clock runs at 0.5 times the log's" in note
     assert "/sim/command/wrench" in note
 
 

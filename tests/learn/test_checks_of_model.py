@@ -30,6 +30,16 @@ def test_inertia_off_by_decades_is_bad(name, factor):
     assert levels(replace(model, vehicle=replace(model.vehicle, body=body)))["inertia"] == "bad"
 
 
+@pytest.mark.parametrize("name", SHIPPED[:3])
+def test_a_mass_in_grams_is_asked_about(name):
+    model = wg.load_model(name)
+    for times, asked in ((1e3, True), (30.0, False)):
+        body = replace(model.vehicle.body, mass=times * model.vehicle.body.mass)
+        checks = vehicle_checks(replace(model, vehicle=replace(model.vehicle, body=body)))
+        found = next(check for check in checks if check.name == "inertia")
+        assert ("mass in grams" in found.words) is asked, (times, found.words)
+
+
 def test_all_of_the_mass_at_the_tips_is_still_a_vehicle():
     """A ring of mass m at the arms' radius: J_zz = m L^2, the most there can be, J_xx half of it."""
     model = wg.load_model("tilt_hexarotor")

@@ -264,6 +264,15 @@ def test_of_a_log_without_a_flight_nothing_is_said_to_be_missing(made):
     assert "for want of data" not in answer(health)[0][0]
 
 
+def test_what_a_calm_flight_lacks_is_said_apart_from_what_no_setting_of_the_logger_gives(made):
+    calm = made("ulg", "sound", Wrong())
+    lines = [text for text, _ in answer(calm)]
+    asked = next(line for line in lines if "(why: table)" in line)
+    assert "only what is large of: " in asked
+    assert "drag" in asked.partition("only what is large of: ")[2]
+    assert "drag" not in asked.partition("only what is large of: ")[0]
+
+
 def test_a_flight_that_is_too_short_is_to_be_flown_again_before_a_model_is_made(tmp_path, monkeypatch):
     monkeypatch.setattr(health_logs, "DOWN", UP + 9.0)
     lines = [text for text, _ in answer(wg.check(ulog(tmp_path / "short.ulg")))]

@@ -78,6 +78,7 @@ CASES = {
     "simulate HEXA -t hover --duration 2 --effects @mine.py -o s.mcap --json @mine.py --force": "one of the inputs",
     "add field_torque HEXA --from LOG --effects @mine.py -o @mine.py --force": "one of the inputs",
     "ready LOG HEXA --for @logs/still.toml --json @logs/still.toml --force": "one of the inputs",
+    "ready LOG HEXA": "Missing option '--for', as in `wrenchgap ready ",
     "ready LOG HEXA --for step": "step: jumps, or moves too fast | 0.98 s | slower",
     "ready LOG HEXA --for @long.toml": "lasts 20000 s; expected at most 600 s",
     "simulate -m @logs/bench.toml -t hover -o s.mcap --json @logs/bench.csv --force": "one of the inputs",

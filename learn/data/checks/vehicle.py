@@ -76,6 +76,8 @@ def _inertia(vehicle: Vehicle) -> Check:
         words = f"{described}: no mass within {reach:.3g} m has more than {limit:.3g} kg m^2; {wrong}"
         return Check("inertia", "bad", words)
     if least < RANGES.least_gyration:
+        if RANGES.small_gyration < 1000.0 * least and 1000.0 * most < 1.0:
+            wrong = f"is vehicle.mass in grams? it is read as {body.mass:.3g} kg; {wrong}"
         words = f"{described}: {least:.2g} of m L^2, expected at least {RANGES.least_gyration:g}; {wrong}"
         return Check("inertia", "bad", words)
     if least < RANGES.small_gyration:
