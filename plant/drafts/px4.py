@@ -144,6 +144,16 @@ def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:
     return tuple(found)
 
 
+def arm_notes(parameters: Parameters, arm: float | None, where: str, nearly: float = 0.05) -> tuple[str, ...]:
+    """A note where `arm` [m] differs by more than the share `nearly` from the one that CA_ROTOR* have as a length."""
+    if arm is None or not has_geometry(parameters) or placeholders(parameters):
+        return ()
+    farthest = max(float(np.linalg.norm(r.position_B.value[:2])) for r in rotors_of(parameters, where))
+    if abs(arm - farthest) <= nearly * farthest:
+        return ()
+    return (f"{where}: CA_ROTOR* have the farthest motor {farthest:.3g} m from the middle, --arm {arm:g} is used",)
+
+
 def frame_notes(parameters: Parameters, typed: str | None, where: str, nearly: float = 0.97) -> tuple[str, ...]:
     """A note where CA_ROTOR* have motors elsewhere than the frame that was typed; ModelError where it has other rotors.
 

@@ -135,7 +135,12 @@ def _ulog(source: Path, user: Given, budget: Budget | str | None) -> Draft:
         com=px4.com_of(logged),
         imu_position=px4.imu_of(logged),
         command=px4.command_of(logged, unit),
-        notes=(*px4.notes_of(logged, source.name), *px4.frame_notes(logged, user.frame, source.name), *notes),
+        notes=(
+            *px4.notes_of(logged, source.name),
+            *px4.frame_notes(logged, user.frame, source.name),
+            *px4.arm_notes(logged, user.arm, source.name),
+            *notes,
+        ),
     )
     return _level(_over(draft, user), flown)
 

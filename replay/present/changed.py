@@ -18,7 +18,7 @@ from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, numbers, parameters, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
 from wrenchgap.replay.present.figures import style, vehicle
-from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights, sentences
+from wrenchgap.replay.present.notes import doubted_mass, not_tried_json, not_tried_lines, of_flights, sentences
 from wrenchgap.replay.present.numbers import entries, number, quantity, row, share, signed, size_in_words, unit
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, note_lines, table
 
@@ -308,9 +308,10 @@ def _parameter(p: Size) -> dict[str, Any]:
 
 def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
-    said = note_lines(other_recordings(found)[:1], "warning")
+    said = [*(doubted := doubted_mass(found)), *note_lines(other_recordings(found)[:1], "warning")]
     said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
-    said += [*map(Line, posterior.cheapest_check(found.settle)), *note_lines(outliers(found)[:1], "warning")]
+    said += map(Line, () if doubted else posterior.cheapest_check(found.settle))
+    said += [*note_lines(outliers(found)[:1], "warning")]
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 

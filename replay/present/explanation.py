@@ -14,7 +14,7 @@ from wrenchgap.replay.present.addition import granted_thrust
 from wrenchgap.replay.present.answer import answer_lines, evidence, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import not_tried_json, not_tried_lines, of_flights
+from wrenchgap.replay.present.notes import doubted_mass, not_tried_json, not_tried_lines, of_flights
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     by_axis,
@@ -197,10 +197,10 @@ def brief(found: Explanation) -> list[Part]:
     and the members.
     """  # noqa: D205
     places = what_to_inspect.of_explanation(found)[:MOST_PLACES]
-    said: list[Part] = [Line(text, "bold") for text in posterior.apart(found)]
+    said: list[Part] = [*(doubted := doubted_mass(found)), *(Line(text, "bold") for text in posterior.apart(found))]
     said += [*answer_lines(found), *(Line(text, "bold") for text in places)]
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
-    said += map(Line, posterior.cheapest_check(found.posterior.settle))
+    said += map(Line, () if doubted else posterior.cheapest_check(found.posterior.settle))
     if tested := found.validation:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)
         sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]

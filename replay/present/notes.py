@@ -8,6 +8,7 @@ from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.check import Check, Finding, TimeLeftOut
 from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.comparison import LeftOut
+from wrenchgap.learn.data.checks.vehicle import OTHER_WEIGHT
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 from wrenchgap.replay.present.numbers import by_reason, entries
@@ -112,9 +113,29 @@ MISSING = ("gaps", "left-out", "spikes")
 """Checks that say which samples are missing: where they ask for nothing, the details have what they say."""
 
 
+def of_model_and_logs(result: Any) -> list[Finding | TimeLeftOut]:
+    """The findings without those that `changed` compares: a weight that suspect flights have, and no healthy one."""
+    found = list(findings(result))
+    weighed = {note.flight for note in found if _of_weight(note)}
+    healthy: Sequence[str] = getattr(result, "healthy", ())
+    compared = bool(healthy) and weighed.isdisjoint(healthy)
+    return [note for note in found if not (compared and _of_weight(note))]
+
+
+def _of_weight(note: object) -> bool:
+    return isinstance(note, Finding) and note.check.name == "weight" and note.check.level != "ok"
+
+
+def doubted_mass(result: Any) -> list[Line]:
+    """What to say first where the model weighs otherwise than what flew, beyond what effects make; else nothing."""
+    found = (note for note in of_model_and_logs(result) if isinstance(note, Finding))
+    said = "Correct the model's mass first, and doubt what follows: it weighs otherwise than what flew (check: weight)."
+    return [Line(said, "bold")] if any(OTHER_WEIGHT in note.check.words for note in found) else []
+
+
 def banner(result: Any, *, details: bool = True) -> list[Line]:
     """The warnings of a result, to stand above it; without `details` those of missing samples are one line."""
-    found = list(findings(result))
+    found = of_model_and_logs(result)
     some = [n for n in found if isinstance(n, Finding) and n.check.name in MISSING and n.check.level == "warn"]
     some = [] if details else [n for n in some if not n.check.mend]
     said = warnings(n for n in found if n not in some)

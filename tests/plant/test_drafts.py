@@ -370,6 +370,11 @@ def test_a_typed_frame_with_motors_elsewhere_than_px4_has_them_is_told():
     assert "CA_ROTOR* have the motors elsewhere than --frame quad_plus" in note
     with pytest.raises(ModelError, match=r"has 6 rotors, and a\.ulg has CA_ROTOR_COUNT 4"):
         px4.frame_notes(parameters, "hexa_x", "a.ulg")
+    assert px4.arm_notes(parameters, 0.25, "a.ulg") == ()  # 1 m and 1 m are ratios
+    measured = {key: 0.2 * value if "_P" in key else value for key, value in parameters.items()}
+    assert px4.arm_notes(measured, 0.28, "a.ulg") == px4.arm_notes(measured, None, "a.ulg") == ()
+    (note,) = px4.arm_notes(measured, 0.25, "a.ulg")
+    assert "0.283 m from the middle, --arm 0.25 is used" in note
 
 
 @pytest.mark.parametrize("frame", ["quad-x", "X", "hexa"])

@@ -189,6 +189,10 @@ def _counts(flight: Flight, model: Model) -> list[Check]:
     return [Check("actuators", "ok", f"{described}; {logged}.")]
 
 
+OTHER_WEIGHT = "another vehicle, unit or mass? correct vehicle.mass."
+"""How the words of a weight end that no effect is expected to explain."""
+
+
 def _weight(records: Sequence[Record], model: Model) -> list[Check]:
     weight = model.vehicle.body.mass * GRAVITY
     found = []
@@ -212,7 +216,7 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
         else:
             usual = 1.5 if name == "commanded" else 2.0  # what is measured of fast flight may be more
             level: Level = "warn" if 1.0 / usual < share < usual else "bad"
-            found.append(Check("weight", level, f"{words}: another vehicle, unit or mass? correct vehicle.mass."))
+            found.append(Check("weight", level, f"{words}: {OTHER_WEIGHT}"))
     return found
 
 
