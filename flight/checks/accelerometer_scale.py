@@ -68,10 +68,8 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
     words += f"a bias of {bias:+.2f} m/s^2 along the vertical, which `explain` looks for; the ground station "
     words += "calibrates both"
-    if is_clipped(known, "accelerometer"):
-        undone = None
-    else:
-        undone = option(flight, f"accel*{factor(1.0 / ratio.value)}", "imu")
+    scaled = f"accel*{factor(1.0 / ratio.value)}"
+    undone = None if is_clipped(known, "accelerometer") else option(flight, scaled, "imu")
     if off > SCALE.refused:
         words += ". If it is the scale, reading can undo it" * (undone is not None)
         return Check("accelerometer-scale", "bad", words, undone)

@@ -187,8 +187,9 @@ def limited(flight: Flight) -> Iterator[Check]:
     found = [c for v in speeds.T for c in flat_tops("", v, (speeds,)) if c.value == top != 1.0]
     if len(found) > 1:
         share = 100.0 * float(np.mean(np.any(speeds == top, axis=1)))
-        words = f"the commands of {len(found)} rotors stop at {top:.4g}, one or more of them in {share:.2g} % of the samples: is it their "
-        words += "limit, or that of what was logged? What the rotors made beyond is in no prediction"
+        words = f"the commands of {len(found)} rotors stop at {top:.4g}, one or more of them in {share:.2g} % "
+        words += "of the samples: is it their limit, or that of what was logged? What the rotors "
+        words += "made beyond is in no prediction"
         yield Check("clipped", "warn", words)
 
 

@@ -25,7 +25,7 @@ from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, not
 MOST_PLACES = 3
 """Sentences on what to inspect that belong to the answer."""
 SIZES_LEGEND = (
-    "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
+    "scatter: what healthy flights differ by in this parameter; fit +-: of the change, from within the flights; "
     "significance: change over both together, which is the +- of the first sentence"
 )
 ALONE_LEGEND = (
@@ -218,7 +218,8 @@ def sizes(found: Changed) -> list[Table]:
         for p in found.parameters
         if found.verdict is not Verdict.NOTHING
     ]
-    heads = ("effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+    of = ("effect", "parameter", "where")
+    heads = (*of, "healthy", "scatter", "suspect", "change", "fit +-", "unit", "significance")
     return [table("changes", heads, rows, left=3, texts=(8,))] if rows else []
 
 
@@ -310,8 +311,8 @@ def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
     said = [*(doubted := doubted_mass(found)), *note_lines(other_recordings(found)[:1], "warning")]
     said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
-    said += map(Line, () if doubted else posterior.cheapest_check(found.settle))
-    said += [*note_lines(outliers(found)[:1], "warning")]
+    said += [] if doubted else map(Line, posterior.cheapest_check(found.settle))
+    said += note_lines(outliers(found)[:1], "warning")
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 

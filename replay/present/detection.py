@@ -80,8 +80,12 @@ def _part(one: DetectionLimit) -> float:
     return abs(one.size / one.plausible) if one.shown else float("inf")
 
 
-def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicle) -> str:
-    """An effect with the size from which on any of its parameters would have been shown."""
+def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicle, apart: float = 1.3) -> str:
+    """An effect with the size from which on any of its parameters would have been shown.
+
+    Rotors whose sizes differ by the factor `apart` or more, as one reads it in per cent, are told by the best and the
+    worst of them.
+    """
     shown = [one for one in limits if one.shown]
     same_unit = len({one.unit for one in limits}) == 1
     worst = max(shown, key=_part if not same_unit else lambda one: abs(one.size))
@@ -90,7 +94,14 @@ def _shown_in_words(name: str, limits: Sequence[DetectionLimit], vehicle: Vehicl
     if len(limits) == 1 and not factor:
         return f"{name} from {size}"
     if len(shown) == len(limits) and same_unit and not factor:
-        return f"{name} from {size} (any of {len(limits)})" if find(name).sparse else f"{name} from {size}"
+        if not find(name).sparse:
+            return f"{name} from {size}"
+        best = min(shown, key=lambda one: abs(one.size))
+        if abs(worst.size) < apart * abs(best.size):
+            return f"{name} from {size} (any of {len(limits)})"
+        least = _size(name, best.parameter, abs(best.size), best.unit, vehicle)
+        places = [user_name(one.parameter, vehicle) for one in (best, worst)]
+        return f"{name} from {least} ({places[0]}) to {size} ({places[1]})"
     names = "/".join(user_name(one.parameter, vehicle) for one in shown if one.unit == worst.unit)
     return f"{name} {names} from {size}"
 

@@ -7,8 +7,8 @@ from typing import Any
 from wrenchgap.compensate.lbfgs import NotCompiled
 from wrenchgap.flight.check import Check, Finding, TimeLeftOut
 from wrenchgap.learn.data.candidates import Lack, Untried
-from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.data.checks.vehicle import OTHER_WEIGHT
+from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 from wrenchgap.replay.present.numbers import by_reason, entries

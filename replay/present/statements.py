@@ -153,7 +153,9 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
             f"a yaw bias. Look for {YAW_BIAS}{also}; a sound vehicle may have a part of it: compare with an earlier "
             "flight."
         )
-    earlier = " A sound vehicle may have a part of it: compare with an earlier flight." * (motors.balance_level == "warn")
+    earlier = " A sound vehicle may have a part of it: compare with an earlier flight." * (
+        motors.balance_level == "warn"
+    )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
         where = _direction(*motors.centre)
@@ -169,7 +171,9 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
             "weak: inspect both propellers, then motors and ESCs."
         )
     if motors.shape is Shape.ONE:
-        return f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC.{earlier}"
+        return (
+            f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC.{earlier}"
+        )
     if motors.shape is Shape.UNKNOWN:
         return f"{said}. {told} whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)
