@@ -17,7 +17,6 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -64,14 +63,14 @@ def rotor_wrench(actuation: Actuation) -> Array:
     return out
 
 
-def _wrench_of_thrusts(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
-    """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts."""
-    if rotor_kernels.is_batch(thrust, turn):
-        arms, rotors = vehicle.geometry()
-        arm, drag = np.ascontiguousarray(rotors.arm), np.ascontiguousarray(rotors.spin * rotors.kappa)
-        place = rotor_kernels.contiguous(arms.normal_B, arms.lateral_B, arms.position_B)
-        thrust, turn = rotor_kernels.contiguous(thrust, turn)
-        return np.asarray(rotor_kernels.rotor_wrench(arm, thrust, turn, drag, *place))
+def _wrench_of_thrusts(vehicle: Vehicle, thrust: Array, turn: Array, most: int = 2048) -> Array:
+    """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts.
+
+    At most so many rows at a time: what lies in between stays in the processor's cache.
+    """
+    if len(turn) > most:
+        parts = [slice(k, k + most) for k in range(0, len(turn), most)]
+        return np.concatenate([_wrench_of_thrusts(vehicle, thrust[k], turn[k]) for k in parts])
     sums, wrench = _matrices(vehicle)
     per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
     cos, sin = np.split(turn[:, None], 2, axis=2)

@@ -27,9 +27,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.effects.effect import (
@@ -245,15 +245,62 @@ class WrenchModel:
         are one compiled pass.
         """
         on_sensors = any(isinstance(item.effect, SensorEffect) for item in self.effects)
-        if not on_sensors and rotor_kernels.is_batch(wrench_B, state.omega_B):
+        if not on_sensors and _is_batch(wrench_B, state.omega_B):
             numbers = self.dynamics
             if body is not None:
                 numbers = np.concatenate((numbers[:22], [body.mass], body.com_B, body.inertia.ravel()))
-            wrench, omega = rotor_kernels.contiguous(wrench_B, state.omega_B)
-            return np.asarray(rotor_kernels.reported_wrench(wrench, omega, numbers))
+            wrench, omega = np.ascontiguousarray(wrench_B), np.ascontiguousarray(state.omega_B)
+            return np.asarray(_reported_wrench(wrench, omega, numbers))
         motion = self.read_imu(self.motion(wrench_B, state.omega_B), state)
         return measured_wrench(self.vehicle.body if body is None else body, motion)
 
     def predict(self, commands: Commands, state: State, dt: float) -> Array:
         """Predicted measured wrench (N, 6) of consecutive samples `dt` [s] apart, unfiltered."""
         return self.report(self.actuate(commands, state, dt)[0], state)
+
+
+def _is_batch(*arrays: Any, least: int = 64) -> bool:
+    """Whether these are arrays of numbers with `least` samples: a closed loop has one, a trace no numbers."""
+    return all(type(a) is np.ndarray and a.dtype == np.float64 and len(a) >= least for a in arrays)
+
+
+@njit(cache=True, nogil=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def _times(M, v):  # type: ignore[no-untyped-def]
+    return (
+        M[0, 0] * v[0] + M[0, 1] * v[1] + M[0, 2] * v[2],
+        M[1, 0] * v[0] + M[1, 1] * v[1] + M[1, 2] * v[2],
+        M[2, 0] * v[0] + M[2, 1] * v[1] + M[2, 2] * v[2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _reported_wrench(wrench: Array, omega: Array, numbers: Array) -> Array:
+    """Measured wrench (N, 6): `measured_wrench` of a believed body after `forward_dynamics` of the true one.
+
+    `numbers` (35,) holds mass, centre of mass, inertia and its inverse of the true body, then mass, centre of mass and
+    inertia of the believed one.
+    """
+    mass, com, inertia, inverse = numbers[0], numbers[1:4], numbers[4:13].reshape(3, 3), numbers[13:22].reshape(3, 3)
+    believed_mass, believed_com, believed_inertia = numbers[22], numbers[23:26], numbers[26:35].reshape(3, 3)
+    out = np.empty((len(wrench), 6))
+    c, d = (com[0], com[1], com[2]), (believed_com[0], believed_com[1], believed_com[2])
+    for k in range(len(wrench)):
+        force = (wrench[k, 0], wrench[k, 1], wrench[k, 2])
+        w = (omega[k, 0], omega[k, 1], omega[k, 2])
+        arm = _cross(c, force)
+        gyro = _cross(w, _times(inertia, w))
+        moment = (wrench[k, 3] - arm[0] - gyro[0], wrench[k, 4] - arm[1] - gyro[1], wrench[k, 5] - arm[2] - gyro[2])
+        omega_dot = _times(inverse, moment)
+        euler, centripetal = _cross(omega_dot, c), _cross(w, _cross(w, c))
+        euler_d, centripetal_d = _cross(omega_dot, d), _cross(w, _cross(w, d))
+        torque, gyro_d = _times(believed_inertia, omega_dot), _cross(w, _times(believed_inertia, w))
+        for a in range(3):
+            specific = force[a] / mass - euler[a] - centripetal[a]
+            out[k, a] = believed_mass * (specific + euler_d[a] + centripetal_d[a])
+            out[k, 3 + a] = torque[a] + gyro_d[a]
+    return out

@@ -1,4 +1,4 @@
-"""Passes over tilt angles, thrusts and hubs, compiled or not, against rigid-body kinematics and sums over rotors."""
+"""Tilt angles, thrusts and hubs of many samples, against rigid-body kinematics and sums over rotors."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ from wrenchgap.plant.effects.effect import Context
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.state import Actuation, Posture, State
 
-COUNT = 64 + 37
+COUNT = 2048 + 37
 
 
 @pytest.fixture
 def flying(hexarotor):
-    """Random rotors and a random motion of samples enough to be compiled."""
+    """Random rotors and a random motion of more samples than are worked on at a time."""
     rng = np.random.default_rng(7)
     arms, rotors = hexarotor.geometry()
     tilt = rng.uniform(-4.0, 4.0, (COUNT, len(arms)))
