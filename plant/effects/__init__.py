@@ -14,46 +14,17 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from wrenchgap.flight.errors import ModelError, meant
-from wrenchgap.plant.effects.effect import (
-    AirEffect,
-    AnyEffect,
-    BodyEffect,
-    CommandEffect,
-    Context,
-    Effect,
-    Parameter,
-    SensorEffect,
-    Source,
-    ThrustEffect,
-    WrenchEffect,
-)
-
-__all__ = [
-    "AirEffect",
-    "AnyEffect",
-    "BodyEffect",
-    "CommandEffect",
-    "Context",
-    "Effect",
-    "Parameter",
-    "SensorEffect",
-    "Source",
-    "ThrustEffect",
-    "WrenchEffect",
-    "acting_effects",
-    "catalogue",
-    "families",
-    "family",
-    "find",
-    "forget",
-    "is_air",
-    "is_drag",
-    "part_effects",
-    "register",
-    "registered",
-    "require_force",
-    "sources",
-]
+from wrenchgap.plant.effects.effect import AirEffect as AirEffect
+from wrenchgap.plant.effects.effect import AnyEffect as AnyEffect
+from wrenchgap.plant.effects.effect import BodyEffect as BodyEffect
+from wrenchgap.plant.effects.effect import CommandEffect as CommandEffect
+from wrenchgap.plant.effects.effect import Context as Context
+from wrenchgap.plant.effects.effect import Effect as Effect
+from wrenchgap.plant.effects.effect import Parameter as Parameter
+from wrenchgap.plant.effects.effect import SensorEffect as SensorEffect
+from wrenchgap.plant.effects.effect import Source as Source
+from wrenchgap.plant.effects.effect import ThrustEffect as ThrustEffect
+from wrenchgap.plant.effects.effect import WrenchEffect as WrenchEffect
 
 _PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect, AirEffect)
 _own: dict[str, tuple[AnyEffect, Source]] = {}

@@ -23,37 +23,21 @@ were added, so that a model does not depend on its history.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any as Any
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array as Array
 from wrenchgap.flight.so3 import rotate_inverse
-from wrenchgap.plant.state import Actuation, Commands, Motion, State
-from wrenchgap.plant.vehicle import Arms, Body, Vehicle
-
-__all__ = [
-    "Actuation",
-    "AirEffect",
-    "Any",
-    "AnyEffect",
-    "Array",
-    "Body",
-    "BodyEffect",
-    "CommandEffect",
-    "Commands",
-    "Context",
-    "Effect",
-    "Motion",
-    "Parameter",
-    "SensorEffect",
-    "Source",
-    "State",
-    "ThrustEffect",
-    "Vehicle",
-    "WrenchEffect",
-]
+from wrenchgap.plant.state import Actuation as Actuation
+from wrenchgap.plant.state import Commands as Commands
+from wrenchgap.plant.state import Motion as Motion
+from wrenchgap.plant.state import State as State
+from wrenchgap.plant.vehicle import Arms
+from wrenchgap.plant.vehicle import Body as Body
+from wrenchgap.plant.vehicle import Vehicle as Vehicle
 
 Place = Literal["commands", "thrusts", "wrench", "body", "sensor", "air"]
 

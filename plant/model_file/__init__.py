@@ -6,37 +6,20 @@ from pathlib import Path
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.model_file.reading import loads
-from wrenchgap.plant.model_file.shipped import as_argument, find_model, is_model, shipped_models
-from wrenchgap.plant.model_file.writing import (
-    changed_since,
-    content_hash,
-    dumps,
-    next_version,
-    provenance_now,
-    tool_version,
-    utc_now,
-    with_reading,
-)
+from wrenchgap.plant.model_file.reading import loads as loads
+from wrenchgap.plant.model_file.shipped import as_argument as as_argument
+from wrenchgap.plant.model_file.shipped import find_model as find_model
+from wrenchgap.plant.model_file.shipped import is_model as is_model
+from wrenchgap.plant.model_file.shipped import shipped_models as shipped_models
+from wrenchgap.plant.model_file.writing import changed_since as changed_since
+from wrenchgap.plant.model_file.writing import content_hash as content_hash
+from wrenchgap.plant.model_file.writing import dumps as dumps
+from wrenchgap.plant.model_file.writing import next_version as next_version
+from wrenchgap.plant.model_file.writing import provenance_now as provenance_now
+from wrenchgap.plant.model_file.writing import tool_version as tool_version
+from wrenchgap.plant.model_file.writing import utc_now as utc_now
+from wrenchgap.plant.model_file.writing import with_reading as with_reading
 from wrenchgap.plant.reader import text_of
-
-__all__ = [
-    "as_argument",
-    "changed_since",
-    "content_hash",
-    "dumps",
-    "find_model",
-    "is_model",
-    "load",
-    "loads",
-    "next_version",
-    "provenance_now",
-    "save",
-    "shipped_models",
-    "tool_version",
-    "utc_now",
-    "with_reading",
-]
 
 
 def load(name_or_path: str | Path) -> Model:
