@@ -15,8 +15,21 @@ from types import ModuleType
 from typing import Any
 
 from wrenchgap.compensate import allocation_kernels, kernels, tables
-from wrenchgap.compensate.c_expressions import ATOM, INT, OPERATORS, REAL, Expressions, Type, Unprintable, Written
-from wrenchgap.compensate.c_names import CONSTANT, bounds, fields_of, name_of_constant, type_of
+from wrenchgap.compensate.c_expressions import (
+    ATOM,
+    CONSTANT,
+    INT,
+    OPERATORS,
+    REAL,
+    Expressions,
+    Type,
+    Unprintable,
+    Written,
+    bounds,
+    fields_of,
+    name_of_constant,
+    type_of,
+)
 from wrenchgap.compensate.compiling import PRINTED
 
 STRUCTS = {"Memory": "wg_memory", "Observed": "wg_memory", "ReachRoom": "wg_reach_room", "Room": "wg_room"}

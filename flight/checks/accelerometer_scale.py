@@ -24,9 +24,8 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.channels import is_clipped
 from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
-from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales
-from wrenchgap.flight.checks.sensor_windows import steady_blocks
+from wrenchgap.flight.checks.sensor_windows import SCALE, steady_blocks
 from wrenchgap.flight.flight import AXES, GRAVITY, Flight
 from wrenchgap.flight.row_kernels import integral
 from wrenchgap.flight.stamps import interpolated

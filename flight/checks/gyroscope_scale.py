@@ -8,8 +8,8 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.channels import is_clipped
 from wrenchgap.flight.checks.remedies import factor, option, turns
-from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales
+from wrenchgap.flight.checks.sensor_windows import SCALE
 from wrenchgap.flight.flight import Flight
 
 BEFORE = ("body-frame", "inertial-frame", "clock-unit")

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_windows import Sensor, comparable_blocks, nearest_delay, odometry_delay
+from wrenchgap.flight.checks.sensor_windows import SCALE, Sensor, comparable_blocks, nearest_delay, odometry_delay
 from wrenchgap.flight.flight import Flight
 
 PAIRS: tuple[tuple[Sensor, Sensor, str], ...] = (

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.checks.scale_thresholds import SCALE
+from wrenchgap.flight.checks.sensor_windows import SCALE
 from wrenchgap.flight.flight import Array, Indices
 
 

@@ -23,8 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.checks.misread_axes import Misreading, misreading
-from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_windows import Sensor, Windows, comparable_blocks, odometry_delay, windows_of
+from wrenchgap.flight.checks.sensor_windows import SCALE, Sensor, Windows, comparable_blocks, odometry_delay, windows_of
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.unmeasured import unmeasured_axes
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks import gyroscope_scale
-from wrenchgap.flight.checks.scale_thresholds import SCALE
-from wrenchgap.flight.checks.sensor_windows import comparable_blocks, detrended, odometry_delay
+from wrenchgap.flight.checks.sensor_windows import SCALE, comparable_blocks, detrended, odometry_delay
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.stamps import interpolated
 

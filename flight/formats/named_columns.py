@@ -15,8 +15,7 @@ from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Mask, SpeedUnit, Stamps
 from wrenchgap.flight.formats import unit_evidence
-from wrenchgap.flight.formats.header_names import BLACKBOX, CRAZYFLIE, UNITS
-from wrenchgap.flight.formats.headers import Meaning, listed, meaning
+from wrenchgap.flight.formats.headers import BLACKBOX, CRAZYFLIE, UNITS, Meaning, listed, meaning
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
 from wrenchgap.flight.formats.standard_topics import StandardTopic, taken
 from wrenchgap.flight.formats.table import Columns, Table

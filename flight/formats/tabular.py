@@ -23,8 +23,7 @@ from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array, Stamps
-from wrenchgap.flight.formats.header_names import UNITS
-from wrenchgap.flight.formats.headers import listed, meaning
+from wrenchgap.flight.formats.headers import UNITS, listed, meaning
 from wrenchgap.flight.formats.named_columns import tables_of_columns
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order

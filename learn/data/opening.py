@@ -14,7 +14,7 @@ from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.command_units import REMEDY
 from wrenchgap.flight.errors import FitError, LogError, UsageError, WrenchgapError
 from wrenchgap.flight.flight import Flight, Gap, Samples
-from wrenchgap.flight.formats.header_names import CRAZYFLIE
+from wrenchgap.flight.formats.headers import CRAZYFLIE
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.row_kernels import runs

@@ -24,8 +24,8 @@ import numpy as np
 from wrenchgap.flight.checks.accelerometer_scale import gravity_ratio
 from wrenchgap.flight.checks.command_rate import widest_spacing
 from wrenchgap.flight.checks.motion import motion_means
-from wrenchgap.flight.checks.scale_thresholds import SCALE
 from wrenchgap.flight.checks.sensor_scales import Bounds, sensor_scales
+from wrenchgap.flight.checks.sensor_windows import SCALE
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.diagnose.timing import TIMING, FlightTiming, LateGyroscope
 from wrenchgap.learn.posterior.discriminating_tests import Check

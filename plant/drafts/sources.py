@@ -13,7 +13,7 @@ from wrenchgap.flight.arguments import check_types
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats.header_names import CRAZYFLIE
+from wrenchgap.flight.formats.headers import CRAZYFLIE
 from wrenchgap.plant.drafts import ardupilot, drone_models, px4, rotorpy, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
 from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of

@@ -18,8 +18,7 @@ from wrenchgap._escaping import printable
 from wrenchgap.compensate import allocation_kernels as kernels
 from wrenchgap.compensate.allocation_tables import AllocationTable
 from wrenchgap.compensate.allocator import Allocator, Left, Margins, left_by_model, margins
-from wrenchgap.compensate.c_expressions import INT
-from wrenchgap.compensate.c_names import bounds, fields_of, name_of_constant
+from wrenchgap.compensate.c_expressions import INT, bounds, fields_of, name_of_constant
 from wrenchgap.compensate.compiling import PRINTED
 from wrenchgap.flight.arguments import check_arguments
 from wrenchgap.flight.errors import ModelError

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Combined, Compensator, generated
-from wrenchgap.compensate.c_expressions import INT
-from wrenchgap.compensate.c_names import bounds, fields_of, name_of_constant
+from wrenchgap.compensate.c_expressions import INT, bounds, fields_of, name_of_constant
 from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
 from wrenchgap.compensate.run import run
 from wrenchgap.compensate.tables import STATE, rows_of

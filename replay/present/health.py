@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.formats.header_names import CRAZYFLIE
+from wrenchgap.flight.formats.headers import CRAZYFLIE
 from wrenchgap.learn.health.answers import NEEDS, Lack
 from wrenchgap.learn.health.health import Health, LogHealth
 from wrenchgap.learn.health.motors import Motors
