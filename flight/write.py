@@ -29,8 +29,8 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
 from wrenchgap.flight.formats.message_layouts import joined_ranges
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import StandardTopic, vector
-from wrenchgap.flight.formats.table import Table
 from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 PROVENANCE = "wrenchgap"

@@ -2,7 +2,7 @@
 
     channels    roles, sizes that betray a unit, channels without a reading, flat tops, gaps, jitter, clocks
     attitude    IMU against attitude: units, axes, gravity, frames
-    gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
+    gyroscope_scale  the gyroscope's scale against the attitude, to a per cent; its slow turns
     accelerometer_scale  the accelerometer against gravity and the odometry's acceleration
     sensor_windows  a sensor of the IMU and the odometry through the same windows of time
     sensor_scales  its scale by them, axis by axis; misread_axes: whether an axis reads another's
@@ -28,7 +28,6 @@ from wrenchgap.flight.checks import (
     gyroscope_scale,
     late_sensors,
     odometry,
-    slow_turns,
     wrench,
 )
 from wrenchgap.flight.checks.masking import masked
@@ -67,7 +66,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
         moved = motion_means(flight)
         found += [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
         found += gyroscope_scale.gyroscope_scale(flight, found)
-        found += slow_turns.slow_turns(flight, found)
+        found += gyroscope_scale.slow_turns(flight, found)
         found += accelerometer_scale.accelerometer_scale(flight, moved, found)
         found += late_sensors.late_sensors(flight, found)
     found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)

@@ -23,13 +23,21 @@ from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitio
 from wrenchgap.flight.formats.encodings import Encoded, encoded
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.message_walk import Definitions
-from wrenchgap.flight.formats.reader import REPLACED, Batch, Channel, DoubtfulError, Places, Reader, TableReader
+from wrenchgap.flight.formats.reader import (
+    REPLACED,
+    Batch,
+    Channel,
+    Columns,
+    DoubtfulError,
+    Places,
+    Reader,
+    TableReader,
+)
+from wrenchgap.flight.formats.reader import Selection as Selection
+from wrenchgap.flight.formats.reader import Table as Table
+from wrenchgap.flight.formats.reader import give_away as give_away
 from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
-from wrenchgap.flight.formats.table import Columns
-from wrenchgap.flight.formats.table import Selection as Selection
-from wrenchgap.flight.formats.table import Table as Table
-from wrenchgap.flight.formats.table import give_away as give_away
 from wrenchgap.flight.formats.tabular import BlackboxReader, CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
 from wrenchgap.flight.memory import give_back

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import RPM, Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import Made, Messages, are_pulses, cropped, cubic_at, made_of, values_at
-from wrenchgap.flight.formats.table import Table
 
 MOTOR_FUNCTIONS = {**{33 + i: i for i in range(8)}, **{82 + i: 8 + i for i in range(4)}}
 """Motor by the value of a SERVOn_FUNCTION."""

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.budget import LIMITS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.named_columns import tables_of_columns
-from wrenchgap.flight.formats.reader import TableReader
-from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
+from wrenchgap.flight.formats.reader import Columns, Selection, Table, TableReader, in_order
 
 TIMES = {1: ("<I", 1_000_000), 2: ("<Q", 1_000)}
 """Of each version: the type of a time, and its unit [ns]."""

@@ -19,8 +19,7 @@ from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.reader import TableReader, readable
-from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
+from wrenchgap.flight.formats.reader import Columns, Selection, Table, TableReader, in_order, readable
 
 HEADER = 3
 """Bytes before a message: two of a mark, one of the type."""

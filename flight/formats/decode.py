@@ -25,8 +25,7 @@ from wrenchgap.flight.formats.message_layouts import Packer
 from wrenchgap.flight.formats.message_walk import DTYPES as DTYPES
 from wrenchgap.flight.formats.message_walk import Definitions, Layout, Uneven, Walk
 from wrenchgap.flight.formats.message_walk import UndecodableError as UndecodableError
-from wrenchgap.flight.formats.reader import Channel, Places, one_line
-from wrenchgap.flight.formats.table import Columns, joined
+from wrenchgap.flight.formats.reader import Channel, Columns, Places, joined, one_line
 
 ACTUATORS = {
     "actuator_msgs/msg/Actuators": (

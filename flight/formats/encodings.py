@@ -18,8 +18,7 @@ import numpy as np
 from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.formats.decode import UndecodableError, dotted_names
-from wrenchgap.flight.formats.reader import Channel, one_line
-from wrenchgap.flight.formats.table import Columns, joined
+from wrenchgap.flight.formats.reader import Channel, Columns, joined, one_line
 
 Value = float | list[float]
 

@@ -19,8 +19,7 @@ from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.flight import Indices
 from wrenchgap.flight.formats.kernels import copied
 from wrenchgap.flight.formats.message_walk import Definitions, UndecodableError, Walk
-from wrenchgap.flight.formats.reader import Places
-from wrenchgap.flight.formats.table import Columns
+from wrenchgap.flight.formats.reader import Columns, Places
 from wrenchgap.flight.memory import empty_on_disk
 
 NONE: Indices = np.zeros(0, dtype=np.intp)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
 from wrenchgap.flight.budget import LIMITS, Account
-from wrenchgap.flight.formats.table import Columns
+from wrenchgap.flight.formats.reader import Columns
 
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
 """Offset [bytes], primitive and their number, of every numeric field of one message."""

@@ -17,8 +17,8 @@ from wrenchgap.flight.flight import GRAVITY, Array, Mask, SpeedUnit, Stamps
 from wrenchgap.flight.formats import unit_evidence
 from wrenchgap.flight.formats.headers import BLACKBOX, CRAZYFLIE, UNITS, Meaning, listed, meaning
 from wrenchgap.flight.formats.ned_frd import quat_of_euler
+from wrenchgap.flight.formats.reader import Columns, Table
 from wrenchgap.flight.formats.standard_topics import StandardTopic, taken
-from wrenchgap.flight.formats.table import Columns, Table
 
 
 def tables_of_columns(

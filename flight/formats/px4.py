@@ -18,6 +18,7 @@ from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import RPM, Array, Mask, Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.px4_allocation import motor_commands_of_setpoints
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import (
     Made,
     Messages,
@@ -29,7 +30,6 @@ from wrenchgap.flight.formats.standard_topics import (
     numbers,
     values_at,
 )
-from wrenchgap.flight.formats.table import Table
 
 _LISTED = """
     sensor_combined vehicle_imu vehicle_acceleration vehicle_angular_velocity sensor_accel sensor_gyro

@@ -10,8 +10,8 @@ its own; there, and while all motors stand, the last command that was logged is 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import Messages, taken
-from wrenchgap.flight.formats.table import Table
 
 EXACT = 1e-4
 """Largest misfit of a motor command, as a share of full throttle: a tenth of a step of an output of 1000 to 2000 us.

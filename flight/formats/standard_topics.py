@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array, Mask, SpeedUnit, Stamps
-from wrenchgap.flight.formats.table import Columns, Table
+from wrenchgap.flight.formats.reader import Columns, Table
 
 
 def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:

@@ -25,8 +25,7 @@ from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array, Stamps
 from wrenchgap.flight.formats.headers import UNITS, listed, meaning
 from wrenchgap.flight.formats.named_columns import tables_of_columns
-from wrenchgap.flight.formats.reader import TableReader, one_line
-from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
+from wrenchgap.flight.formats.reader import Columns, Selection, Table, TableReader, in_order, one_line
 
 if TYPE_CHECKING:
     import pandas as pd

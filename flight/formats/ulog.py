@@ -17,8 +17,7 @@ from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
-from wrenchgap.flight.formats.reader import TableReader, readable
-from wrenchgap.flight.formats.table import Columns, Selection, Table, in_order
+from wrenchgap.flight.formats.reader import Columns, Selection, Table, TableReader, in_order, readable
 
 LATEST = 2**63 // 1000 - 1
 """No stamp [us] is later: it would not fit into nanoseconds."""

@@ -9,9 +9,9 @@ from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.checks import with_checks
+from wrenchgap.flight.checks.gyroscope_scale import high_pass
 from wrenchgap.flight.checks.sensor_scales import sensor_scales
 from wrenchgap.flight.checks.sensor_windows import SCALE
-from wrenchgap.flight.checks.slow_turns import high_pass
 from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
 
 RATE = 1000.0

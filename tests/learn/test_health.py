@@ -8,7 +8,7 @@ import pytest
 
 from wrenchgap.flight.autopilot import Autopilot, parameter_differences
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
-from wrenchgap.flight.formats.table import Table
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of

@@ -16,7 +16,7 @@ from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.filters import angular_velocity
 from wrenchgap.flight.formats import px4, read_log
-from wrenchgap.flight.formats.table import Table
+from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.ulog import parameters
 from wrenchgap.learn.data.phases import never_flew
 from wrenchgap.plant.drafts import px4 as px4_draft
