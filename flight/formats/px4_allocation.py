@@ -3,13 +3,13 @@
 By default PX4 logs `actuator_motors` at 10 Hz and the setpoints that they are made of at 50 Hz or more. Where no motor
 is at a limit the allocation is linear with constant coefficients, u = B (F, M). B is fitted to the messages of one
 `timestamp_sample`, and used only where it gives every one of them back: nothing is assumed of the vehicle's geometry,
-of normalisation or firmware. After a motor failed it does not. At a limit PX4 gives up torque and thrust in an order of
-its own; there, and while all motors stand, the last command that was logged is held.
+of normalisation or firmware. At a limit PX4 gives up torque and thrust in an order of its own, and a motor that it
+takes for failed it stops; there, and while all motors stand, the last command that was logged is held.
 """
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import Messages, taken
 
@@ -36,9 +36,12 @@ def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -
     finite = np.isfinite(setpoint).all(axis=1)
     command = np.nan_to_num(setpoint) @ allocation
     lowest = _lowest(control)
-    last = np.clip(np.searchsorted(sent(motors), sent(messages), side="right") - 1, 0, None)
+    after = np.searchsorted(sent(motors), sent(messages), side="right")
+    last, following = np.clip(after - 1, 0, None), np.clip(after, None, len(motors) - 1)
     held = np.nan_to_num(control)[last]
     within = finite & np.all((command >= lowest) & (command <= 1.0), axis=1)
+    other = _contradicted(np.asarray(motors.columns["timestamp_sample"]), found, command, control)
+    within &= ~(other[last] | other[following])
     said.notes.append(
         f"{said.prefix}/motor_command_normalised: {len(command)} commands of the setpoints of thrust and torque "
         f"instead of {len(motors)} of actuator_motors; the log shows their allocation to be exact."
@@ -60,6 +63,21 @@ def allocation_of(said: Messages, motors: Table, control: Array) -> Array | None
     _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
     fitted = off_limits[logged] & np.isfinite(setpoint[asked]).all(axis=1)
     return _allocation(setpoint[asked[fitted]], control[logged[fitted]])
+
+
+def _contradicted(of_motors: Array, found: tuple[Array, Table, Array], command: Array, control: Array) -> Mask:
+    """Which of the logged commands (M, R) are others than those (N, R) that the allocation makes of their setpoints.
+
+    A command that it makes beyond a limit, or close to one, is no contradiction.
+    """
+    sample, _, setpoint = found
+    out = np.zeros(len(control), dtype=bool)
+    _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
+    made = command[asked]
+    within = np.isfinite(setpoint[asked]).all(axis=1)
+    within &= np.all((made > _lowest(control) + NEAR_LIMIT) & (made < 1.0 - NEAR_LIMIT), axis=1)
+    out[logged] = within & ~np.all(np.abs(control[logged] - made) < EXACT, axis=1)
+    return out
 
 
 def _setpoints(said: Messages) -> tuple[Array, Table, Array] | None:

@@ -33,11 +33,15 @@ from wrenchgap.plant.model import Model
 
 @dataclass(frozen=True)
 class Rate:
-    """A role and the topic that plays it: messages a second, gaps, the longest of them, and that in flight [s]."""
+    """A role and the topic that plays it: messages a second, gaps, the longest of them, and that in flight [s].
+
+    `last` is the time of its last message [s].
+    """
 
     role: str
     topic: str
     hz: float
+    last: float
     gaps: int
     longest_gap: float
     in_flight: float
@@ -178,7 +182,7 @@ def _of_flight(
     start, stop = (air[0].start, air[-1].stop) if air else (0.0, 0.0)
     rates = (
         Rate(
-            *(role, s.topic, 1.0 / s.period, len(s.gaps)),
+            *(role, s.topic, 1.0 / s.period, float(s.time[-1]), len(s.gaps)),
             *(max((g.stop - g.start for g in s.gaps if a < g.stop and g.start < b), default=0.0) for a, b in spans),
         )
         for spans in [((-np.inf, np.inf), (start, stop))]

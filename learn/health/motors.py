@@ -14,6 +14,7 @@ import numpy as np
 
 from wrenchgap.flight.check import Level
 from wrenchgap.flight.flight import Array, Mask
+from wrenchgap.flight.row_kernels import runs
 from wrenchgap.learn.health.phases import AIRBORNE, LEVEL, FlightPhases
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts
 
@@ -40,6 +41,12 @@ class MotorThresholds:
     """Share of the time in the air at the smallest command that is worth a word: fast descents touch it."""
     briefest: float = 3.0
     """Time [s] of level hover, or of flight, below which nothing is said of the balance."""
+    carried: float = 0.1
+    """Thrust over the mean that places of rotors leave to each of them in hover at least: nobody builds a rotor that
+    carries less, a turning direction that is typed wrong leaves nothing."""
+    stopped: float = 1.0
+    """Time [s] in the air without any thrust commanded of one motor alone, from which on the autopilot has stopped it:
+    a control loop asks for none of a motor for some tenths."""
     together: float = 0.02
     """Distance of two rotors seen from above, in distances of the farthest rotor, up to which they are coaxial."""
     alike: float = 0.01
@@ -78,6 +85,16 @@ class Motor:
 
 
 @dataclass(frozen=True)
+class StoppedMotor:
+    """A motor that was commanded nothing in the air, alone, from `start` to `stop` [s], the flight's end if `last`."""
+
+    rotor: RotorPlace
+    start: float
+    stop: float
+    last: bool
+
+
+@dataclass(frozen=True)
 class Motors:
     """All motors of a flight.
 
@@ -85,6 +102,7 @@ class Motors:
     for `seconds` in all. `centre` is where the
     thrust is centred (x forward, y left; in distances of the farthest rotor), `yaw` the excess of the motors that turn
     counter-clockwise over the mean; None where the places are not known. `curve` is that of `Thrusts`.
+    Where motors `stopped`, all else is of the time before.
     """
 
     motors: tuple[Motor, ...]
@@ -94,6 +112,7 @@ class Motors:
     centre: tuple[float, float] | None
     yaw: float | None
     curve: float | None = None
+    stopped: tuple[StoppedMotor, ...] = ()
 
     @property
     def hardest(self) -> Motor:
@@ -135,11 +154,13 @@ def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
     """The motors; None where the log has no command for each, or too little time in the air."""
     if thrusts is None or not phases.phases:
         return None
-    flown = phases.within(thrusts.time, *AIRBORNE)
-    level = FlightPhases(phases.level)
+    stopped = _stopped(thrusts, phases.within(thrusts.time, *AIRBORNE))
+    whole = phases.until(stopped[0].start) if stopped else phases
+    flown = whole.within(thrusts.time, *AIRBORNE)
+    level = FlightPhases(whole.level)
     hovering = level.seconds(LEVEL) >= MOTORS.briefest
     used = level.within(thrusts.time, LEVEL) if hovering else flown
-    seconds = level.seconds(LEVEL) if hovering else phases.seconds(*AIRBORNE)
+    seconds = level.seconds(LEVEL) if hovering else whole.seconds(*AIRBORNE)
     if seconds < MOTORS.briefest or used.sum() < 2 or not thrusts.share[used].mean() > 0.0:
         return None
     mean = thrusts.share[used].mean(axis=0)
@@ -157,7 +178,18 @@ def motors_of(thrusts: Thrusts | None, phases: FlightPhases) -> Motors | None:
         for k, (rotor, value) in enumerate(zip(thrusts.rotors, deviation, strict=True))
     )
     shape, centre, yaw = _shape(thrusts.rotors, deviation, alike)
-    return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw, thrusts.curve)
+    return Motors(motors, "hover" if hovering else "flight", seconds, shape, centre, yaw, thrusts.curve, stopped)
+
+
+def _stopped(thrusts: Thrusts, flown: Mask) -> tuple[StoppedMotor, ...]:
+    """Motors that were commanded nothing, alone, in the samples (N,) in the air; the first to stop first."""
+    found = []
+    last = int(np.flatnonzero(flown)[-1]) if flown.any() else 0
+    for k, rotor in enumerate(thrusts.rotors):
+        nothing = flown & (thrusts.share[:, k] == 0.0) & (np.count_nonzero(thrusts.share, axis=1) > 1)
+        times = [(float(thrusts.time[a]), float(thrusts.time[b - 1]), b > last) for a, b in runs(nothing)]
+        found += [StoppedMotor(rotor, *one) for one in times if one[1] - one[0] >= MOTORS.stopped]
+    return tuple(sorted(found, key=lambda one: one.start))
 
 
 def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> Mask:
@@ -197,19 +229,26 @@ def _shape(
 
 
 def _places(rotors: tuple[RotorPlace, ...]) -> Array | None:
-    """Places and turning directions (R, 3); None where they are not all known, or of fewer than three rotors."""
+    """Places and turning directions (R, 3); None where they are not all known, or of fewer than three rotors.
+
+    Nor where no vehicle could hover with them: then they are not those of this vehicle.
+    """
     places = [(rotor.x, rotor.y, rotor.spin) for rotor in rotors]
-    known = [place for place in places if None not in place]
-    return np.array(known, dtype=float) if len(known) == len(rotors) > 2 else None
+    known = np.array([place for place in places if None not in place], dtype=float)
+    whole = len(known) == len(rotors) > 2
+    return known if whole and _without_torque(known).min() > MOTORS.carried else None
 
 
 def _asked(rotors: tuple[RotorPlace, ...]) -> Array:
     """Thrusts (R,) of mean 1 that make no torque, the least even ones of all that do not."""
     places = _places(rotors)
-    if places is None:
-        return np.ones(len(rotors))
-    balance = np.column_stack((np.ones(len(rotors)), places)).T
-    found = np.linalg.pinv(balance, rcond=1e-6) @ np.array([float(len(rotors)), 0.0, 0.0, 0.0])
+    return np.ones(len(rotors)) if places is None else _without_torque(places)
+
+
+def _without_torque(places: Array) -> Array:
+    """Thrusts (R,) of mean 1 that make no torque at places and turning directions (R, 3), as even as can be."""
+    balance = np.column_stack((np.ones(len(places)), places)).T
+    found = np.linalg.pinv(balance, rcond=1e-6) @ np.array([float(len(places)), 0.0, 0.0, 0.0])
     return np.asarray(found / found.mean())
 
 

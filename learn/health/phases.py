@@ -85,6 +85,14 @@ class FlightPhases:
         """Time [s] in the phases of these names."""
         return float(sum(p.stop - p.start for p in self.phases if p.name in names))
 
+    def until(self, time: float) -> "FlightPhases":
+        """What of them was before a time [s]."""
+        parts = [
+            tuple(replace(p, stop=min(p.stop, time)) for p in phases if p.start < time)
+            for phases in (self.phases, self.level)
+        ]
+        return replace(self, phases=parts[0], level=parts[1])
+
     def within(self, time: Array, *names: str) -> Mask:
         """Which of the times (N,) [s] lie in phases of these names."""
         inside = np.zeros(len(time), dtype=bool)

@@ -123,7 +123,7 @@ def rotors_of(flight: Flight, model: Model | None = None) -> tuple[RotorPlace, .
     else:
         known = [(r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in _drafts(flight)]
     reach = max((float(np.hypot(place[0], place[1])) for _, place, _ in known), default=0.0)
-    if len(known) != count or reach == 0.0:
+    if len(known) != count or not 0.0 < reach < np.inf:
         return unknown
     return tuple(RotorPlace(name, p[0] / reach, p[1] / reach, int(spin) or None) for name, p, spin in known)
 

@@ -47,6 +47,12 @@ def rotors_of(parameters: Parameters, where: str, arm: float | None = None) -> t
     """
     if not has_geometry(parameters):
         return ()
+    keys = [f"CA_ROTOR{k}_P{a}" for k in range(int(parameters["CA_ROTOR_COUNT"])) for a in "XY"]
+    absent = [key for key in keys if key not in parameters]
+    if 0 < len(absent) < len(keys):  # of another rotor it is there: PX4 has all of them
+        raise ModelError(
+            f"{where}: {', '.join(absent)} is not a number; expected one for each rotor: is the log damaged?"
+        )
     found = tuple(_rotor(parameters, number, where) for number in range(int(parameters["CA_ROTOR_COUNT"])))
     if arm is not None:
         farthest = max(float(np.linalg.norm(r.position_B.value[:2])) for r in found)

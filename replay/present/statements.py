@@ -8,7 +8,7 @@ import numpy as np
 from wrenchgap.flight.check import Level
 from wrenchgap.learn.health.answers import Answer, Lack, Setting
 from wrenchgap.learn.health.autopilot_messages import BATTERY, ESTIMATOR, Estimator
-from wrenchgap.learn.health.health import LogHealth
+from wrenchgap.learn.health.health import LogHealth, Rate
 from wrenchgap.learn.health.logged_messages import changed_before
 from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
@@ -76,8 +76,21 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
         words = "It never left the ground in this log, as far as thrust and motion tell."
         yield Statement("warn", "flight", "no flight", words)
     elif log.autopilot is not None and log.phases.phases and log.phases.phases[-1].name in AIRBORNE:
+        early = _stopped_early(log)
         words = "The log ends in the air: the power was lost, or the file is cut short."
+        if early is not None:
+            words = (
+                f"The record of {early.topic} ({early.role}) stops in the air at {early.last:.1f} s, that of others "
+            )
+            words += "goes on: what was flown afterwards is not known here."
         yield Statement("warn", "flight", "ends in the air", words)
+
+
+def _stopped_early(log: LogHealth, least: float = 2.0) -> Rate | None:
+    """What stops `least` seconds before what is logged last, more than topics of slow rates differ by; else None."""
+    held = [rate for rate in log.rates if rate.role in ("imu", "commanded", "actuators")]
+    first = min(held, key=lambda rate: rate.last, default=None)
+    return first if first is not None and max(rate.last for rate in log.rates) - first.last > least else None
 
 
 def _checks(log: LogHealth) -> Iterator[Statement]:
@@ -112,6 +125,15 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
     motors = log.motors
     if motors is None:
         return
+    for one in motors.stopped:
+        until = "to the end" if one.last else f"to {one.stop:.1f} s"
+        words = (
+            f"{capitalised(rotor(one.rotor))} was commanded nothing from {one.start:.1f} s {until}, in the air, while "
+        )
+        words += (
+            f"others were: its motor was taken for failed. Inspect {one.rotor.name}: its propeller, motor, ESC, wires."
+        )
+        yield Statement("bad", "motors", f"{one.rotor.name} stopped at {one.start:.1f} s", words)
     drift = "" if log.phases.speed_known else " Steady flight may do the same: the speed is not logged."
     if motors.balance_level != "ok":
         hard = motors.hardest

@@ -58,6 +58,14 @@ class Motor(TypedDict):
     """Rotors that are coaxial with it and commanded alike."""
 
 
+class StoppedMotor(TypedDict):
+    rotor: RotorPlace
+    start: Number
+    stop: Number
+    last: bool
+    """To the end of the flight."""
+
+
 class Motors(TypedDict):
     condition: Literal["hover", "flight"]
     """Level hover; "flight" where there was too little of it, and the balance is not known."""
@@ -71,6 +79,8 @@ class Motors(TypedDict):
     curve: Number
     """Thrust is taken as f u^2 + (1 - f) u of a command u; null where it is the square of a speed."""
     motors: list[Motor]
+    stopped: list[StoppedMotor]
+    """Motors that were commanded nothing in the air, alone; all else is of the time before."""
 
 
 class Peak(TypedDict):
@@ -147,6 +157,8 @@ class Rate(TypedDict):
     role: str
     topic: str
     hz: Number
+    last: Number
+    """When its last message came [s]."""
     gaps: int
     longest_gap: Number
     in_flight: Number

@@ -39,6 +39,10 @@ class Wrong:
     crash: bool = False
     acro: float | None = None
     """When it is switched to the flight mode Acro [s]."""
+    stopped: float | None = None
+    """When motor 2 is not commanded any more [s]; the others carry more."""
+    ends: float | None = None
+    """When the motor commands stop to be logged [s]; all else goes on."""
     rate: float = 100.0
     """Of the motor commands [Hz]."""
     turns: float = 0.0
@@ -78,7 +82,10 @@ def commands(wrong):
     time = np.arange(0.0, END, 1.0 / wrong.rate)
     share = np.where(flying(time)[:, None], HOVER * np.array(wrong.thrust), 0.0)
     share[(time > 10.0) & (time < 10.0 + wrong.full * (DOWN - UP))] = [1.0, *np.full(3, (4.0 * HOVER - 1.0) / 3.0)]
-    return time, np.sqrt(share)
+    if wrong.stopped is not None:
+        share[(time > wrong.stopped) & flying(time)] = HOVER * np.array([4.0 / 3.0, 0.0, 4.0 / 3.0, 4.0 / 3.0])
+    keep = time < (wrong.ends or np.inf)
+    return time[keep], np.sqrt(share[keep])
 
 
 def voltages(wrong, rate=5.0):

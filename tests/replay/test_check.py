@@ -264,6 +264,31 @@ def test_of_a_log_without_a_flight_nothing_is_said_to_be_missing(made):
     assert "for want of data" not in answer(health)[0][0]
 
 
+def test_a_motor_that_is_stopped_in_the_air_is_said_and_the_balance_is_of_the_time_before(made):
+    health = made("ulg", "stopped", Wrong(stopped=15.0))
+    motors, words = health.logs[0].motors, said(health)["motors"].words
+    assert [(one.rotor.name, one.last) for one in motors.stopped] == [("M2", True)]
+    assert motors.stopped[0].start == pytest.approx(15.0, abs=0.1)
+    assert "(M2) was commanded nothing from 15.0 s to the end" in words
+    assert max(abs(motor.deviation) for motor in motors.motors) < 0.01
+    assert not made("ulg", "sound", Wrong()).logs[0].motors.stopped
+
+
+def test_a_record_that_stops_while_others_go_on_is_no_loss_of_power(made):
+    words = said(made("ulg", "ends", Wrong(ends=15.0)))["flight"].words
+    assert "(actuators) stops in the air at 15.0 s, that of others goes on" in words
+    assert "power" not in words
+
+
+@pytest.mark.parametrize("wrong", [{"CA_ROTOR1_KM": -0.05}, {"CA_ROTOR0_PX": float("nan")}])
+def test_places_of_rotors_that_no_vehicle_hovers_with_are_not_used(made, wrong):
+    """Three rotors that turn one way, or a place that is no number."""
+    uneven = (1.0, 1.0, 1.0, 1.2)
+    found = made("ulg", f"places{next(iter(wrong))}", Wrong(uneven, parameters=wrong)).logs[0].motors
+    assert found.shape == "places of the rotors unknown"
+    assert found.hardest.deviation == pytest.approx(1.2 / 1.05 - 1.0, abs=0.01)
+
+
 def test_what_a_calm_flight_lacks_is_said_apart_from_what_no_setting_of_the_logger_gives(made):
     calm = made("ulg", "sound", Wrong())
     lines = [text for text, _ in answer(calm)]

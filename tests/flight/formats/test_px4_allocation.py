@@ -87,3 +87,33 @@ def test_the_logged_ones_can_be_chosen(log, tmp_path):
     Vehicle().flight(log, tmp_path / "a.ulg")
     slow = flight.load(tmp_path / "a.ulg", topics={"rotor_speed": "/px4/motor_command_normalised/actuator_motors"})
     assert len(slow.actuators.time) == 10 * SECONDS
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, 1.0])
+def test_a_motor_that_was_stopped_is_as_logged_and_not_as_the_setpoints_would_have_it(value, log, tmp_path):
+    vehicle = Vehicle()
+    late = vehicle.time > 14.0
+    vehicle.motors[late, 2] = value
+    found = vehicle.flight(log, tmp_path / "a.ulg")
+    row = vehicle.at(found.actuators, found.start_ns)
+    assert len(row) == 50 * SECONDS
+    after = vehicle.time[row] > 14.2
+    np.testing.assert_array_equal(found.actuators.rotor_speed[after, 2], np.nan_to_num(value))
+    before = (vehicle.time[row] > ARMED) & (vehicle.time[row] < 13.8) & ~vehicle.beyond[row]
+    np.testing.assert_allclose(found.actuators.rotor_speed[before], vehicle.motors[row][before], atol=1e-6)
+
+
+def test_a_column_that_has_one_number_by_damage_is_no_motor(autopilots, tmp_path):
+    for parameters in ({"CA_ROTOR_COUNT": 4}, {}):
+        vehicle = Vehicle()
+        fifth = np.full((len(vehicle.time), 1), np.nan)
+        fifth[40 * 150] = 1.5
+        vehicle.motors = np.hstack((vehicle.motors, fifth))
+        log = autopilots.Ulog(parameters)
+        control = np.column_stack((vehicle.motors, np.full((len(vehicle.time), 7), np.nan)))[::40]
+        read = np.round(1e6 * (5.0 + vehicle.time[::40])).astype(int)
+        log.topic("actuator_motors", "uint64_t timestamp;float[12] control", {"timestamp": read, "control": control})
+        path = log.save(tmp_path / f"{len(parameters)}.ulg")
+        assert (
+            flight.load(path, topics={"actuators": "/px4/motor_command_normalised"}).actuators.rotor_speed.shape[1] == 4
+        )
