@@ -132,8 +132,8 @@ class Limits:
     """Messages of a dataflash log that are cut at once: their index takes eight times their bytes."""
     dataflash_instances: int = 256
     """Instances of a message: their number is a byte where ArduPilot writes it."""
-    dataflash_place: int = 50
-    """Bytes that pymavlink keeps of each message."""
+    dataflash_place: int = 8
+    """Bytes that the index of a dataflash log keeps of each message."""
     channel_columns: int = 64
     """Columns of an array that get a channel each: an image is no signal."""
     kept_flights: int = 2_000_000_000

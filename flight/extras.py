@@ -12,7 +12,6 @@ EXTRAS = {
     "ruptures": "trend",
     "mujoco": "mujoco",
     "pyulog": "px4",
-    "pymavlink": "ardupilot",
     "google": "protobuf",
 }
 """The extra that installs each package, by the name that is imported."""

@@ -154,20 +154,21 @@ class _Proposer:
         self.notes: list[str] = []
         self.vehicles: list[tuple[str, str]] = []
 
-    def choose(self, part: str) -> None:
-        """Give a part to the best topic, if any is good enough."""
+    def choose(self, part: str, alike: float = 0.95) -> None:
+        """Give a part to the best topic, if any is good enough; a share `alike` of its messages decides nothing."""
         scored = [
             (own + self._kinship(part, topic), len(table), topic, place)
             for topic, table, own, place in _offers(self.tables, part)
         ]
-        scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))
+        full = alike * max((entry[1] for entry in scored), default=0)
+        scored.sort(key=lambda entry: (-entry[0], -min(entry[1], full), entry[2]))
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
         good = self._of_one(part, good)
         if good:
             _, _, topic, place = good[0]
-            alike = [entry[2] for entry in good if twins(topic, entry[2])]
-            if len(alike) > 1 and not self.vehicles and not self.sources:
-                self.vehicles = [(part, other) for other in sorted(alike)]
+            vehicles = [entry[2] for entry in good if twins(topic, entry[2])]
+            if len(vehicles) > 1 and not self.vehicles and not self.sources:
+                self.vehicles = [(part, other) for other in sorted(vehicles)]
             self.sources[part] = Source(topic, place)
         others = tuple(entry[2] for entry in (good[1:] if good else scored))
         if others:

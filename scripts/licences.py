@@ -48,8 +48,6 @@ Made by `python scripts/licences.py --page` from the metadata of the packages th
 `pip install 'wrenchgap[{extras}]'` installs on Linux; versions are those of `requirements.lock`. `make check` fails
 where this page is out of date, or where a licence is none of those accepted: {accepted}.
 
-The other extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
-
 | package | licence | note |
 |---|---|---|
 """

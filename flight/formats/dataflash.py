@@ -1,15 +1,20 @@
 """ArduPilot's onboard logs (`.bin`, "dataflash"; https://ardupilot.org/copter/docs/logmessages.html).
 
-pymavlink finds where each message lies and how its type is laid out; the columns are cut from the bytes for all
-messages of a type at once. Every message is a table under ArduPilot's own name (`IMU`, further instances as `IMU/1`),
-in its frames and units; what plays a role is made of them by `flight.formats.ardupilot`.
+A message is a mark of two bytes, its type and its fields; messages of the type FMT say how each type is laid out. The
+columns are cut from the bytes for all messages of a type at once. Every message is a table under ArduPilot's own name
+(`IMU`, further instances as `IMU/1`), in its frames and units; what plays a role is made of them by
+`flight.formats.ardupilot`.
 """
 
 import re
+import struct
+from array import array
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +22,10 @@ from numpy.typing import NDArray
 from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.extras import needed_for
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.reader import Columns, Selection, Table, TableReader, in_order, readable
 
+MARK = b"\xa3\x95"
 HEADER = 3
 """Bytes before a message: two of a mark, one of the type."""
 _PRIMITIVES = """
@@ -42,7 +47,7 @@ class DataflashReader(TableReader):
 
     name: ClassVar[str] = "ArduPilot dataflash"
     expected: ClassVar[str] = "ArduPilot dataflash (.bin)"
-    magic: ClassVar[bytes] = b"\xa3\x95\x80"
+    magic: ClassVar[bytes] = MARK + b"\x80"
 
     autopilot: Autopilot | None = None
 
@@ -95,45 +100,98 @@ def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:
     return Autopilot("ArduPilot", firmware, hardware, frame, parameters, dropped, serial=serial)
 
 
+@dataclass(frozen=True)
+class Layout:
+    """A type of message as its FMT has it: its length in bytes, with the header, a letter and a name for each field."""
+
+    name: str
+    length: int
+    letters: str
+    names: tuple[str, ...]
+
+
+FMT = 128
+FORMATS = Layout("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+
+
 def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:
     """Columns of every type of message, by its name; how many bytes are of no message."""
-    with needed_for(f"{path}: ArduPilot .bin logs", LogError):
-        from pymavlink import DFReader as reader
-    with readable(path, "dataflash log"):
-        # its clock is not needed, and it would look for a GPS through the whole of a log that has none
-        kind = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})
-        log = kind(str(path), progress_callback=lambda percent: account.check_time())
+    with readable(path, "dataflash log"), path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as raw:
+        layouts, places = _index(raw, account)
     data = np.memmap(path, dtype=np.uint8, mode="r")
     out, strange = {}, len(data)
-    account.take(LIMITS.dataflash_place * sum(map(len, log.offsets)), "the places of messages")
-    for kind, layout in log.formats.items():
+    for kind, layout in layouts.items():
         account.check_time()
-        places = np.array(log.offsets[kind], dtype=np.int64)
-        places = places[places + layout.len <= len(data)]
-        strange -= len(places) * layout.len
-        if len(places) and layout.name not in ("FMT", "FMTU", "UNIT", "MULT") and only in (None, layout.name):
-            account.take(2 * len(places) * layout.len, f"messages of {layout.name:.20}")
-            out[layout.name] = _columns(data, places, layout)
-    log.close()
-    return {name: columns for name, columns in out.items() if columns}, max(strange, 0)
+        at = np.array(places[kind], dtype=np.int64)
+        strange -= len(at) * layout.length
+        if len(at) and layout.name not in ("FMT", "UNIT", "MULT") and only in (None, layout.name):
+            account.take(2 * len(at) * layout.length, f"messages of {layout.name:.20}")
+            out[layout.name] = _columns(data, at, layout)
+    for kind, column in _instance_columns(out.pop("FMTU", {})):
+        layout = layouts.get(kind, FORMATS)
+        if column < len(layout.names) and layout.names[column] in out.get(layout.name, {}):
+            out[layout.name]["#"] = out[layout.name][layout.names[column]]
+    return {name: columns for name, columns in out.items() if columns}, strange
 
 
-def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) -> Columns:
+def _index(raw: mmap, account: Account) -> tuple[dict[int, Layout], "dict[int, array[int]]"]:
+    """The layout of every type, and where its messages are.
+
+    A message counts where its type is known and another mark, or the end of the file, follows it: damaged bytes cost
+    the message that they are in, and no other.
+    """
+    layouts, places = {FMT: FORMATS}, defaultdict[int, "array[int]"](lambda: array("q"))
+    at, size, count = raw.find(MARK), len(raw), 0
+    while 0 <= at <= size - HEADER:
+        if count % LIMITS.dataflash_block == 0:
+            account.check_time()
+            account.take(LIMITS.dataflash_place * min(LIMITS.dataflash_block, size - at), "the places of messages")
+        count += 1
+        layout = layouts.get(raw[at + 2])
+        end = size + 1 if layout is None else at + layout.length
+        following = raw.find(MARK, end)
+        if layout is None or end > size or following > end:
+            at = raw.find(MARK, at + 1)
+            continue
+        places[raw[at + 2]].append(at)
+        told = _layout(raw[at + HEADER : end]) if layout is FORMATS else None
+        if told is not None and raw[at + HEADER] != FMT:
+            layouts[raw[at + HEADER]] = told
+        at = following
+    return layouts, places
+
+
+def _layout(body: bytes) -> Layout | None:
+    """What a message FMT says; None where that is no layout."""
+    _, length, name, letters, names = struct.unpack("<BB4s16s64s", body)
+    words = [text.partition(b"\0")[0].decode(errors="replace") for text in (name, letters, names)]
+    return Layout(words[0], length, words[1], tuple(words[2].split(","))) if length >= HEADER else None
+
+
+def _instance_columns(units: Columns) -> Iterator[tuple[int, int]]:
+    """Types of messages that are numbered, with the number of the column that does it: its unit is "#"."""
+    if {"FmtType", "UnitIds"} <= units.keys() and units["UnitIds"].dtype.kind == "S":
+        for kind, letters in zip(units["FmtType"].tolist(), units["UnitIds"].tolist(), strict=True):
+            if b"#" in letters:
+                yield int(kind), letters.index(b"#")
+
+
+def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Layout) -> Columns:
     """The fields of N messages; none where names and format, or format and length, contradict each other."""
-    names, letters = layout.columns, [letter for letter in layout.format if letter in CODES]
+    names, letters = layout.names, [letter for letter in layout.letters if letter in CODES]
     if len(set(names)) < len(names) or not all(names) or len(letters) != len(names) or not letters:
         return {}
     dtype = np.dtype([(name, CODES[letter]) for name, letter in zip(names, letters, strict=True)])
-    if dtype.itemsize != layout.len - HEADER:
+    if dtype.itemsize != layout.length - HEADER:
         return {}
     rows = np.empty((len(places), dtype.itemsize), dtype=np.uint8)
     for first in range(0, len(places), LIMITS.dataflash_block):
         some = slice(first, first + LIMITS.dataflash_block)
-        rows[some] = data[places[some, None] + np.arange(HEADER, layout.len)]
+        rows[some] = data[places[some, None] + np.arange(HEADER, layout.length)]
     fields = rows.view(dtype)[:, 0]
     found: Columns = {name: fields[name] for name in names}
-    found |= {name: fields[name] * FACTORS[code] for name, code in zip(names, letters, strict=True) if code in FACTORS}
-    return found | ({"#": fields[layout.instance_field]} if layout.instance_field in names else {})
+    factors = {name: FACTORS[code] for name, code in zip(names, letters, strict=True) if code in FACTORS}
+    return found | {name: fields[name] * factor for name, factor in factors.items()}
 
 
 def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]:
@@ -159,6 +217,6 @@ def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]
         rows = np.flatnonzero(known & (number == instance))
         stamps = columns[clock][rows].astype(np.int64) * unit
         topic = f"{name}/{instance}" if instance else name
-        order = rows[in_order(stamps, topic, notes)]
-        kept = {key: values[order] for key, values in columns.items() if key != "#"}
-        yield Table(topic, f"ardupilot/{name}", np.sort(stamps), np.sort(stamps), kept)
+        order = in_order(stamps, topic, notes)
+        kept = {key: values[rows[order]] for key, values in columns.items() if key != "#"}
+        yield Table(topic, f"ardupilot/{name}", stamps[order], stamps[order], kept)

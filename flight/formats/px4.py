@@ -17,7 +17,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import RPM, Array, Mask, Stamps
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
-from wrenchgap.flight.formats.px4_allocation import motor_commands_of_setpoints
+from wrenchgap.flight.formats.px4_allocation import driven, motor_commands_of_setpoints
 from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import (
     Made,
@@ -212,7 +212,7 @@ def wrenches(said: Messages) -> Made:
 def actuators(said: Messages) -> Made:
     """Motor commands, outputs in pulse widths, and the speeds that the controllers of the motors measured."""
     motors = said.read("actuator_motors", "control")
-    if motors and (used := _driven(motors[1], said.parameters)).any():
+    if motors and (used := driven(motors[1], said.parameters)).any():
         (table, control), name = motors, "motor_command_normalised"
         if found := motor_commands_of_setpoints(said, table, control[:, used]):
             asked, command = found
@@ -230,18 +230,6 @@ def actuators(said: Messages) -> Made:
     speeds = motor_speeds(reported[0]) if reported else None
     if reported and speeds is not None:
         yield reported[0].topic, said.made("esc_measured", reported[0], sent(reported[0])).actuators(speeds)
-
-
-def _driven(control: Array, parameters: Mapping[str, float | int], rare: float = 0.01) -> Mask:
-    """Which columns (N, K) of `actuator_motors` are of motors.
-
-    Not what is beyond CA_ROTOR_COUNT, nor what has a number in a share below `rare` of the messages of the motor that
-    has most: a damaged byte makes one of a NaN.
-    """
-    finite = np.isfinite(control).sum(axis=0)
-    count = parameters.get("CA_ROTOR_COUNT", 0)
-    known = np.arange(control.shape[1]) < (count if 0 < count <= control.shape[1] else control.shape[1])
-    return np.asarray((finite > rare * finite.max(initial=0)) & known)
 
 
 def _pulses(output: Array, parameters: Mapping[str, float | int]) -> Array | None:

@@ -7,6 +7,8 @@ of normalisation or firmware. At a limit PX4 gives up torque and thrust in an or
 takes for failed it stops; there, and while all motors stand, the last command that was logged is held.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Mask
@@ -21,6 +23,18 @@ NEAR_LIMIT = 0.02
 does it in two steps, the second one half of what is left, which ends at up to 0.002 from the limit in logs."""
 FEWEST = 50
 """Messages off the limits to fit six coefficients a motor to, and to see that they stay the same: 5 s at 10 Hz."""
+
+
+def driven(control: Array, parameters: Mapping[str, float | int], rare: float = 0.01) -> Mask:
+    """Which columns (N, K) of `actuator_motors` are of motors.
+
+    Not what is beyond CA_ROTOR_COUNT, nor what has a number in a share below `rare` of the messages of the motor that
+    has most: a damaged byte makes one of a NaN.
+    """
+    finite = np.isfinite(control).sum(axis=0)
+    count = parameters.get("CA_ROTOR_COUNT", 0)
+    known = np.arange(control.shape[1]) < (count if 0 < count <= control.shape[1] else control.shape[1])
+    return np.asarray((finite > rare * finite.max(initial=0)) & known)
 
 
 def motor_commands_of_setpoints(said: Messages, motors: Table, control: Array) -> tuple[Table, Array] | None:

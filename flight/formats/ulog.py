@@ -123,7 +123,7 @@ def _logged_messages(said: list[Any], reader: UlogReader, most: int = 200) -> Ta
     reader.account.take(2 * most * len(said), "logged messages")
     said = [one for one in said if one.timestamp <= LATEST]
     stamps = np.array([one.timestamp for one in said], dtype=np.int64) * 1000
-    order = in_order(stamps, "logged_messages", reader.notes)
+    order = in_order(stamps, "logged_messages", reader.notes, far=np.inf)  # texts come in any order
     texts = np.array([one.message.encode(errors="replace")[:most] for one in said], dtype=f"S{most}")
     columns: Columns = {"log_level": np.array([one.log_level for one in said])[order], "message": texts[order]}
     return Table("logged_messages", "px4_msgs/msg/LogMessage", stamps[order], stamps[order], columns)

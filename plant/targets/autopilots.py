@@ -79,12 +79,13 @@ class Autopilot:
 
     def check(self, model: Model, before: Parameters) -> None:
         """Raise ModelError for parameters of another firmware or vehicle, and for values that no firmware takes."""
-        own = {*self.parameters(values_of(model, []), {}), *(self.curve or ())}
+        now = self.parameters(values_of(model, []), {})
+        own = {*now, *(self.curve or ())}
         if before and not before.keys() & own:
             raise ModelError(
                 f"{model.name}: the parameters that were set are none of {self.name}'s; give those of its log"
             )
-        counted = [name for name in before if name.endswith(("_CT", "_OFF")) or name in (self.curve or ())[:1]]
+        counted = [n for n in before if (n in now and n.endswith(("_CT", "_OFF"))) or n in (self.curve or ())[:1]]
         for name in counted:  # the new values are counted from these
             if (why := self.refused(name, before[name])) is not None:
                 raise ModelError(f"{model.name}: the parameters that were set: {why}")
@@ -107,6 +108,29 @@ class Autopilot:
                     f"{model.name}: rotor {r} is at x {mine[0]:.3g}, y {mine[1]:.3g} m (forward, right), {name}X and Y "
                     f"are {theirs[0]:.3g}, {theirs[1]:.3g}; put the rotors of the model in the autopilot's order"
                 )
+            self._check_axis_and_turn(model, r, before, now)
+
+    def _check_axis_and_turn(self, model: Model, r: int, before: Parameters, now: Values) -> None:
+        """Raise ModelError where rotor r pulls or turns the other way: with its sign yaw control would be unstable."""
+        axis = [f"CA_ROTOR{r}_A{k}" for k in "XYZ"]
+        mine = np.array([now[name] for name in axis])
+        theirs = np.array([before.get(name, usual) for name, usual in zip(axis, (0.0, 0.0, -1.0), strict=True)])
+        with np.errstate(over="ignore", invalid="ignore"):
+            same = bool(mine @ theirs >= 0.7 * np.linalg.norm(mine) * np.linalg.norm(theirs) > 0.0)
+        if not same:
+            ours, set_so = (", ".join(f"{x:.2g}" for x in one) for one in (mine, theirs))
+            raise ModelError(
+                f"{model.name}: rotor {r} pulls along {ours} (forward, right, down), {axis[0]}, Y and Z are {set_so}; "
+                "give the parameters of this vehicle"
+            )
+        name, turn = f"CA_ROTOR{r}_KM", float(now[f"CA_ROTOR{r}_KM"])
+        told = before.get(name, 0.0 if any(key.endswith("_KM") for key in before) else turn)  # PX4 has all, or none
+        if turn and not told * turn > 0.0:
+            turns = "counter-clockwise" if turn > 0.0 else "clockwise"
+            raise ModelError(
+                f"{model.name}: rotor {r} turns {turns} from above, {name} {told:.3g} says otherwise; give the "
+                "parameters of this vehicle, or correct the turning directions in the model"
+            )
 
     def _limits_of(self, name: str) -> tuple[float, float]:
         return next((ends for end, ends in self.limits.items() if name.endswith(end)), (-np.inf, np.inf))

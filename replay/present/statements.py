@@ -18,6 +18,8 @@ from wrenchgap.replay.present.numbers import by_reason, capitalised, direction, 
 from wrenchgap.replay.present.what_to_inspect import YAW_BIAS
 
 LEVELS = ("bad", "warn", "ok")
+HELD = ("imu", "commanded", "actuators")
+"""Roles without which nothing of a flight is known."""
 LOST = 0.01
 """Share of a log that its logger lost, which is worth a word: what is left is enough for any analysis."""
 LEFT_OUT = 0.1
@@ -76,9 +78,8 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
         words = "It never left the ground in this log, as far as thrust and motion tell."
         yield Statement("warn", "flight", "no flight", words)
     elif log.autopilot is not None and log.phases.phases and log.phases.phases[-1].name in AIRBORNE:
-        early = _stopped_early(log)
         words = "The log ends in the air: the power was lost, or the file is cut short."
-        if early is not None:
+        if (early := _stopped_early(log)) is not None:
             words = (
                 f"The record of {early.topic} ({early.role}) stops in the air at {early.last:.1f} s, that of others "
             )
@@ -88,8 +89,7 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
 
 def _stopped_early(log: LogHealth, least: float = 2.0) -> Rate | None:
     """What stops `least` seconds before what is logged last, more than topics of slow rates differ by; else None."""
-    held = [rate for rate in log.rates if rate.role in ("imu", "commanded", "actuators")]
-    first = min(held, key=lambda rate: rate.last, default=None)
+    first = min((rate for rate in log.rates if rate.role in HELD), key=lambda rate: rate.last, default=None)
     return first if first is not None and max(rate.last for rate in log.rates) - first.last > least else None
 
 
@@ -296,14 +296,11 @@ def _logger(log: LogHealth) -> Iterator[Statement]:
     elif autopilot is not None and autopilot.lost is None and autopilot.dropouts:
         words = f"The logger dropped {autopilot.dropouts:,} blocks of messages: use a faster card, or log less."
         yield Statement("warn", "logger", "dropouts", words)
-    held = ("imu", "commanded", "actuators")
-    gaps = [rate for rate in log.rates if rate.in_flight > LONG_GAP and rate.role in held]
+    gaps = [rate for rate in log.rates if rate.in_flight > LONG_GAP and rate.role in HELD]
     if gaps:
         worst = max(gaps, key=lambda rate: rate.in_flight)
-        words = (
-            f"Nothing was logged of {worst.topic} ({worst.role}) for {worst.in_flight:.1f} s between take-off and "
-            "landing: what happened meanwhile is not known."
-        )
+        words = f"Nothing was logged of {worst.topic} ({worst.role}) for {worst.in_flight:.1f} s between take-off and "
+        words += "landing: what happened meanwhile is not known."
         yield Statement("warn", "gaps", f"gap of {worst.in_flight:.1f} s", words)
 
 

@@ -102,7 +102,7 @@ def test_a_battery_of_one_voltage_is_said():
 
 def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
     found = said(flown(speeds=lambda v: np.minimum(v, 630.0)))["clipped"]
-    assert found.words.startswith("the commands of 4 rotors stop at 630 (")
+    assert found.words.startswith("the commands of 4 rotors stop at 630, one or more of them in ")
     assert "clipped" not in said(flown(speeds=lambda v: np.minimum(v / 630.0, 1.0)))
     one = said(flown(speeds=lambda v: np.stack((np.minimum(v[:, 0], 630.0), *v.T[1:]), axis=1)))
     assert "clipped" not in one

@@ -253,6 +253,28 @@ def test_places_are_written_together_since_px4_may_have_had_ratios(quadrotor):
     np.testing.assert_allclose(places, (quadrotor.vehicle.arms.position_B - [0.004, 0.0, -0.01]) * FRD, atol=1e-9)
 
 
+@pytest.mark.parametrize("rotors", [(0, 1, 2, 3), (2,)])
+def test_propellers_the_other_way_round_are_refused_since_yaw_would_feed_back_on_itself(rotors, quadrotor):
+    model = quadrotor.with_effects(fitted(quadrotor.vehicle, drag_torque={"change": 0.1}))
+    places = quadrotor.vehicle.arms.position_B * FRD
+    same = {f"CA_ROTOR{r}_P{axis}": places[r, k] for r in range(4) for k, axis in enumerate("XYZ")}
+    same |= {f"CA_ROTOR{r}_KM": 0.05 * spin for r, spin in enumerate(quadrotor.vehicle.rotors.spin)}
+    assert written(model, "px4", same)
+    other = same | {f"CA_ROTOR{r}_KM": -same[f"CA_ROTOR{r}_KM"] for r in rotors}
+    with pytest.raises(ModelError, match=f"rotor {rotors[0]} turns .*clockwise from above, CA_ROTOR{rotors[0]}_KM"):
+        written(model, "px4", other)
+    with pytest.raises(ModelError, match="rotor 2 pulls along"):
+        written(model, "px4", same | {"CA_ROTOR2_AX": 1.0, "CA_ROTOR2_AZ": 0.0})
+    del other[f"CA_ROTOR{rotors[0]}_KM"]  # of a damaged log
+    with pytest.raises(ModelError, match=f"CA_ROTOR{rotors[0]}_KM 0 says otherwise"):
+        written(model, "px4", other)
+
+
+def test_parameters_that_are_not_written_are_not_judged(quadrotor):
+    model = quadrotor.with_effects(fitted(quadrotor.vehicle, com_offset={"x": 0.004}))
+    assert written(model, "px4", {"CAL_BARO1_OFF": -51.8, "EKF2_IMU_POS_X": 0.0})
+
+
 def test_parameters_of_another_vehicle_are_refused(quadrotor):
     model = quadrotor.with_effects(fitted(quadrotor.vehicle, com_offset={"x": 0.004}))
     places = quadrotor.vehicle.arms.position_B * FRD

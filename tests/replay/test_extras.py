@@ -9,7 +9,6 @@ CASES = {
     "replay LOG HEXA --gp some.gp --parquet x.parquet": ("pandas", "tables"),
     "inspect a.csv": ("pandas", "tables"),
     "inspect a.ulg": ("pyulog", "px4"),
-    "inspect a.bin": ("pymavlink", "ardupilot"),
     "view LOG HEXA": ("viser", "viewer"),
     "batch inspect LOG HEXA -o out": ("pyarrow", "batch"),
     "model new --from a.urdf -o m.toml": ("mujoco", "mujoco"),
