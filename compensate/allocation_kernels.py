@@ -34,6 +34,8 @@ FLOOR = 1e-3
 """Least weight, of the largest: below, the system has too few digits left in single precision."""
 SMALL = 1e-9
 """Rounding of double precision."""
+WOUND = 1000.0
+"""Tilt [rad] that a memory can hold, 159 turns one way: a single-precision number still has it to 6e-5 rad."""
 SAME_ANGLE = 1e-5
 """Of single precision [rad]."""
 BLEND = 0.02
@@ -269,7 +271,10 @@ def hovering(t: AllocationTable, room: AllocationRoom, m: AllocationMemory, out:
 
 @printed
 def answered(t: AllocationTable, room: AllocationRoom, m: AllocationMemory, wrench: Six, out: AllocationCommand) -> int:
-    """The command for a demand about the centre of mass; one that is not finite repeats the command of before."""
+    """The command for a demand about the centre of mass; one that is not finite repeats the command of before.
+
+    A memory that is none, as after an upset, is forgotten: a number that is not finite, an arm wound beyond `WOUND`.
+    """
     finite = True
     for k in range(6):
         finite = finite and math.isfinite(wrench[k])
@@ -277,7 +282,7 @@ def answered(t: AllocationTable, room: AllocationRoom, m: AllocationMemory, wren
     for r in range(len(out.thrust)):
         remembered = remembered and math.isfinite(m.last_thrust[r])
     for a in range(len(out.tilt)):
-        remembered = remembered and math.isfinite(m.last_tilt[a])
+        remembered = remembered and abs(m.last_tilt[a]) <= WOUND  # not of NaN either
     for k in range(6):
         remembered = remembered and math.isfinite(m.last_made[k])
     if not remembered:

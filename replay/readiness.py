@@ -96,7 +96,7 @@ class Readiness(Result):
     nothing says how wrong the model may be. In a share `below` of the draws a rotor would have to push less than it
     can: there no part has its authority. `designed_for` is the vehicle of a file of `design`. `analysed` [s] of flight
     were at hand; with what so much does not show of a constant disturbance goes the share `unseen` of the scatter of
-    what the weakest part needs.
+    what the weakest part needs. After flights that `crashed`, or lost control, it is no go until the vehicle is sound.
     """
 
     decision: Decision
@@ -118,6 +118,7 @@ class Readiness(Result):
     below: float
     analysed: float
     unseen: float
+    crashed: tuple[str, ...] = ()
     designed_for: str = ""
     notes: tuple[object, ...] = ()
 
@@ -186,8 +187,9 @@ def ready(
     beyond = _beyond(records, reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
     plain_go = not beyond and known and not gains.upper_bounds
+    crashed = tuple(f.flight.name for f in flights if any(c.name == "crash" for c in f.checks))
     return Readiness(
-        _decision(authority, loops, plain_go=plain_go),
+        Decision.NO_GO if crashed else _decision(authority, loops, plain_go=plain_go),
         model.vehicle,
         trajectory,
         float(path.duration),
@@ -205,6 +207,7 @@ def ready(
         1.0 - float(np.mean(_pushes(model, needed))),
         float(sum(len(r) * r.dt_kept for r in records)),
         _explained(worst, constants),
+        crashed,
         designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )

@@ -1,6 +1,7 @@
 #define WGA_TURN WGA(6.283185307179586)
 #define WGA_FLOOR WGA(0.001)
 #define WGA_SMALL WGA(1e-09)
+#define WGA_WOUND WGA(1000.0)
 #define WGA_SAME_ANGLE WGA(1e-05)
 #define WGA_BLEND WGA(0.02)
 #define WGA_RAMP WGA(0.25)
@@ -316,7 +317,8 @@ static void wga_hovering(wga_room *room, wga_memory *m, wga_command *out)
     wga_kept(m, out);
 }
 
-/* The command for a demand about the centre of mass; one that is not finite repeats the command of before. */
+/* The command for a demand about the centre of mass; one that is not finite repeats the command of before. A memory
+ * that is none, as after an upset, is forgotten: a number that is not finite, an arm wound beyond WOUND. */
 static int wga_answered(wga_room *room, wga_memory *m, const wga_real *wrench, wga_command *out)
 {
     int finite;
@@ -331,7 +333,7 @@ static int wga_answered(wga_room *room, wga_memory *m, const wga_real *wrench, w
         remembered = remembered && isfinite(m->last_thrust[r]);
     }
     for (int a = 0; a < WGA_ARMS; a++) {
-        remembered = remembered && isfinite(m->last_tilt[a]);
+        remembered = remembered && wga_fabs(m->last_tilt[a]) <= WGA_WOUND;
     }
     for (int k = 0; k < 6; k++) {
         remembered = remembered && isfinite(m->last_made[k]);

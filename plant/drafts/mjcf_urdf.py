@@ -25,7 +25,7 @@ from wrenchgap._safe_path import absolute, environment
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.extras import needed_for
 from wrenchgap.plant.drafts.draft import Draft, Sourced
-from wrenchgap.plant.drafts.robot_tree import Joint, Link, Motor, draft_of, motors_of
+from wrenchgap.plant.drafts.robot_tree import Joint, Link, Motor, draft_of, motors_of, refuse_negative
 from wrenchgap.plant.reader import path_inside, text_of
 
 MEMBERS = ("visual", "collision")
@@ -56,7 +56,9 @@ def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
     """A draft of a URDF. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     links, _, _ = _asked(path, ElementTree.tostring(_held(document, path), encoding="unicode"))
     named = {**{one.name: k for k, one in enumerate(links)}, **{one.joint_name: k for k, one in enumerate(links)}}
-    found = motors_of(document)
+    for link in document.iter("link"):
+        refuse_negative(link, path.name)
+    found = motors_of(document, path.name)
     return draft_of(path.stem, path.name, links, {named[n]: m for n, m in found.items() if n in named}, "URDF")
 
 

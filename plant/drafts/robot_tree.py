@@ -16,6 +16,7 @@ timeConstantUp and _Down, which is a lag of the rotors, and -|omega| rotorDragCo
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -183,26 +184,42 @@ def _tilt(index: int, links: Sequence[Link], direction: Array) -> Tilt | None:
 TURNS = {"ccw": 1, "cw": -1}
 
 
-def motors_of(document: Element) -> dict[str, Motor]:
-    """Motors by the name of their link, or of their joint where no link is named; in the order of their numbers."""
+def motors_of(document: Element, origin: str) -> dict[str, Motor]:
+    """Motors by the name of their link, or of their joint where no link is named; in the order of their numbers.
+
+    Raises ModelError for a turning direction or a constant that is there and is none: a guess would take its place.
+    """
     found: dict[str, Motor] = {}
     for plugin in document.iter("plugin"):
         turn = (plugin.findtext("turningDirection") or "").strip()
         place = (plugin.findtext("linkName") or plugin.findtext("jointName") or "").strip()
-        if turn not in TURNS or not place:
+        if not turn or not place:
             continue
+        if turn not in TURNS:
+            raise ModelError(f"{origin}: motor plugin of {place}: turningDirection: got {turn!r}, expected ccw or cw")
         numbers = (_number(plugin, name) for name in ("motorNumber", "actuator_number"))
         source = f"motor plugin of {place}"
         found[place.rpartition("::")[2]] = Motor(
             spin=Sourced(TURNS[turn], f"turningDirection {turn} of the {source}"),
-            kappa=_positive(plugin, "momentConstant", source),
-            c_f=_positive(plugin, "motorConstant", source),
-            speed_max=_positive(plugin, "maxRotVelocity", source),
+            kappa=_positive(plugin, "momentConstant", source, origin),
+            c_f=_positive(plugin, "motorConstant", source, origin),
+            speed_max=_positive(plugin, "maxRotVelocity", source, origin),
             number=next((int(number) for number in numbers if number is not None), None),
             lag=_lag(plugin),
             drag=_not_negative(plugin, "rotorDragCoefficient"),
         )
     return found
+
+
+def refuse_negative(link: Element, origin: str) -> None:
+    """Raise ModelError for a mass or a moment of inertia below zero, which MuJoCo would replace by the least it has."""
+    for tag, names in (("mass", ("value",)), ("inertia", ("ixx", "iyy", "izz"))):
+        element = link.find(f"inertial/{tag}")
+        values = {} if element is None else {name: element.get(name, "") for name in names}
+        for name, text in values.items():
+            if re.fullmatch(r"\s*-\S*[1-9]\S*\s*", text):  # MuJoCo itself says what is no number
+                who = f"{origin}: link {link.get('name')!r}: {tag} {name}"
+                raise ModelError(f"{who}: got {text}, expected none below zero")
 
 
 def _lag(plugin: Element) -> tuple[float, float] | None:
@@ -225,6 +242,8 @@ def _number(plugin: Element, name: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _positive(plugin: Element, name: str, source: str) -> Sourced | None:
-    value = _number(plugin, name)
-    return None if value is None or value <= 0.0 else Sourced(value, f"{name} of the {source}")
+def _positive(plugin: Element, name: str, source: str, origin: str) -> Sourced | None:
+    text, value = plugin.findtext(name), _number(plugin, name)
+    if text is not None and (value is None or value <= 0.0):
+        raise ModelError(f"{origin}: {source}: {name}: got {text.strip()!r}, expected a positive number")
+    return None if value is None else Sourced(value, f"{name} of the {source}")

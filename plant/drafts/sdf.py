@@ -42,7 +42,7 @@ def from_sdf(path: Path, document: Element) -> Draft:
     places = {n: _after((-turned.T @ at, turned.T), pose) for n, pose in poses.items()}
     links = [_link(n, elements[n], joints.get(n), ordered, places, where) for n in ordered]
     named = {n: k for k, n in enumerate(ordered)} | {str(j.get("name")): ordered.index(c) for c, j in joints.items()}
-    motors = {named[n]: m for n, m in motors_of(document).items() if n in named}
+    motors = {named[n]: m for n, m in motors_of(document, where).items() if n in named}
     draft = draft_of(str(model.get("name") or path.stem), where, links, motors, "SDF")
     return replace(draft, notes=(*draft.notes, *notes))
 

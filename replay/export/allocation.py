@@ -223,7 +223,7 @@ def _python_functions() -> Iterator[str]:
 
 def _python_constants() -> str:
     """Constants of the kernels as they stand."""
-    names = ("TURN", "FLOOR", "SMALL", "SAME_ANGLE", "BLEND", "RAMP", "SLACK", "MADE", "BAD_DEMAND", "REDUCED")
+    names = ("TURN", "FLOOR", "SMALL", "SAME_ANGLE", "WOUND", "BLEND", "RAMP", "SLACK", "MADE", "BAD_DEMAND", "REDUCED")
     return "\n".join(f"{name} = {getattr(kernels, name)!r}" for name in names)
 
 

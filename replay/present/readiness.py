@@ -50,7 +50,11 @@ def summary(found: Readiness) -> list[str]:
     if lost and lost[0].probability < weakest.probability:  # then the loop decides
         out.insert(0, out.pop(1))
     out = [capitalised(text) if k else text for k, text in enumerate(out)]
-    out[0] = f"{BEGINS[found.decision]}: on {found.trajectory}{_conditions(found)} {out[0]}"
+    begins = "Once it is sound" if found.crashed else BEGINS[found.decision]
+    out[0] = f"{begins}: on {found.trajectory}{_conditions(found)} {out[0]}"
+    names = ", ".join(found.crashed)
+    crashed = f"No go: {names} ended in a crash or a loss of control; inspect the whole vehicle first."
+    out = [crashed, *out] if names else out
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")

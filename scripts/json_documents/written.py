@@ -143,6 +143,8 @@ class Ready(Document):
     feels_voltage: bool
     """Whether the model depends on it."""
     flights: list[str]
+    crashed: list[str]
+    """Flights that ended in a crash or a loss of control: then it is no go."""
     authority: list[Authority]
     """The weakest part first."""
     loops: list[LoopMargins]

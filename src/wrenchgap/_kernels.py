@@ -1,4 +1,4 @@
-"""What numba and matplotlib meet outside of a command: compiled functions on the disk, settings in the environment."""
+"""What libraries meet outside of a command: compiled functions on the disk, settings in the environment."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-SETTINGS = {"numba": "NUMBA_", "matplotlib": "MPL"}
+SETTINGS = {"dask": "DASK_", "distributed": "DASK_", "numba": "NUMBA_", "matplotlib": "MPL"}
 """How the names of variables begin that a library obeys."""
 
 

@@ -233,3 +233,19 @@ def test_tilts_stay_within_their_range_and_beside_the_one_before():
 def test_a_vehicle_that_cannot_hover_as_flown_is_refused():
     with pytest.raises(ModelError, match="cannot hover within its own limits as flown: a rotor would need"):
         Allocator(allocation_problem(fixed(4, mass=5.0)))
+
+
+@pytest.mark.parametrize("upset", [1e5, -1e12, 1e300, np.inf, np.nan])
+def test_an_arm_that_no_arm_can_have_wound_to_is_forgotten(upset):
+    vehicle = star()
+    free = replace(vehicle.arms, tilt_min=np.full(6, -np.inf), tilt_max=np.full(6, np.inf))
+    allocator = Allocator(allocation_problem(model_of(replace(vehicle, arms=free))))
+    demand = [3.0, -2.0, 45.0, 0.5, 0.2, 0.3]
+    fresh = allocator.step(demand)
+    allocator.reset(np.full(6, upset))
+    allocator.step(demand)
+    again = allocator.step(demand)
+    np.testing.assert_allclose(again.tilt, fresh.tilt, atol=1e-6)
+    np.testing.assert_allclose(again.thrust, fresh.thrust, atol=1e-6)
+    allocator.reset(np.full(6, 20.0 * np.pi))  # ten turns are ten turns
+    assert np.abs(allocator.step(demand).tilt - 20.0 * np.pi - fresh.tilt).max() < 1e-6

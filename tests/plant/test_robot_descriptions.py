@@ -1,6 +1,7 @@
 """URDF, SDF and MJCF of one vehicle become one model: masses, moments, arms and rotors computed by hand."""
 
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -218,6 +219,9 @@ def test_coaxial_rotors_share_an_arm(tmp_path):
         ("a.sdf", sdf().replace("<parent>base</parent>", "<parent>nix</parent>", 1), "hang on no joint from base"),
         ("a.sdf", sdf().replace('relative_to="base"', 'relative_to="nix"', 1), "the frame 'nix' is not there"),
         ("a.xml", "<mujoco><worldbody><body><geom size='0'/></body></worldbody></mujoco>", "MuJoCo cannot compile it"),
+        ("a.urdf", urdf().replace(f'value="{MOTOR}"', 'value="-0.2"', 1), "mass value: got -0.2, expected none"),
+        ("a.sdf", sdf().replace(">ccw<", ">CCW<", 1), "turningDirection: got 'CCW', expected ccw or cw"),
+        ("a.sdf", re.sub("(?<=<motorConstant>)", "O", sdf(), count=1), "motorConstant: got 'O.*', expected a positive"),
         ("a.xml", "<mujoco><worldbody/></mujoco>", "has no body that could fly"),
     ],
 )

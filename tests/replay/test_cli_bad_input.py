@@ -300,6 +300,15 @@ def test_a_setting_that_a_library_refuses_is_named(setting, logs, tmp_path):
     assert "unset it" in done.stderr
 
 
+def test_a_setting_of_dask_that_dask_refuses_is_named(logs, tmp_path):
+    (tmp_path / "dask").mkdir()
+    (tmp_path / "dask" / "own.yaml").write_text("distributed: [", encoding="utf-8")
+    for setting in ("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT=banana", f"DASK_CONFIG={tmp_path}/dask"):
+        done = real(f"{setting} {sys.executable} -m wrenchgap batch inspect {logs.test} -m {MODEL} -o out -q", tmp_path)
+        assert done.returncode == 2, done.stderr
+        assert f"failed where {setting} is set in the environment" in done.stderr
+
+
 def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path):
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     named = text.replace(f'name = "{MODEL}"', 'name = "fl\u00fcg"', 1)

@@ -23,6 +23,7 @@ from tests.replay.autopilot_logs import (
     write_dataflash,
     write_ulog,
 )
+from wrenchgap.flight.check import Check
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.diagnose.disturbance_process import Left
@@ -61,6 +62,18 @@ def test_the_interval_is_that_of_the_values(ready):
     assert ready.authority[0].part == "M1"
     assert ready.first[0].parameter == "rotor_0"
     assert ready.first[0].share > 0.8
+
+
+def test_after_a_crash_it_is_no_go_whatever_the_rotors_have(still, ready):
+    """The numbers stay those of a sound vehicle."""
+    crash = Check("crash", "warn", "motion contradicts the commands")
+    found = wg.ready([replace(one, checks=(*one.checks, crash)) for one in still], weak(loss=0.2), "hover")
+    assert (found.decision, found.crashed) == (Decision.NO_GO, ("still",))
+    assert found.authority[0].probability == ready.authority[0].probability
+    first, second = to_json(found)["summary"][:2]
+    assert first == "No go: still ended in a crash or a loss of control; inspect the whole vehicle first."
+    assert second.startswith("Once it is sound: on hover ")
+    assert not ready.crashed
 
 
 def test_a_payload_is_carried_by_all_rotors(still, ready):

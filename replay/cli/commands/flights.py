@@ -200,11 +200,6 @@ def ready(
         flights, _ = run.open(reading.options, logs, base)
         asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage}
         found = wg.ready(flights, base, trajectory, progress=report, **asked)
-    for one in (f for f in flights if any(c.name == "crash" for c in f.checks)):
-        run.line(
-            f"{one.flight.name} ends in a crash or a loss of control: inspect the whole vehicle before it flies.",
-            style="bold",
-        )
     run.result(found)
     run.save("ready", found, figure=figure)
 
