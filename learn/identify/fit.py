@@ -143,8 +143,9 @@ def held_out(
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
     Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
-    from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; with `exact` off,
-    linearised where the step changes it by less than `small` of the residual. Without what commands say nothing of
+    from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; linearised
+    where no body has its values, and with `exact` off where the step changes it by less than `small` of the residual.
+    Without what commands say nothing of
     (`Dataset.informative`); not a number on axes that were not measured.
     """
     problem = Problem(data, model, tuple(names))
@@ -163,10 +164,9 @@ def held_out(
         others = [own for other, own in zip(parts, sums, strict=True) if other is not test]
         step = problem.step_from(point, *(sum(of) for of in zip(*others, strict=True)))
         change = fitted.jacobian[test] @ step
-        if not exact and np.linalg.norm(change) < small * np.linalg.norm(point.residual[test]):
-            out[test] = point.residual[test] - change
-        else:
-            out[test] = problem.at(point.x + step).residual[test]
+        linear = not exact and np.linalg.norm(change) < small * np.linalg.norm(point.residual[test])
+        moved = None if linear else problem.tried(point.x + step)
+        out[test] = point.residual[test] - change if moved is None else moved.residual[test]
     out = data.informative(out)
     out[:, ~data.measured_axes] = np.nan
     return out

@@ -177,6 +177,13 @@ class Problem:
             raise ModelError(f"effect {', '.join(self.names)}: what it adds is not finite within its plausible range")
         return Point(x, residual)
 
+    def tried(self, x: Array) -> Point | None:
+        """`at`; None where each unknown is within its bounds and no body has all of them, as of products."""
+        try:
+            return self.at(x)
+        except ModelError:
+            return None
+
     def jacobian(self, point: Point, first: int = 0) -> Array:
         """Derivative of the prediction (K, 6, P + G), forward differences that stay within the bounds.
 
@@ -193,9 +200,11 @@ class Problem:
             step = 0.02 * self.scale[k]
             if point.x[k] + step > self.high[k]:
                 step = -step
-            moved = point.x.copy()
-            moved[k] += step
-            columns[:, :, k] = (point.residual - self.at(moved).residual) / step
+            steps = step * np.eye(len(point.x))[k]
+            moved = self.tried(point.x + steps)
+            if moved is None:  # at the end of what a body can have, a derivative from the other side
+                step, moved = -step, self.at(point.x - steps)
+            columns[:, :, k] = (point.residual - moved.residual) / step
             if self.tick is not None:
                 self.tick()
         return columns
@@ -216,9 +225,9 @@ class Problem:
             promised = cost - self.cost(point.x + step, point.residual - derivative @ step, weights)
             fraction = 1.0
             for _ in range(5):
-                trial = self.at(point.x + fraction * step)
-                gain = cost - self.cost(trial.x, trial.residual, weights)
-                if gain >= 0:
+                trial = self.tried(point.x + fraction * step)
+                gain = -np.inf if trial is None else cost - self.cost(trial.x, trial.residual, weights)
+                if trial is not None and gain >= 0:
                     break
                 fraction *= 0.5
             else:

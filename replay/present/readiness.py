@@ -94,9 +94,7 @@ def summary(found: Readiness) -> list[str]:
             f"{share(one.share)} of the scatter."
         )
     if found.wind and not found.feels_wind:
-        out.append(
-            "The model has no drag: it does not feel the wind. Fit body_drag or rotor_drag to a flight that moves."
-        )
+        out.append("The model has no drag and feels no wind. Fit body_drag or rotor_drag to a flight that moves.")
     if found.voltage is not None and not found.feels_voltage:
         out.append("The thrust of the model does not depend on the battery's voltage: --voltage changes nothing.")
     return out if found.loops else [*out, NOT_SAID]

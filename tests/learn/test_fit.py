@@ -47,6 +47,30 @@ def test_inertia_is_recovered_together_with_the_lag(fly, hexarotor):
     assert (heavy - plain)[2] == pytest.approx(0.0161, rel=0.1)
 
 
+def test_products_that_no_body_has_end_no_search(offset, hexarotor):
+    """Each entry of the change is within its range; all together they make a moment of inertia that is negative."""
+    body, tolerances = hexarotor.vehicle.body, hexarotor.vehicle.tolerances
+    size = np.sqrt(np.outer(np.diag(body.inertia), np.diag(body.inertia)))
+    loose = replace(hexarotor.vehicle, tolerances=replace(tolerances, inertia=0.3 * size))
+    wanted = np.concatenate((-0.58 * np.diag(size), 0.45 * np.array([size[0, 1], -size[0, 2], size[1, 2]])))
+    assert np.linalg.eigvalsh(symmetric(np.concatenate((np.diag(body.inertia), np.zeros(3))) + wanted))[0] < 0.0
+    plain = offset.data.predict(WrenchModel(loose, ()))
+    small = offset.data.predict(WrenchModel(loose, (ModelEffect(find("inertia"), 0.01 * wanted),)))
+    data = replace(offset.data, measured=plain + 100.0 * (small - plain))  # the wrench is linear in the inertia
+    model = replace(hexarotor, vehicle=loose)
+    fitted = fit(data, model, ["inertia"])
+    assert np.isfinite(held_out(data, model, ["inertia"], fitted)[:, 3:]).any()
+    found = symmetric(np.concatenate((np.diag(body.inertia), np.zeros(3))) + fitted.theta)
+    assert np.linalg.eigvalsh(found)[0] > 0.0
+    assert np.trace(found) < 0.8 * np.trace(body.inertia)  # as far that way as it goes
+
+
+def symmetric(entries):
+    """xx, yy, zz, xy, xz, yz as a matrix."""
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def test_held_out_error_is_not_below_the_fitted_one_and_near_it(offset, hexarotor):
     fitted = fit(offset.data, hexarotor, ["com_offset"])
     unseen = held_out(offset.data, hexarotor, ["com_offset"], fitted)
