@@ -185,10 +185,7 @@ class Problem:
             return None
 
     def jacobian(self, point: Point, first: int = 0) -> Array:
-        """Derivative of the prediction (K, 6, P + G), forward differences that stay within the bounds.
-
-        Of parameters before the `first` not a number.
-        """
+        """Derivative of the prediction (K, 6, P + G) by differences within the bounds; NaN before the `first`."""
         columns = np.empty((*point.residual.shape, len(self.low)))
         columns[:, :, : self.size] = np.nan
         columns[:, :, self.size :] = self.granted_jacobian
@@ -200,11 +197,10 @@ class Problem:
             step = 0.02 * self.scale[k]
             if point.x[k] + step > self.high[k]:
                 step = -step
-            steps = step * np.eye(len(point.x))[k]
-            moved = self.tried(point.x + steps)
-            if moved is None:  # at the end of what a body can have, a derivative from the other side
-                step, moved = -step, self.at(point.x - steps)
-            columns[:, :, k] = (point.residual - moved.residual) / step
+            own = step * np.eye(len(point.x))[k]
+            there = self.tried(point.x + own)  # None at the end of what a body can have
+            change = point.residual - there.residual if there else self.at(point.x - own).residual - point.residual
+            columns[:, :, k] = change / step
             if self.tick is not None:
                 self.tick()
         return columns
@@ -244,12 +240,9 @@ class Problem:
         return point, derivative, iterations
 
     def blind(self, derivative: Array, rounding: float = 1e-9) -> Mask:
-        """Unknowns that change nothing where they are: by a typical size less than `rounding`, a share of the largest
-        wrench.
-        """  # noqa: D205
-        return np.asarray(
-            np.abs(derivative).max(axis=(0, 1)) * self.scale <= rounding * np.nanmax(np.abs(self.data.measured))
-        )
+        """Unknowns that change nothing: by a typical size less than a share `rounding` of the largest wrench."""
+        least = rounding * np.nanmax(np.abs(self.data.measured))
+        return np.asarray(np.abs(derivative).max(axis=(0, 1)) * self.scale <= least)
 
     def cost(self, x: Array, residual: Array, weights: Array) -> float:
         """The minimised quantity."""

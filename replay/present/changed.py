@@ -13,6 +13,7 @@ from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.identify.bias_and_trim import WORTH
 from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, numbers, parameters, posterior, timing, what_to_inspect
@@ -69,10 +70,9 @@ def baseline(found: Changed) -> str:
             "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust), as one constant wrench; of "
             "excited flights, changes of these sizes may be named that are usual. Give more healthy flights."
         )
-    known = [
-        f"{head.split()[0]} {number(s, 2)}" for head, s in zip(numbers.UNIT_HEADS, found.scatter, strict=True) if s == s
-    ]
-    return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
+    heads = zip(numbers.UNIT_HEADS, found.scatter, strict=True)
+    known = ", ".join(f"{head.split()[0]} {number(s, 2)}" for head, s in heads if s == s)
+    return f"{healthy} healthy flights and {WORTH:g} typical ones differ by (standard deviation, N and Nm): {known}."
 
 
 def other_recordings(found: Changed) -> list[str]:

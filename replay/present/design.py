@@ -103,7 +103,7 @@ def sentence(design: Design) -> str:
     if design.separable:
         before = design.before.separation
         found = min(design.simulated(d.truth, d.imitator) for d in design.expected.counting)
-        was = "they are indistinguishable there" if not design.before.separable else "they are separable there already"
+        was = _before(design.before)
         return (
             f"This flight of {design.trajectory.duration:g} s separates {names}: expected separation "
             f"{design.expected.separation:.1f}, simulated {found:.1f} ({least}). "
@@ -118,6 +118,16 @@ def sentence(design: Design) -> str:
         f"No reference trajectory within these limits separates {names}: {_reason(hard)}. "
         f"Expected separation of the best flight found: {hard.separation:.1f} ({least})."
     )
+
+
+def _before(before: Separability) -> str:
+    """Whether the effects were told apart already: by what they do, or one of them as the simpler alone."""
+    if not before.separable:
+        return "they are indistinguishable there"
+    alike = next((d for d in before.directions if not d.told), None)
+    if alike is None:
+        return "they are separable there already"
+    return f"but what {alike.truth} does there {alike.imitator} does as well: it is named as the simpler one, if at all"
 
 
 def _reason(direction: Direction) -> str:

@@ -273,7 +273,7 @@ def test_the_voltage_of_a_cell_is_none_of_the_battery(still):
 
 
 def test_wind_without_drag_and_a_voltage_that_no_log_has_are_said(still):
-    assert "does not feel the wind" in " ".join(str(wg.ready(still, MODEL, "hover", wind=5.0)).split())
+    assert "has no drag and feels no wind" in " ".join(str(wg.ready(still, MODEL, "hover", wind=5.0)).split())
     sag = make_effect(MODEL.vehicle, "battery_sag", {"per_volt": 0.05})
     with pytest.raises(UsageError, match="no log has it; give one with --voltage"):
         wg.ready(still, MODEL.with_effects([sag]), "hover")
