@@ -8,7 +8,9 @@ c = 2 pi f, a rate omega is read as g, with the integral G of g:
 So what the attitude turns faster than the gyroscope says grows with the angle that the gyroscope has turned, in every
 axis by the same c. It looks like a drag on the turning, J c omega. A bias and its drift are taken off both sides in
 each block, and what a delay d between the two would make, d dg/dt; an attitude that leaks back to the level makes c
-negative.
+negative. An axis counts where G is more than what remains of the two sides makes as an angle: in a still hover G is the
+integral of the gyroscope's noise, and against that the noise itself goes in every block without its mean (Dickey and
+Fuller, J. Am. Stat. Assoc. 74, 1979).
 """
 
 from collections.abc import Iterator, Sequence
@@ -101,7 +103,7 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
     blocks = comparable_blocks(flight, "gyroscope")
     if not blocks:
         return None
-    shift, sums = odometry_delay(blocks) or 0.0, []  # slow turns that are lost may look like a long delay
+    shift, sums, sides = odometry_delay(blocks) or 0.0, [], []  # slow turns that are lost may look like a long delay
     for block in blocks:
         time = block.time - shift
         turned = interpolated(time, block.sensor_time, block.integrals)
@@ -115,6 +117,7 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
                 detrended(middle, np.diff(block.reference - turned, axis=0) / step),
             )
         )
+        sides.append((middle, step, angle, faster))
         for rows in np.array_split(np.arange(len(middle)), block.segments):
             sums.append((np.sum(angle[rows] ** 2, axis=0), np.sum(angle[rows] * faster[rows], axis=0)))
     square, product = np.transpose(sums, (1, 0, 2))
@@ -123,7 +126,10 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
         return None
     corner = np.sum(product, axis=0) / total
     std = np.sqrt(np.sum((product - corner * square) ** 2, axis=0) * count / (count - 1)) / total
-    weight = 1.0 / np.maximum(std, 1e-12) ** 2
+    drift = sum(np.sum(detrended(t, np.cumsum((f - corner * a) * h, axis=0)) ** 2, axis=0) for t, h, a, f in sides)
+    weight = np.where(total > SCALE.turned**2 * drift, 1.0 / np.maximum(std, 1e-12) ** 2, 0.0)
+    if not np.any(weight):
+        return None
     mean, mean_std = np.sum(weight * corner) / np.sum(weight), 1.0 / np.sqrt(np.sum(weight))
     if np.any(corner < 0.0):
         return None

@@ -93,6 +93,9 @@ class ScaleThresholds:
     least_corner: float = 0.02
     """Corner of a gyroscope's high-pass [Hz] from which on it stops a log: J c omega is 0.6 of a typical rotational
     drag there. Of 60 recorded flights none shows one on all axes."""
+    turned: float = 5.0
+    """Factor by which the angle turned must exceed what noise of a rate makes of it, for a high-pass to be seen: still
+    hovers of a simulated quadrotor have 0.7 to 1.5, and behind a high-pass of 0.1 Hz flights with turns 9 to 150."""
     longest_delay: float = 0.1
     """Delay [s] between the two beyond which they show no common motion."""
 

@@ -48,8 +48,9 @@ class HoverThresholds:
     """Interruptions up to so long [s] do not end a hover."""
     briefest: float = 1.0
     """A shorter hover [s] is moving flight."""
-    off: float = 0.01
-    """Share of full thrust up to which no motor runs: autopilots send zero, and noise of the logged precision."""
+    off: float = 0.03
+    """Share of the full thrust of all rotors up to which nothing flies: it would carry 33 times its weight. Motors that
+    idle have 0.01."""
 
 
 HOVER = HoverThresholds()
@@ -154,7 +155,7 @@ def _commanded_force(flight: Flight, thrusts: Thrusts | None) -> WrenchSeries | 
         return sent
     assert flight.actuators is not None
     force = np.zeros((len(thrusts.time), 6))
-    force[:, 2] = thrusts.share.sum(axis=1)
+    force[:, 2] = thrusts.share.mean(axis=1)
     unit: WrenchUnit = "N" if thrusts.limits is None else "normalised"
     return WrenchSeries(flight.actuators.topic, thrusts.time, force, gaps=flight.actuators.gaps, unit=unit)
 

@@ -72,7 +72,7 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             words = f"{events[0].title} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}{why}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
     if log.phases.lack is NoPhases.POWER:
-        words = "The motors never ran: this log holds no flight. Give another log."
+        words = "The motors never ran, or only idled: this log holds no flight. Give another log."
         yield Statement("warn", "flight", "no flight", words)
     elif log.phases.phases and not log.phases.seconds(*AIRBORNE):
         words = "It never left the ground in this log, as far as thrust and motion tell."

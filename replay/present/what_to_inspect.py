@@ -1,7 +1,7 @@
 """What to look at on the vehicle after something was found: a sentence for each effect, in the user's names."""
 
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,14 +120,13 @@ def of_explanation(found: Explanation) -> list[str]:
     constant = next((m for m in found.members if m.name == "constant_wrench"), None)
     if constant is not None:
         logs = [f.flight.autopilot for f in found.flights]
-        named = {name for one in found.posterior.sets for name in one.names}
         by = {
             v.name: v.value
             for v in found.fit.values(constant.name)
             if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)
         }
         would = "makes" if found.confidence(constant) >= DEFAULT.firm else "would make"
-        causes = _causes(by, vehicle, trim(logs), named)
+        causes = _causes(by, vehicle, trim(logs))
         out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
     return out
 
@@ -167,23 +166,16 @@ def constant_changes(found: Changed) -> list[Size]:
     return sorted(clear, key=lambda p: -p.significance)
 
 
-def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "", named: Collection[str] = ()) -> list[str]:
+def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
     """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it.
 
-    `mounting` is what the logs say of the autopilot's; effects `named` in its place are no causes of it.
+    `mounting` is what the logs say of the autopilot's.
     """
     weight, causes = vehicle.body.mass * GRAVITY, []
     if by.keys() & {"torque_x", "torque_y"}:
         x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight
         off = size_in_words(float(np.hypot(x, y)), "m")
-        side = towards(vehicle, x, y)
-        of_mass = [] if {"com_offset", "payload"} & set(named) else [f"a centre of mass {off} towards the {side}"]
-        weak = (
-            []
-            if "rotor_thrust" in named
-            else ["weak propellers there" if of_mass else f"weak propellers at the {side}"]
-        )
-        causes += [", or ".join(of_mass + weak)] if of_mass or weak else []
+        causes.append(f"a centre of mass {off} towards the {towards(vehicle, x, y)}, or weak propellers there")
     if "torque_z" in by:
         causes.append(f"a yaw bias of {size_in_words(by['torque_z'], 'Nm')}: look for {YAW_BIAS}")
     if tilt := float(np.hypot(by.get("force_x", 0.0), by.get("force_y", 0.0))) / weight:

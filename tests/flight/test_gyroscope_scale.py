@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
+from tests.independent.flown_quadrotor import Case, fly
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.gyroscope_scale import high_pass
 from wrenchgap.flight.checks.sensor_scales import sensor_scales
@@ -285,3 +286,10 @@ def test_a_sound_gyroscope_loses_no_slow_turns(how):
     for seed in range(3):
         found = high_pass(flown(seconds=40.0, seed=seed, **how))
         assert found is None or found[0] < max(SCALE.least_corner / 2, 3 * found[1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seconds", [20.0, 60.0])
+def test_a_still_hover_shows_no_high_pass(seed, seconds):
+    """Its vehicle turns as far as the gyroscope's noise lets the controller believe, and no farther."""
+    assert high_pass(fly([Case("still", seed=seed, seconds=seconds)])[0]) is None

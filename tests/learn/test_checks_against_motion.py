@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import wrenchgap as wg
 from benchmarks.meaning.flying import HEX, QUAD, Manner, fly
+from tests.independent import flown_quadrotor as independent
+from wrenchgap.flight.errors import LogError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
 
@@ -210,3 +212,16 @@ def test_two_rotors_of_six_that_are_swapped_are_put_back_by_the_motion_alone(flo
     swapped = replace(flight.actuators, rotor_speed=flight.actuators.rotor_speed[:, order])
     check = found(alone(flight, actuators=swapped), model)["rotors"]
     assert f"[{','.join(map(str, order))}]" in check.mend
+
+
+@pytest.mark.parametrize("order", [[1, 0, 2, 3], [0, 2, 1, 3], [0, 3, 2, 1]])
+def test_columns_that_are_exchanged_show_in_a_still_hover_by_how_they_answer_the_turning(order):
+    """Its torques move hardly anything, and each of them is commanded against the rate about its own axis."""
+    sound = independent.fly([independent.Case("still", seed=3, seconds=20.0)])[0]
+    assert wg.open_flights([sound], independent.MODEL)
+    speed = sound.actuators.rotor_speed[:, order]
+    other = replace(sound, actuators=replace(sound.actuators, rotor_speed=speed))
+    with pytest.raises(
+        LogError, match=f"rotors: Commands answer the turning.* in the order {', '.join(map(str, order))}"
+    ):
+        wg.open_flights([other], independent.MODEL)

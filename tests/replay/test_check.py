@@ -30,6 +30,7 @@ from wrenchgap.learn.diagnose.model_checks import inspect
 from wrenchgap.learn.health.answers import Answer, Lack, Question
 from wrenchgap.learn.health.logged_messages import changed_before
 from wrenchgap.learn.health.motors import Shape
+from wrenchgap.learn.health.phases import NoPhases
 from wrenchgap.learn.health.rotors import thrusts_of
 from wrenchgap.replay.present.changed import other_recordings
 from wrenchgap.replay.present.health import answer, flown
@@ -287,6 +288,13 @@ def test_places_of_rotors_that_no_vehicle_hovers_with_are_not_used(made, wrong):
     found = made("ulg", f"places{next(iter(wrong))}", Wrong(uneven, parameters=wrong)).logs[0].motors
     assert found.shape == "places of the rotors unknown"
     assert found.hardest.deviation == pytest.approx(1.2 / 1.05 - 1.0, abs=0.01)
+
+
+def test_motors_that_idle_on_the_ground_are_no_flight_and_no_loss_of_control(made):
+    """As a log that was cut before the vehicle took off."""
+    log = made("ulg", "idle", Wrong(thrust=(0.02, 0.04, 0.03, 0.04))).logs[0]
+    assert log.phases.lack is NoPhases.POWER
+    assert log.motors is None
 
 
 def test_what_a_calm_flight_lacks_is_said_apart_from_what_no_setting_of_the_logger_gives(made):

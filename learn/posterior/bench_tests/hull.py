@@ -77,7 +77,7 @@ def look(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """The force [N] of whatever pulls from outside."""
     least = PULL * vehicle.body.mass * GRAVITY
     return Setup(
-        "Look at the vehicle as it flies for whatever pulls or touches it",
+        "Look for whatever pulls at the vehicle or touches it as it was flown",
         reads(1, tether=lambda theta: [float(np.linalg.norm(theta[:3]))]),
         least,
         above(least, lambda force: "a cable, rope or contact", "nothing that pulls or touches it"),
