@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+import wrenchgap as wg
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.effect import Parameter
 from wrenchgap.replay.session.panels import html
 
@@ -46,4 +48,7 @@ def test_a_parameter_is_in_the_unit_of_its_slider():
     length = Parameter("x", "m", -0.1, 0.1, 0.01)
     assert html.parameter_in_words(length, 0.007, 0.0002) == "x 7.00 +- 0.20 mm"
     assert html.parameter_in_words(length, 0.007, None) == "x 7.00 mm"
+    vehicle = wg.load_model("crazyflie").vehicle
+    loss = find("rotor_thrust").parameters(vehicle)[3]
+    assert html.parameter_in_words(loss, -0.15, None, vehicle) == "M4 -0.150"
     assert html.parameter_in_words(Parameter("scale", "1", -1.0, 1.0, 0.6), -0.04, None) == "scale -0.0400"

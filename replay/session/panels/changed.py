@@ -101,9 +101,9 @@ class ChangedPanel(Panel):
         with host.tab("Changed"):
             self.suspect = gui.add_html("")
             with gui.add_folder("healthy flights"):
-                names = host.session.flights
+                names = host.session.flights  # which of several are healthy only the user knows
                 self.healthy = {
-                    name: gui.add_checkbox(label, True, hint=None if label == name else name)
+                    name: gui.add_checkbox(label, len(names) == 2, hint=None if label == name else name)
                     for name, label in zip(names, labels(names), strict=True)
                 }
             hint = "One flight against healthy ones; what the model is wrong by in all of them drops out."

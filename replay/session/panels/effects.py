@@ -136,17 +136,19 @@ class EffectsPanel(Panel):
         inside = {i.name for i in self.effects.installed}
         names = dict.fromkeys([*found.effects, *(c.name for c in found.ranking)])
         rest = [n for n in found.effects if n not in inside]
-        fitted = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
+        fit, vehicle = found.fit, self.host.session.vehicle
+        fitted = zip(fit.parameters, fit.theta, fit.std, strict=True)
+        values = [(name, html.parameter_in_words(p, value, std, vehicle)) for (name, p), value, std in fitted]
         return html.render(
             "search",
             found=found,
             summary=" ".join(answer.answer(found)),
             evidence=answer.evidence(found),
-            values=[(name, html.parameter_in_words(parameter, v, std)) for (name, parameter), v, std in fitted],
+            values=values,
             open=explanation.open_in_words(found),
             shown=detection.sentences(found),
             alike={r.name for m in found.members for r in m.alike},
-            vehicle=self.host.session.vehicle,
+            vehicle=vehicle,
             searched_on=model,
             model=self.effects.working.name,
             inside=inside,

@@ -17,7 +17,7 @@ from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present.addition import verdict
 from wrenchgap.replay.present.comparison import stretch_in_words
 from wrenchgap.replay.present.notes import not_tried
-from wrenchgap.replay.present.numbers import change, number, parameters_in_words, share
+from wrenchgap.replay.present.numbers import change, number, parameters_in_words, share, user_name
 from wrenchgap.replay.present.staircase import heading, label
 from wrenchgap.replay.present.where import depends_on
 from wrenchgap.viewer import markup
@@ -78,18 +78,20 @@ def finer(parameter: Parameter) -> tuple[str, float]:
     return parameter.unit, 1.0
 
 
-def parameter_in_words(parameter: Parameter, value: float, std: float | None) -> str:
-    """A parameter with its standard deviation, in the unit of its slider."""
+def parameter_in_words(parameter: Parameter, value: float, std: float | None, vehicle: Vehicle | None = None) -> str:
+    """A parameter with its standard deviation, in the unit of its slider; that of a rotor with the rotor's name."""
     unit, factor = finer(parameter)
     spread = "" if std is None else f" +- {number(factor * std, 2)}"
-    return f"{parameter.name} {number(factor * value)}{spread} {'' if unit == '1' else unit}".rstrip()
+    return (
+        f"{user_name(parameter.name, vehicle)} {number(factor * value)}{spread} {'' if unit == '1' else unit}".rstrip()
+    )
 
 
 def values_of(effect: ModelEffect, vehicle: Vehicle) -> list[str]:
     """Its parameters, each in words."""
     parameters = effect.effect.parameters(vehicle)
     std = [None] * len(parameters) if effect.std is None else effect.std
-    return [parameter_in_words(*row) for row in zip(parameters, effect.theta, std, strict=True)]
+    return [parameter_in_words(*row, vehicle) for row in zip(parameters, effect.theta, std, strict=True)]
 
 
 def source(effect: ModelEffect) -> str:
