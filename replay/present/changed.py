@@ -143,8 +143,7 @@ def what_next(found: Changed, healthy: Sequence[str], model: str, options: str =
 
 def _verdict(found: Changed) -> str:
     if found.verdict is Verdict.NOTHING:
-        best = found.alone[0] if found.alone else None
-        nearest = ""
+        best, nearest = (found.alone[0] if found.alone else None), ""
         if best is not None and best.largest.significance > 1.0:  # what is less is chance
             words = in_words(found, best.largest)
             nearest = f" Nearest, and not established: {words}, {best.largest.significance:.1f} standard deviations."
@@ -155,7 +154,8 @@ def _verdict(found: Changed) -> str:
                 f"nothing changed: {share(found.nothing)}). More suspect flights, or one with excitation, would tell."
                 f"{nearest}"
             )
-        return f"Nothing changed that is beyond what healthy flights differ by.{nearest}"
+        few = what_to_inspect.beyond_these(found)
+        return f"Nothing changed that is beyond what healthy flights {'usually ' * bool(few)}differ by.{nearest}{few}"
     if found.verdict is Verdict.UNKNOWN:
         return _unknown(found)
     if len(found.names) > AT_ONCE:

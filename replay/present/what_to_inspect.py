@@ -17,7 +17,7 @@ from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.numbers import number, quantity, share, size_in_words
+from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, size_in_words
 
 
 @dataclass(frozen=True)
@@ -222,3 +222,28 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
         return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards the {side}"
     words = ACTIONS.get(family(name), "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""
+
+
+def beyond_these(found: Changed, chance: float = 0.01) -> str:
+    """Where suspect flights are beyond what these healthy ones differ by, and not beyond what flights usually do.
+
+    By Student's t of the flights' means with a probability of `chance` on any of six axes; at least three healthy
+    flights, and a change larger than the usual scatter.
+    """
+    from scipy.stats import t as student  # here: it takes a quarter of a second
+
+    healthy, suspect = (np.array([r.mean for r in found.rows if r.role == role]) for role in ("healthy", "suspect"))
+    if len(healthy) < 3 or not len(suspect):
+        return ""
+    apart = np.abs(suspect.mean(axis=0) - healthy.mean(axis=0))
+    own = healthy.std(axis=0, ddof=1)
+    error = own * np.sqrt(1.0 / len(healthy) + 1.0 / len(suspect))
+    clear = (apart > student.isf(chance / 12.0, len(healthy) - 1) * error) & (apart > found.scatter) & (own > 0.0)
+    if not clear.any():
+        return ""
+    k = int(np.argmax(np.where(clear, apart / found.scatter, 0.0)))
+    these, usual = apart[k] / own[k], apart[k] / found.scatter[k]
+    return (
+        f" On {AXIS_HEADS[k]} they are {these:.2g} times what these {len(healthy)} healthy flights differ by, and "
+        f"{usual:.2g} times what flights usually do: more healthy flights would tell."
+    )

@@ -3,6 +3,7 @@
 import textwrap
 from dataclasses import replace
 from itertools import takewhile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.check import Check as FlightCheck
 from wrenchgap.flight.check import Finding
+from wrenchgap.learn.changed.by_flight import FlightRow
 from wrenchgap.learn.diagnose.timing import FeedbackDominated
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
@@ -18,6 +20,7 @@ from wrenchgap.replay import present
 from wrenchgap.replay.present.explanation import brief
 from wrenchgap.replay.present.notes import banner
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Table
+from wrenchgap.replay.present.what_to_inspect import beyond_these
 
 MODEL = model_file.load("tilt_hexarotor")
 HIDDEN = ["com_offset=x:-0.004,y:0.007,z:-0.005"]
@@ -133,3 +136,19 @@ def test_missing_samples_are_one_line_until_details_are_asked_for(results):
     assert len(short) == 3
     assert any("24 sample(s)" in text for text in whole)
     assert len(whole) == 4
+
+
+def test_a_change_beyond_few_healthy_flights_and_not_beyond_usual_ones_is_said():
+    """Three flights that agree to a hundredth of what is usual, and two that are off by twice the usual."""
+    usual = np.full(6, 1e-3)
+
+    def row(role, offset):
+        return FlightRow(role, role, np.array([0.0, 0.0, 0.0, 0.0, offset, 0.0]) * 1e-3, usual, {})
+
+    healthy = [row("healthy", x) for x in (0.0, 0.01, -0.01)]
+    found = SimpleNamespace(rows=[*healthy, row("suspect", 2.0), row("suspect", 2.02)], scatter=usual)
+    said = beyond_these(found)
+    assert said.startswith(" On M_y they are 2e+02 times what these 3 healthy flights differ by, and 2 times what")
+    assert not beyond_these(SimpleNamespace(rows=found.rows[1:], scatter=usual))  # two say nothing of their scatter
+    wide = [row("healthy", x) for x in (0.0, 0.5, -0.5)]
+    assert not beyond_these(SimpleNamespace(rows=[*wide, *found.rows[3:]], scatter=usual))
