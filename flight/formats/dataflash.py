@@ -110,8 +110,9 @@ class Layout:
     names: tuple[str, ...]
 
 
-FMT = 128
 FORMATS = Layout("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+KNOWN = {128: FORMATS}
+"""The type of message that no message has to say."""
 
 
 def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:
@@ -140,7 +141,7 @@ def _index(raw: mmap, account: Account) -> tuple[dict[int, Layout], "dict[int, a
     A message counts where its type is known and another mark, or the end of the file, follows it: damaged bytes cost
     the message that they are in, and no other.
     """
-    layouts, places = {FMT: FORMATS}, defaultdict[int, "array[int]"](lambda: array("q"))
+    layouts, places = dict(KNOWN), defaultdict[int, "array[int]"](lambda: array("q"))
     at, size, count = raw.find(MARK), len(raw), 0
     while 0 <= at <= size - HEADER:
         if count % LIMITS.dataflash_block == 0:
@@ -155,7 +156,7 @@ def _index(raw: mmap, account: Account) -> tuple[dict[int, Layout], "dict[int, a
             continue
         places[raw[at + 2]].append(at)
         told = _layout(raw[at + HEADER : end]) if layout is FORMATS else None
-        if told is not None and raw[at + HEADER] != FMT:
+        if told is not None and raw[at + HEADER] not in KNOWN:
             layouts[raw[at + HEADER]] = told
         at = following
     return layouts, places
