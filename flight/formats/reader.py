@@ -21,7 +21,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from wrenchgap.flight.budget import LIMITS, Account, BudgetError
 from wrenchgap.flight.errors import LogError
@@ -58,6 +57,8 @@ def in_order(stamps: NDArray[np.int64], what: str, notes: list[str], far: float 
     them, which is the middle one's own where time only goes on: a damaged byte makes such a stamp. Where these are more
     than a share `rare`, the rows were in another order.
     """
+    from scipy.ndimage import median_filter  # here: a page that only opens needs no scipy
+
     away = np.abs(stamps - median_filter(stamps, 5, mode="nearest")) > 1e9 * far
     away &= away.mean() < rare if len(away) else False
     if damaged := int(away.sum()):
