@@ -124,6 +124,7 @@ def _messages(path: Path, account: Account, only: str | None = None) -> tuple[di
     for kind, layout in layouts.items():
         account.check_time()
         at = np.array(places[kind], dtype=np.int64)
+        at = at[at + layout.length <= len(data)]  # a damaged FMT may say another length later
         strange -= len(at) * layout.length
         if len(at) and layout.name not in ("FMT", "UNIT", "MULT") and only in (None, layout.name):
             account.take(2 * len(at) * layout.length, f"messages of {layout.name:.20}")
@@ -132,7 +133,7 @@ def _messages(path: Path, account: Account, only: str | None = None) -> tuple[di
         layout = layouts.get(kind, FORMATS)
         if column < len(layout.names) and layout.names[column] in out.get(layout.name, {}):
             out[layout.name]["#"] = out[layout.name][layout.names[column]]
-    return {name: columns for name, columns in out.items() if columns}, strange
+    return {name: columns for name, columns in out.items() if columns}, max(strange, 0)
 
 
 def _index(raw: mmap, account: Account) -> tuple[dict[int, Layout], "dict[int, array[int]]"]:
@@ -171,7 +172,8 @@ def _layout(body: bytes) -> Layout | None:
 
 def _instance_columns(units: Columns) -> Iterator[tuple[int, int]]:
     """Types of messages that are numbered, with the number of the column that does it: its unit is "#"."""
-    if {"FmtType", "UnitIds"} <= units.keys() and units["UnitIds"].dtype.kind == "S":
+    kinds = "".join(units[name].dtype.kind for name in ("FmtType", "UnitIds") if name in units)
+    if kinds in ("uS", "iS"):
         for kind, letters in zip(units["FmtType"].tolist(), units["UnitIds"].tolist(), strict=True):
             if b"#" in letters:
                 yield int(kind), letters.index(b"#")

@@ -234,6 +234,16 @@ def test_a_damaged_type_costs_one_message_and_no_more(kind, log, tmp_path):
     assert any("belong to no whole message" in note for note in damaged.notes)
 
 
+def test_a_layout_that_is_said_again_with_another_length_ends_in_no_traceback(log, tmp_path):
+    raw = bytearray(log.save(tmp_path / "sound.bin").read_bytes())
+    kind = raw[places(raw, "RCOU")[0] + 2]
+    first = raw.find(bytes((0xA3, 0x95, 128, kind)))
+    again = bytearray(raw[first : first + 89])
+    again[4] = 255
+    (tmp_path / "damaged.bin").write_bytes(raw + again)
+    assert flight.load(tmp_path / "damaged.bin").imu is not None
+
+
 def test_a_damaged_stamp_is_left_out_and_not_put_at_the_end(log, tmp_path):
     raw = bytearray(log.save(tmp_path / "sound.bin").read_bytes())
     sound = flight.load(tmp_path / "sound.bin")
