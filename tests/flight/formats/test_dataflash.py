@@ -236,11 +236,14 @@ def test_a_damaged_type_costs_one_message_and_no_more(kind, log, tmp_path):
 
 def test_a_layout_that_is_said_again_with_another_length_ends_in_no_traceback(log, tmp_path):
     raw = bytearray(log.save(tmp_path / "sound.bin").read_bytes())
-    kind = raw[places(raw, "RCOU")[0] + 2]
+    last = places(raw, "RCOU")[-1]
+    kind = raw[last + 2]
     first = raw.find(bytes((0xA3, 0x95, 128, kind)))
     again = bytearray(raw[first : first + 89])
-    again[4] = 255
-    (tmp_path / "damaged.bin").write_bytes(raw + again)
+    again[4] = 255  # as the letters say: 8 + 3 * 64 + 3 * 16 + 4 bytes
+    again[9:89] = b"QZZZNNNf".ljust(16, b"\0") + b"TimeUS,a,b,c,d,e,f,g".ljust(64, b"\0")
+    message = raw[last : raw.find(bytes((0xA3, 0x95)), last + 3)]  # near the end of the file
+    (tmp_path / "damaged.bin").write_bytes(raw + message + again)
     assert flight.load(tmp_path / "damaged.bin").imu is not None
 
 
