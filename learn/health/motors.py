@@ -186,6 +186,8 @@ def _stopped(thrusts: Thrusts, flown: Mask) -> tuple[StoppedMotor, ...]:
     found = []
     last = int(np.flatnonzero(flown)[-1]) if flown.any() else 0
     for k, rotor in enumerate(thrusts.rotors):
+        if not thrusts.share[:, k].any():
+            continue  # a column that no motor hangs on
         nothing = flown & (thrusts.share[:, k] == 0.0) & (np.count_nonzero(thrusts.share, axis=1) > 1)
         times = [(float(thrusts.time[a]), float(thrusts.time[b - 1]), b > last) for a, b in runs(nothing)]
         found += [StoppedMotor(rotor, *one) for one in times if one[1] - one[0] >= MOTORS.stopped]

@@ -114,23 +114,26 @@ MISSING = ("gaps", "left-out", "spikes")
 
 
 def of_model_and_logs(result: Any) -> list[Finding | TimeLeftOut]:
-    """The findings without those that `changed` compares: a weight that suspect flights have, and no healthy one."""
+    """The findings without what `changed` compares: a weight that effects make, on no healthy flight."""
     found = list(findings(result))
     weighed = {note.flight for note in found if _of_weight(note)}
     healthy: Sequence[str] = getattr(result, "healthy", ())
     compared = bool(healthy) and weighed.isdisjoint(healthy)
-    return [note for note in found if not (compared and _of_weight(note))]
+    return [note for note in found if not (compared and _of_weight(note) and not _of_another(note))]
 
 
 def _of_weight(note: object) -> bool:
     return isinstance(note, Finding) and note.check.name == "weight" and note.check.level != "ok"
 
 
+def _of_another(note: object) -> bool:
+    return isinstance(note, Finding) and OTHER_WEIGHT in note.check.words
+
+
 def doubted_mass(result: Any) -> list[Line]:
     """What to say first where the model weighs otherwise than what flew, beyond what effects make; else nothing."""
-    found = (note for note in of_model_and_logs(result) if isinstance(note, Finding))
     said = "Correct the model's mass first, and doubt what follows: it weighs otherwise than what flew (check: weight)."
-    return [Line(said, "bold")] if any(OTHER_WEIGHT in note.check.words for note in found) else []
+    return [Line(said, "bold")] if any(map(_of_another, findings(result))) else []
 
 
 def banner(result: Any, *, details: bool = True) -> list[Line]:

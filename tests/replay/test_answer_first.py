@@ -12,13 +12,14 @@ import wrenchgap as wg
 from wrenchgap.flight.check import Check as FlightCheck
 from wrenchgap.flight.check import Finding
 from wrenchgap.learn.changed.by_flight import FlightRow
+from wrenchgap.learn.data.checks.vehicle import OTHER_WEIGHT
 from wrenchgap.learn.diagnose.timing import FeedbackDominated
 from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
 from wrenchgap.plant import model_file
 from wrenchgap.replay import present
 from wrenchgap.replay.present.explanation import brief
-from wrenchgap.replay.present.notes import banner
+from wrenchgap.replay.present.notes import banner, doubted_mass
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Table
 from wrenchgap.replay.present.what_to_inspect import beyond_these
 
@@ -152,3 +153,16 @@ def test_a_change_beyond_few_healthy_flights_and_not_beyond_usual_ones_is_said()
     assert not beyond_these(SimpleNamespace(rows=found.rows[1:], scatter=usual))  # two say nothing of their scatter
     wide = [row("healthy", x) for x in (0.0, 0.5, -0.5)]
     assert not beyond_these(SimpleNamespace(rows=[*wide, *found.rows[3:]], scatter=usual))
+
+
+def test_a_weight_is_doubted_first_unless_it_is_what_changed():
+    def told(**flights):
+        notes = [Finding(name, FlightCheck("weight", "warn", words)) for name, words in flights.items()]
+        return SimpleNamespace(notes=notes, healthy=("a", "b"))
+
+    mild, other = "Median commanded force: check the mass", f"Median commanded force: {OTHER_WEIGHT}"
+    assert not banner(told(suspect=mild))  # the healthy ones have it not: it is what changed
+    assert len(banner(told(suspect=mild, a=mild))) == 2
+    assert not doubted_mass(told(suspect=mild, a=mild))
+    assert banner(told(suspect=other))
+    assert doubted_mass(told(a=other))[0].text.startswith("Correct the model's mass first")

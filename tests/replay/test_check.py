@@ -273,6 +273,7 @@ def test_a_motor_that_is_stopped_in_the_air_is_said_and_the_balance_is_of_the_ti
     assert "(M2) was commanded nothing from 15.0 s to the end" in words
     assert max(abs(motor.deviation) for motor in motors.motors) < 0.01
     assert not made("ulg", "sound", Wrong()).logs[0].motors.stopped
+    assert not made("ulg", "never", Wrong(stopped=0.0)).logs[0].motors.stopped  # no motor hangs on that output
 
 
 def test_a_record_that_stops_while_others_go_on_is_no_loss_of_power(made):
