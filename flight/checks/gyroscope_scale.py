@@ -103,7 +103,7 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
     blocks = comparable_blocks(flight, "gyroscope")
     if not blocks:
         return None
-    shift, sums, sides = odometry_delay(blocks) or 0.0, [], []  # slow turns that are lost may look like a long delay
+    shift, sums, rates = odometry_delay(blocks) or 0.0, [], []  # slow turns that are lost may look like a long delay
     for block in blocks:
         time = block.time - shift
         turned = interpolated(time, block.sensor_time, block.integrals)
@@ -117,7 +117,7 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
                 detrended(middle, np.diff(block.reference - turned, axis=0) / step),
             )
         )
-        sides.append((middle, step, angle, faster))
+        rates.append((middle, step, angle, faster))
         for rows in np.array_split(np.arange(len(middle)), block.segments):
             sums.append((np.sum(angle[rows] ** 2, axis=0), np.sum(angle[rows] * faster[rows], axis=0)))
     square, product = np.transpose(sums, (1, 0, 2))
@@ -126,13 +126,15 @@ def high_pass(flight: Flight) -> tuple[float, float] | None:
         return None
     corner = np.sum(product, axis=0) / total
     std = np.sqrt(np.sum((product - corner * square) ** 2, axis=0) * count / (count - 1)) / total
-    drift = sum(np.sum(detrended(t, np.cumsum((f - corner * a) * h, axis=0)) ** 2, axis=0) for t, h, a, f in sides)
-    weight = np.where(total > SCALE.turned**2 * drift, 1.0 / np.maximum(std, 1e-12) ** 2, 0.0)
-    if not np.any(weight):
+    random_walk = np.zeros(3)  # of the angle, from what the regression leaves of the rate
+    for time, step, angle, faster in rates:
+        walk = detrended(time, np.cumsum((faster - corner * angle) * step, axis=0))
+        random_walk += np.sum(walk**2, axis=0)
+    counts = total > SCALE.turned**2 * random_walk
+    if not counts.any() or np.any(corner[counts] < 0.0):
         return None
+    weight = np.where(counts, 1.0 / np.maximum(std, 1e-12) ** 2, 0.0)
     mean, mean_std = np.sum(weight * corner) / np.sum(weight), 1.0 / np.sqrt(np.sum(weight))
-    if np.any(corner < 0.0):
-        return None
     return float(mean) / (2.0 * np.pi), float(mean_std) / (2.0 * np.pi)
 
 

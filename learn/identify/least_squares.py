@@ -4,6 +4,7 @@ What is minimised, and the sources, are in `learn.identify.fit`.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,10 +180,9 @@ class Problem:
 
     def tried(self, x: Array) -> Point | None:
         """`at`; None where each unknown is within its bounds and no body has all of them, as of products."""
-        try:
+        with suppress(ModelError):
             return self.at(x)
-        except ModelError:
-            return None
+        return None
 
     def jacobian(self, point: Point, first: int = 0) -> Array:
         """Derivative of the prediction (K, 6, P + G) by differences within the bounds; NaN before the `first`."""
@@ -197,17 +197,16 @@ class Problem:
             step = 0.02 * self.scale[k]
             if point.x[k] + step > self.high[k]:
                 step = -step
-            own = step * np.eye(len(point.x))[k]
-            there = self.tried(point.x + own)  # None at the end of what a body can have
-            change = point.residual - there.residual if there else self.at(point.x - own).residual - point.residual
-            columns[:, :, k] = change / step
+            moved = point.x + step * (np.arange(len(point.x)) == k)
+            other = self.tried(moved)
+            if other is None:  # no body has that: to the other side
+                step, other = -step, self.at(2.0 * point.x - moved)
+            columns[:, :, k] = (point.residual - other.residual) / step
             if self.tick is not None:
                 self.tick()
         return columns
 
-    def minimise(
-        self, point: Point, jacobian: Array | None, weights: Array, iterations: int
-    ) -> tuple[Point, Array, int]:
+    def minimise(self, point: Point, jacobian: Array | None, weights: Array, most: int) -> tuple[Point, Array, int]:
         """Bounded Gauss-Newton with step halving; returns the derivative that the last step relied on.
 
         A step whose gain is the one that the linearisation promised ends the search: the prediction is linear there,
@@ -216,7 +215,7 @@ class Problem:
         """
         cost = self.cost(point.x, point.residual, weights)
         derivative = self.jacobian(point) if jacobian is None else jacobian
-        for count in range(1, iterations + 1):
+        for count in range(1, most + 1):
             step = self.step(point, derivative, weights)
             promised = cost - self.cost(point.x + step, point.residual - derivative @ step, weights)
             fraction = 1.0
@@ -237,12 +236,12 @@ class Problem:
             still = bool(np.all(blind == self.blind(derivative)))
             if gain <= 1e-3 * cost or (fraction == 1.0 and linear and still):
                 return point, derivative, count
-        return point, derivative, iterations
+        return point, derivative, most
 
     def blind(self, derivative: Array, rounding: float = 1e-9) -> Mask:
         """Unknowns that change nothing: by a typical size less than a share `rounding` of the largest wrench."""
-        least = rounding * np.nanmax(np.abs(self.data.measured))
-        return np.asarray(np.abs(derivative).max(axis=(0, 1)) * self.scale <= least)
+        shown = np.abs(derivative).max(axis=(0, 1)) * self.scale
+        return np.asarray(shown <= rounding * np.nanmax(np.abs(self.data.measured)))
 
     def cost(self, x: Array, residual: Array, weights: Array) -> float:
         """The minimised quantity."""

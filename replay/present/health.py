@@ -127,7 +127,7 @@ def _lacks(found: Health) -> list[tuple[str, str]]:
     calm = [question for question in both if any(one[question] in (Lack.SPEED, Lack.TURNING) for one in lacks)]
     several = len(found.logs) > 1
     whole = ("None of the logs can answer" if several else "The log cannot answer", [q for q in both if q not in calm])
-    partly = (f"The log{'s show' if several else ' shows'} only what is large of", calm)
+    partly = (f"The log{'s are' if several else ' is'} too calm for small values of", calm)
     said = " ".join(f"{who}: {'; '.join(map(str, asked))}." for who, asked in (whole, partly) if asked)
     said = f"{said.removesuffix('.')} (why: table)." if said else ""
     todo = dict.fromkeys(setting(one) for log in found.logs for one in log.settings)

@@ -113,7 +113,7 @@ MISSING = ("gaps", "left-out", "spikes")
 """Checks that say which samples are missing: where they ask for nothing, the details have what they say."""
 
 
-def of_model_and_logs(result: Any) -> list[Finding | TimeLeftOut]:
+def findings_to_tell(result: Any) -> list[Finding | TimeLeftOut]:
     """The findings without what `changed` compares: a weight that effects make, on no healthy flight."""
     found = list(findings(result))
     weighed = {note.flight for note in found if _of_weight(note)}
@@ -138,7 +138,7 @@ def doubted_mass(result: Any) -> list[Line]:
 
 def banner(result: Any, *, details: bool = True) -> list[Line]:
     """The warnings of a result, to stand above it; without `details` those of missing samples are one line."""
-    found = of_model_and_logs(result)
+    found = findings_to_tell(result)
     some = [n for n in found if isinstance(n, Finding) and n.check.name in MISSING and n.check.level == "warn"]
     some = [] if details else [n for n in some if not n.check.mend]
     said = warnings(n for n in found if n not in some)

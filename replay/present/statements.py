@@ -80,10 +80,8 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
     elif log.autopilot is not None and log.phases.phases and log.phases.phases[-1].name in AIRBORNE:
         words = "The log ends in the air: the power was lost, or the file is cut short."
         if (early := _stopped_early(log)) is not None:
-            words = (
-                f"The record of {early.topic} ({early.role}) stops in the air at {early.last:.1f} s, that of others "
-            )
-            words += "goes on: what was flown afterwards is not known here."
+            words = f"The record of {early.topic} ({early.role}) stops in the air at {early.last:.1f} s, and others go "
+            words += "on: what was flown afterwards is not known here."
         yield Statement("warn", "flight", "ends in the air", words)
 
 
@@ -127,12 +125,8 @@ def _motors(log: LogHealth) -> Iterator[Statement]:
         return
     for one in motors.stopped:
         until = "to the end" if one.last else f"to {one.stop:.1f} s"
-        words = (
-            f"{capitalised(rotor(one.rotor))} was commanded nothing from {one.start:.1f} s {until}, in the air, while "
-        )
-        words += (
-            f"others were: its motor was taken for failed. Inspect {one.rotor.name}: its propeller, motor, ESC, wires."
-        )
+        words = f"{capitalised(rotor(one.rotor))} was commanded nothing from {one.start:.1f} s {until}, in the air, "
+        words += "and others were: the autopilot took it for failed. Inspect its propeller, motor, ESC and wires."
         yield Statement("bad", "motors", f"{one.rotor.name} stopped at {one.start:.1f} s", words)
     drift = "" if log.phases.speed_known else " Steady flight may do the same: the speed is not logged."
     if motors.balance_level != "ok":

@@ -230,7 +230,7 @@ def beyond_these(found: Changed, chance: float = 0.01) -> str:
     By Student's t of the flights' means with a probability of `chance` on any of six axes; at least three healthy
     flights, and a change larger than the usual scatter.
     """
-    from scipy.stats import t as student  # here: it takes a quarter of a second
+    from scipy.stats import t as student  # here: few answers need it, and it loads slowly
 
     healthy, suspect = (np.array([r.mean for r in found.rows if r.role == role]) for role in ("healthy", "suspect"))
     if len(healthy) < 3 or not len(suspect):

@@ -222,6 +222,7 @@ def test_columns_that_are_exchanged_show_in_a_still_hover_by_how_they_answer_the
     speed = sound.actuators.rotor_speed[:, order]
     other = replace(sound, actuators=replace(sound.actuators, rotor_speed=speed))
     with pytest.raises(
-        LogError, match=f"rotors: Commands answer the turning.* in the order {', '.join(map(str, order))}"
+        LogError,
+        match=f"rotors: Torques are commanded against the body rate.* in the order {', '.join(map(str, order))}",
     ):
         wg.open_flights([other], independent.MODEL)

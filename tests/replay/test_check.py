@@ -278,7 +278,7 @@ def test_a_motor_that_is_stopped_in_the_air_is_said_and_the_balance_is_of_the_ti
 
 def test_a_record_that_stops_while_others_go_on_is_no_loss_of_power(made):
     words = said(made("ulg", "ends", Wrong(ends=15.0)))["flight"].words
-    assert "(actuators) stops in the air at 15.0 s, that of others goes on" in words
+    assert "(actuators) stops in the air at 15.0 s, and others go on" in words
     assert "power" not in words
 
 
@@ -302,9 +302,9 @@ def test_what_a_calm_flight_lacks_is_said_apart_from_what_no_setting_of_the_logg
     calm = made("ulg", "sound", Wrong())
     lines = [text for text, _ in answer(calm)]
     asked = next(line for line in lines if "(why: table)" in line)
-    assert "only what is large of: " in asked
-    assert "drag" in asked.partition("only what is large of: ")[2]
-    assert "drag" not in asked.partition("only what is large of: ")[0]
+    assert "too calm for small values of: " in asked
+    assert "drag" in asked.partition("too calm for small values of: ")[2]
+    assert "drag" not in asked.partition("too calm for small values of: ")[0]
 
 
 def test_a_flight_that_is_too_short_is_to_be_flown_again_before_a_model_is_made(tmp_path, monkeypatch):
