@@ -91,8 +91,9 @@ def end(codes: list[int]) -> None:
     except BrokenPipeError:  # the reader of our output, e.g. `head`, has seen enough
         pass
     except OSError as error:
-        sys.stderr.write(f"wrenchgap: the output could not be written: {error.strerror}\n")
-        code = code or 2
+        if code == 0:  # else it has been said
+            sys.stderr.write(f"wrenchgap: the output could not be written: {error.strerror}\n")
+            code = 2
     with suppress(OSError):
         sys.stderr.flush()
     os._exit(code)

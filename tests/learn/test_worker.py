@@ -147,10 +147,15 @@ def test_a_command_ends_without_taking_its_interpreter_down(tmp_path, asked, cod
     assert code or "explain" in said  # written to its end
 
 
-def test_output_that_cannot_be_written_is_said(tmp_path):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written_is_said_once(tmp_path, unbuffered):
+    """By the write itself, or by the last flush as well."""
+    env = os.environ | {"PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("wb") as full:
         command = [sys.executable, "-c", SHUTDOWN, "--help"]
-        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        done = subprocess.run(
+            command, cwd=tmp_path, env=env, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
+        )
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
 
