@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,3 +81,46 @@ def drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
             one = replace(one, theta=np.clip(value, np.minimum(low, one.theta), np.maximum(high, one.theta)))
         effects.append(one)
     return WrenchModel(model.vehicle, tuple(effects))
+
+
+def with_load(model: Model, payload: float) -> WrenchModel:
+    """The model with a mass [kg] more at its centre of mass."""
+    if payload == 0.0:
+        return model.wrench_model
+    body, known = model.wrench_model.body, {e.name: e for e in model.effects}
+    more = make_effect(model.vehicle, "payload", [payload, *body.com_B])
+    if own := known.pop("payload", None):  # both at the place of their common centre
+        total = own.theta[0] + payload
+        more = replace(more, theta=np.array([total, *((own.theta[0] * own.theta[1:] + payload * body.com_B) / total)]))
+    return WrenchModel(model.vehicle, (*known.values(), more))
+
+
+def in_wind(model: WrenchModel, speed: float, rng: np.random.Generator) -> WrenchModel:
+    """The model in air that moves with this speed [m/s], level, in a direction of chance: that of the day when it was
+    fitted has gone.
+    """  # noqa: D205
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    air = make_effect(model.vehicle, "wind", [speed * np.cos(angle), speed * np.sin(angle)])
+    return WrenchModel(model.vehicle, (*(e for e in model.effects if e.name != "wind"), air))
+
+
+@dataclass(frozen=True)
+class WeakRotor:
+    """A rotor, by its parameter, and the share `lost` of its thrust."""
+
+    rotor: str
+    lost: float
+
+
+def weakened_rotors(effects: Sequence[ModelEffect], weak: float = 0.1, sure: float = 3.0) -> tuple[WeakRotor, ...]:
+    """Rotors that an effect of a model says have lost thrust, the worst first.
+
+    From `weak` on, far beyond what sound propellers differ by (some 3 %), and `sure` standard deviations.
+    """
+    found = []
+    for one in effects:
+        if one.name == "rotor_thrust":
+            std = np.zeros(len(one.theta)) if one.std is None else np.nan_to_num(one.std)
+            lost = np.flatnonzero((one.theta <= -weak) & (-one.theta > sure * std))
+            found += [WeakRotor(f"rotor_{k}", float(-one.theta[k])) for k in lost]
+    return tuple(sorted(found, key=lambda one: -one.lost))

@@ -31,10 +31,10 @@ from wrenchgap.learn.data.prediction import predict
 from wrenchgap.learn.diagnose.disturbance_process import Left, disturbance_process
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.posterior.settings import DEFAULT
-from wrenchgap.plant import Model, Vehicle, make_effect
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
-from wrenchgap.plant.effect_values import drawn
+from wrenchgap.plant.effect_values import WeakRotor, drawn, in_wind, weakened_rotors, with_load
 from wrenchgap.plant.simulation.flight_plan import Plan, designed_for, prepare
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
@@ -96,7 +96,8 @@ class Readiness(Result):
     nothing says how wrong the model may be. In a share `below` of the draws a rotor would have to push less than it
     can: there no part has its authority. `designed_for` is the vehicle of a file of `design`. `analysed` [s] of flight
     were at hand; with what so much does not show of a constant disturbance goes the share `unseen` of the scatter of
-    what the weakest part needs. After flights that `crashed`, or lost control, it is no go until the vehicle is sound.
+    what the weakest part needs. After flights that `crashed`, or lost control, it is no go until the vehicle is sound;
+    with rotors that the model says are `weakened` it is with care.
     """
 
     decision: Decision
@@ -119,6 +120,7 @@ class Readiness(Result):
     analysed: float
     unseen: float
     crashed: tuple[str, ...] = ()
+    weakened: tuple[WeakRotor, ...] = ()
     designed_for: str = ""
     notes: tuple[object, ...] = ()
 
@@ -171,22 +173,23 @@ def ready(
     check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)
     state, motion = reference.followed(volts)
-    loaded, rng = _loaded(model, payload), np.random.default_rng(0)
+    loaded, rng = with_load(model, payload), np.random.default_rng(0)
     report = progress or silent
     report(0.1, "what these flights leave")
     records = [r for f in flights for r in f.records]
     process = disturbance_process([_left(r, model) for r in records])
-    models = [_in_wind(drawn(loaded, rng), wind, rng) for _ in range(DRAWS)]
+    models = [in_wind(drawn(loaded, rng), wind, rng) for _ in range(DRAWS)]
     disturbances, constants = process.draws(DRAWS, len(state.time), PERIOD, rng)
     report(0.3, "flying it")
     needed = demand(models, state, motion, PERIOD, disturbances)
-    plain = demand([_loaded(replace(model, effects=()), payload)], state, motion, PERIOD, 0.0 * disturbances[:1])
+    plain = demand([with_load(replace(model, effects=()), payload)], state, motion, PERIOD, 0.0 * disturbances[:1])
     authority, worst = _authorities(model, needed, plain, volts)
     margins = loops, gains = flown_loops(model, models, flights, volts)
     force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
     beyond = _beyond(records, reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
-    plain_go = not beyond and known and not gains.upper_bounds
+    weakened = weakened_rotors(model.effects)
+    plain_go = not (beyond or weakened) and known and not gains.upper_bounds
     crashed = tuple(f.flight.name for f in flights if any(c.name == "crash" for c in f.checks))
     return Readiness(
         Decision.NO_GO if crashed else _decision(authority, loops, plain_go=plain_go),
@@ -208,6 +211,7 @@ def ready(
         float(sum(len(r) * r.dt_kept for r in records)),
         _explained(worst, constants),
         crashed,
+        weakened,
         designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )
@@ -236,27 +240,6 @@ def _voltage(flights: Sequence[OpenFlight], model: Model, given: float | None) -
     if not logged:
         raise UsageError(f"{depends[0]} depends on the battery's voltage, and no log has it; give one with --voltage")
     return float(np.percentile(np.concatenate(logged), 5.0)), True
-
-
-def _loaded(model: Model, payload: float) -> WrenchModel:
-    """The model with a mass [kg] more at its centre of mass."""
-    if payload == 0.0:
-        return model.wrench_model
-    body, known = model.wrench_model.body, {e.name: e for e in model.effects}
-    more = make_effect(model.vehicle, "payload", [payload, *body.com_B])
-    if own := known.pop("payload", None):  # both at the place of their common centre
-        total = own.theta[0] + payload
-        more = replace(more, theta=np.array([total, *((own.theta[0] * own.theta[1:] + payload * body.com_B) / total)]))
-    return WrenchModel(model.vehicle, (*known.values(), more))
-
-
-def _in_wind(model: WrenchModel, speed: float, rng: np.random.Generator) -> WrenchModel:
-    """The model in air that moves with this speed [m/s], level, in a direction of chance: that of the day when it was
-    fitted has gone.
-    """  # noqa: D205
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    air = make_effect(model.vehicle, "wind", [speed * np.cos(angle), speed * np.sin(angle)])
-    return WrenchModel(model.vehicle, (*(e for e in model.effects if e.name != "wind"), air))
 
 
 def _left(record: Record, model: Model) -> Left:

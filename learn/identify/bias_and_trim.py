@@ -161,6 +161,36 @@ def flights_apart(
     return tuple(FlightsApart(k, names, means[:, k]) for k in axes)
 
 
+@dataclass(frozen=True)
+class GrantedTrim:
+    """What is left on average of all flights, `mean` [N or Nm] on one `axis`, that is taken for their trim; `ratio` to
+    one standard deviation of what the model says that flights differ by.
+    """  # noqa: D205
+
+    axis: int
+    mean: float
+    ratio: float
+
+
+def granted_trims(
+    data: Dataset, left: Array, model: Model, different: float = 5.0, unusual: float = 2.0
+) -> tuple[GrantedTrim, ...]:
+    """What flights share of what a model with a scatter between flights leaves (K, 6), the most unusual first.
+
+    A mean that is `different` times its noise, and beyond what one flight in twenty differs by: `unusual` standard
+    deviations of the mean of so many. Every fit grants it, so no effect has to explain it; it is there nevertheless.
+    """
+    if model.between_flights is None:
+        return ()
+    trim, usual = trim_of(model), np.full(6, np.inf)
+    usual[trim.axes] = trim.scale * trim.unit
+    means, noise = means_of_flights(data, left)
+    mean, root = means.mean(axis=0), np.sqrt(len(means))
+    clear = data.measured_axes & (np.abs(mean) * root > np.maximum(different * np.sqrt(noise), unusual * usual))
+    order = np.argsort(-np.abs(mean) / usual)
+    return tuple(GrantedTrim(int(k), float(mean[k]), float(abs(mean[k]) / usual[k])) for k in order if clear[k])
+
+
 def means_of_flights(data: Dataset, left: Array) -> tuple[Array, Array]:
     """Means (F, 6) over the blocks of time of each flight, of what is left (K, 6), and the variance (6,) that such a
     mean has from what wanders within a flight: the mean over flights.

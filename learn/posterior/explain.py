@@ -41,7 +41,7 @@ from wrenchgap.learn.data.errors import reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
-from wrenchgap.learn.identify.bias_and_trim import FlightsApart, flights_apart
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart, GrantedTrim, flights_apart, granted_trims
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
@@ -146,7 +146,7 @@ def search_dataset(
     found = found.at({e.name: e.theta - model.theta(e.name) for e in whole.fit.effects})
     named = {m.name for m in members}
     keys = tuple(k for k in found.best.scored_set.keys if set(found.scorer.spectrum.columns[k].names) & named)
-    unsure = rest.open & (verdict is Verdict.UNKNOWN)
+    left, unsure = left_by(data, with_fit(model, whole.fit)), rest.open & (verdict is Verdict.UNKNOWN)
     return Explanation(
         verdict=verdict,
         members=members,
@@ -159,7 +159,8 @@ def search_dataset(
         noise=data.noise,
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
-        apart=flights_apart(data, left_by(data, with_fit(model, whole.fit)), model),
+        apart=flights_apart(data, left, model),
+        granted=granted_trims(data, left, model),
         limits=detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of),
         **vars(rest),
     )
@@ -199,7 +200,8 @@ class Explanation(ResidualStructure, Result):
     itself. `posterior` weighs the sets. `timing` is that of each of `flights`; `validation` the test on flights that
     were not fitted, where some were given; `answering` are the axes on which commands answered a disturbance.
     `limits` say what these flights could have shown beside what is named, `recoveries` what was found again of it.
-    `apart` are axes on which the flights do not agree on a constant, the farthest first.
+    `apart` are axes on which the flights do not agree on a constant, the farthest first; `granted` those on which they
+    share one that the model's scatter between flights allows.
     """
 
     verdict: Verdict
@@ -219,6 +221,7 @@ class Explanation(ResidualStructure, Result):
     limits: tuple[DetectionLimit, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
     apart: tuple[FlightsApart, ...] = ()
+    granted: tuple[GrantedTrim, ...] = ()
 
     @property
     def reduction(self) -> Array:

@@ -104,7 +104,10 @@ def granted_thrust(found: Fit, model: Model) -> list[str]:
 def differences(scatter: Array) -> str:
     """By how much flights differ on average, in words."""
     sizes = ", ".join(f"{AXES[k]} {v:.2g} {unit_of(k)}" for k, v in enumerate(scatter) if v > 0.0)
-    return f"These flights differ on average by {sizes} (one standard deviation); later ones may as much."
+    return (
+        f"Later flights may differ on average by {sizes} (one standard deviation): from what these differ by, and two "
+        "that differ as flights usually do. `explain` grants that much to any flight."
+    )
 
 
 def to_json(added: Addition) -> dict[str, Any]:

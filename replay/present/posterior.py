@@ -19,7 +19,7 @@ from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.history import Value
-from wrenchgap.replay.present import where
+from wrenchgap.replay.present import what_to_inspect, where
 from wrenchgap.replay.present.numbers import LIGHT, certainty, quantity, share, unit_of, user_name, with_std
 from wrenchgap.replay.present.tables import Line
 
@@ -81,13 +81,26 @@ def nothing_missing(found: Explanation) -> str:
     stays above all that noise, commands and their answers may have made.
     """  # noqa: D205
     if is_nothing_missing(found):
-        return "Nothing is missing that these logs can show."
+        return f"Nothing is missing that these logs can show{_granted(found)}."
     none, likeliest = _likeliest(found)
     if likeliest is None:
         return "Nothing is established."
     small = "" if found.open.any() else f"nothing is missing ({share(none)} of the weight), or something small, "
     likely = f"most likely {' + '.join(likeliest.names)} ({share(likeliest.weight)})"
     return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell."
+
+
+def _granted(found: Explanation) -> str:
+    """What the flights share on average that the model's scatter between flights allows, the most unusual first."""
+    if not found.granted:
+        return ""
+    one, vehicle = found.granted[0], found.model.vehicle
+    causes = what_to_inspect.causes_of_constant({AXES[g.axis]: g.mean for g in found.granted}, vehicle)
+    would = f"; it would be {'; '.join(causes)}" if causes else ""
+    return (
+        f", but for a constant that they share: {quantity(one.mean, unit_of(one.axis))} on {AXES[one.axis]}, "
+        f"{one.ratio:.2g} times what this vehicle's flights differ by ([between_flights] of the model){would}"
+    )
 
 
 def is_nothing_missing(found: Explanation) -> bool:

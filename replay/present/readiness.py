@@ -7,7 +7,7 @@ import numpy as np
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import capitalised, entries, label, number, quantity, share
+from wrenchgap.replay.present.numbers import capitalised, entries, label, listed, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
@@ -17,6 +17,8 @@ LEGEND = (
     "controller; 5 to 95 %: by the standard deviations of the model's values, and by what the model left on these "
     "flights, as another flight may have it"
 )
+TRY = {"constant_wrench": "Fly longer: a constant that differs from flight to flight is not found on a bench."}
+"""What tells the values of an effect better than a bench."""
 NOT_SAID = (
     "Margins of the attitude loops are not said: these flights do not show that the gains of the model file, or of the "
     "autopilot's parameters, flew them."
@@ -41,20 +43,7 @@ def brief(found: Readiness) -> list[Part]:
 
 def summary(found: Readiness) -> list[str]:
     """The decision in one sentence, then margins, what was not flown yet, what to check on the bench."""
-    weakest = found.authority[0]
-    low, middle, high = (share(float(x)) for x in weakest.needs)
-    whole = "its full thrust" if weakest.used == "thrust" else f"its {weakest.used}"
-    needs = f"{weakest.part} needs {middle} of {whole} ({low} to {high}), nominal {share(weakest.nominal)}: enough with"
-    lost = sorted((one for one in found.loops if one.probability < GO), key=lambda one: one.probability)
-    out = [f"{needs} {share(weakest.probability)}.", *map(_margins, lost)]
-    if lost and lost[0].probability < weakest.probability:  # then the loop decides
-        out.insert(0, out.pop(1))
-    out = [capitalised(text) if k else text for k, text in enumerate(out)]
-    begins = "Once it is sound" if found.crashed else BEGINS[found.decision]
-    out[0] = f"{begins}: on {found.trajectory}{_conditions(found)} {out[0]}"
-    names = ", ".join(found.crashed)
-    crashed = f"No go: {names} ended in a crash or a loss of control; inspect the whole vehicle first."
-    out = [crashed, *out] if names else out
+    weakest, out = found.authority[0], _decided(found)
     if found.loops and all(one.probability >= GO for one in found.loops):
         least = min(float(one.phase[0]) for one in found.loops), min(float(one.gain[0]) for one in found.loops)
         out.append(f"The attitude loops keep their margins: {least[0]:.0f} deg and {least[1]:.0f} dB at the least.")
@@ -86,18 +75,43 @@ def summary(found: Readiness) -> list[str]:
             "No value of the model has a standard deviation: how wrong it may be is not known. Fit it first (wrenchgap "
             "calibrate, wrenchgap add)."
         )
-    if found.first and found.decision is not Decision.GO:
+    if found.first and weakest.probability < GO:
         one = found.first[0]
         size = f"{number(one.value)} +- {number(one.std, 2)}"
         out.append(
-            f"Check first on the bench: {one.effect}, {label(one.parameter, found.vehicle)}, {size}: with it goes "
-            f"{share(one.share)} of the scatter."
+            f"Most depends on {one.effect}, {label(one.parameter, found.vehicle)}, {size}: it makes {share(one.share)} "
+            f"of the uncertainty of what {weakest.part} needs. {TRY.get(one.effect, 'Check it on the bench first.')}"
         )
     if found.wind and not found.feels_wind:
         out.append("The model has no drag and feels no wind. Fit body_drag or rotor_drag to a flight that moves.")
     if found.voltage is not None and not found.feels_voltage:
         out.append("The thrust of the model does not depend on the battery's voltage: --voltage changes nothing.")
     return out if found.loops else [*out, NOT_SAID]
+
+
+def _decided(found: Readiness) -> list[str]:
+    """The decision, the loops without their margins, and what has failed already."""
+    weakest = found.authority[0]
+    low, middle, high = (share(float(x)) for x in weakest.needs)
+    whole = "its full thrust" if weakest.used == "thrust" else f"its {weakest.used}"
+    needs = f"{weakest.part} needs {middle} of {whole} ({low} to {high}), nominal {share(weakest.nominal)}: enough with"
+    lost = sorted((one for one in found.loops if one.probability < GO), key=lambda one: one.probability)
+    out = [f"{needs} {share(weakest.probability)}.", *map(_margins, lost)]
+    if lost and lost[0].probability < weakest.probability:  # then the loop decides
+        out.insert(0, out.pop(1))
+    out = [capitalised(text) if k else text for k, text in enumerate(out)]
+    begins = "Once it is sound" if found.crashed else BEGINS[found.decision]
+    out[0] = f"{begins}: on {found.trajectory}{_conditions(found)} {out[0]}"
+    names = ", ".join(found.crashed)
+    crashed = f"No go: {names} ended in a crash or a loss of control; inspect the whole vehicle first."
+    out = [crashed, *out] if names else out
+    if found.weakened:
+        weak = [f"{found.vehicle.called(w.rotor)} has lost {share(w.lost)} of its thrust" for w in found.weakened]
+        out.append(
+            f"By the model, {listed(weak, 3)}: a propeller or motor that fails may fail further. Mend it and fit the "
+            "model again before this flight."
+        )
+    return out
 
 
 def _of(value: float, of: Any) -> str:

@@ -126,7 +126,7 @@ def of_explanation(found: Explanation) -> list[str]:
             if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)
         }
         would = "makes" if found.confidence(constant) >= DEFAULT.firm else "would make"
-        causes = _causes(by, vehicle, trim(logs))
+        causes = causes_of_constant(by, vehicle, trim(logs))
         out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
     return out
 
@@ -152,7 +152,7 @@ def trim(logs: Sequence[Autopilot | None]) -> str:
 def _of_constant_change(found: Changed) -> list[str]:
     """The same of a constant wrench that changed, on axes where it is beyond chance, and of the thrust."""
     by = {p.name: p.change for p in constant_changes(found)}
-    causes = _causes(by, found.model.vehicle)
+    causes = causes_of_constant(by, found.model.vehicle)
     if "force_z" in by:
         more = by["force_z"] / (found.model.vehicle.body.mass * GRAVITY)
         said = f"{share(abs(more))} {'more' if more > 0.0 else 'less'} thrust than commanded"
@@ -166,7 +166,7 @@ def constant_changes(found: Changed) -> list[Size]:
     return sorted(clear, key=lambda p: -p.significance)
 
 
-def _causes(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
+def causes_of_constant(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
     """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it.
 
     `mounting` is what the logs say of the autopilot's.

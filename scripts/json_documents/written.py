@@ -125,6 +125,12 @@ class Uncertain(TypedDict):
     """Of the scatter of what the weakest part needs."""
 
 
+class WeakRotor(TypedDict):
+    rotor: str
+    lost: float
+    """Share of its thrust."""
+
+
 class Ready(Document):
     summary: list[str]
     vehicle: str
@@ -145,6 +151,8 @@ class Ready(Document):
     flights: list[str]
     crashed: list[str]
     """Flights that ended in a crash or a loss of control: then it is no go."""
+    weakened: list[WeakRotor]
+    """Rotors that the model says have lost a tenth of their thrust, or more; the worst first."""
     authority: list[Authority]
     """The weakest part first."""
     loops: list[LoopMargins]

@@ -61,6 +61,19 @@ def test_a_moved_centre_of_mass_is_found_at_its_flight(followed, season):
     assert step.low < SHIFT < step.high
 
 
+def test_a_rotor_that_got_weak_is_no_moved_centre_of_mass():
+    """On arms that tilt the two leave different errors; by default that is followed which leaves less."""
+    sound = [flown(k, 0.0, 0.0) for k in range(3)]
+    weak = [fly(["weak_rotor"], [{"rotor": 3, "loss": 0.15}], "train", SECONDS, seed=k)[0] for k in (3, 4, 5)]
+    renamed = [replace(one, path=one.path.with_name(f"weak{k}{one.path.suffix}")) for k, one in enumerate(weak)]
+    found = wg.trend(wg.open_flights([*sound, *renamed], MODEL), MODEL)
+    assert found.effects == ("rotor_thrust",)
+    assert [p.name for p in (*found.changed, *found.scattered)] == ["rotor_3"]
+    values = parameter(found, "rotor_thrust", "rotor_3").values
+    assert values[:3] == pytest.approx(0.0, abs=0.01)
+    assert values[3:] == pytest.approx(-0.15, abs=0.03)
+
+
 def test_what_did_not_move_is_steady(followed):
     assert [(p.effect, p.name) for p in followed.changed] == [("com_offset", "y")]
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.identify.bias_and_trim import WORTH, between_flights, flights_apart, trim_of, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import (
+    WORTH,
+    between_flights,
+    flights_apart,
+    granted_trims,
+    trim_of,
+    typical_trim,
+)
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model_file import dumps, loads
@@ -104,3 +111,18 @@ def test_the_model_file_keeps_it():
     again = loads(dumps(model))
     assert again.between_flights == model.between_flights
     assert loads(dumps(replace(again, between_flights=None))).between_flights is None
+
+
+def test_a_constant_that_flights_share_beyond_their_scatter_is_told(fly, hexarotor):
+    """Four flights with 1.5 standard deviations each: their mean is three of its own from none. One flight's is not."""
+    usual = 0.1
+    knows = replace(hexarotor, between_flights=(0.1, 0.1, 0.1, usual, usual, usual))
+    for count, share, told in ((4, 1.5, True), (4, 0.5, False), (1, 1.5, False)):
+        data = several(fly, hexarotor, count)
+        left = noise(data)
+        left[:, 4] += share * usual
+        found = granted_trims(data, left, knows)
+        assert [one.axis for one in found] == ([4] if told else [])
+        assert not granted_trims(data, left, hexarotor)  # that model grants no torque
+    (one,) = granted_trims(data, left + np.array([0.0, 0.0, 0.0, 0.0, 2.0 * usual, 0.0]), knows)
+    assert (one.mean, one.ratio) == pytest.approx((3.5 * usual, 3.5), rel=0.02)

@@ -19,7 +19,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
-from wrenchgap.learn.identify.bias_and_trim import FlightsApart
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart, GrantedTrim
 from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
@@ -172,6 +172,18 @@ def test_that_flights_do_not_agree_is_said_first(named):
         "The flights do not agree: on torque_z what is left on average is -0.0200 Nm in monday, 0.0100 Nm in friday; "
     )
     assert brief(named)[0].text.startswith("Explained by")
+
+
+def test_that_nothing_is_missing_leaves_no_shared_constant_out(nothing):
+    """A torque about y is the weight times a centre of mass to the front; a model that grants it does not hide it."""
+    weight = MODEL.vehicle.body.mass * 9.80665
+    assert answer(nothing)[0] == "Nothing is missing that these logs can show."
+    shared = replace(nothing, granted=(GrantedTrim(4, 1e-3 * weight, 2.1),))
+    assert answer(shared)[0].startswith(
+        "Nothing is missing that these logs can show, but for a constant that they share: "
+    )
+    assert "on torque_y, 2.1 times what this vehicle's flights differ by" in answer(shared)[0]
+    assert "it would be a centre of mass 1.0 mm towards the front" in answer(shared)[0]
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):
