@@ -18,19 +18,17 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.arguments import Progress, silent
-from wrenchgap.flight.autopilot import other_vehicle
-from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.changed.by_flight import FlightRow, NotCompared, not_compared, rows_by_flight, values_by_flight
 from wrenchgap.learn.changed.healthy_model import HealthyModel, OutlierFlight, healthy_model, outlier_flights
 from wrenchgap.learn.changed.linearised_effects import over_both_sides
 from wrenchgap.learn.changed.places import Place, places, where_of
-from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated
+from wrenchgap.learn.changed.pooled_flights import PooledFlights, calibrated, comparable_flights
 from wrenchgap.learn.changed.priors import NAMELESS, ROTOR_THRUST
 from wrenchgap.learn.changed.search import ODDS, Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
@@ -38,9 +36,9 @@ from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.candidates import Candidates, Untried, candidates
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.errors import means_by
-from wrenchgap.learn.data.opening import OpenFlight, distinct
+from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of, unfollowed_axes
-from wrenchgap.learn.identify.bias_and_trim import scatter_between, typical_trim
+from wrenchgap.learn.identify.bias_and_trim import WORTH, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
@@ -62,10 +60,6 @@ one that is far from straight, and that several others make up for.
 """
 CHANCE = 0.1
 """Weight of nothing having changed below which something has."""
-CLEAR = 1.64
-"""Standard deviations of a change from which on it is firm: its sign is known to 95 %."""
-UNLIKE = 1.6
-"""Ratio of commanded thrusts from which on two flights are not of one vehicle."""
 
 
 class Verdict(StrEnum):
@@ -136,6 +130,13 @@ class Changed(Result):
         """Names of the healthy flights that were compared with."""
         return tuple(r.flight for r in self.rows if r.role == "healthy")
 
+    @property
+    def clear(self) -> float:
+        """Standard deviations of a change from which on its sign is known to 95 %: by Student's t, as few healthy
+        flights say little of what flights differ by.
+        """  # noqa: D205
+        return float(stdtrit(len(self.healthy) - 1 + WORTH, 0.95))
+
     def confidence(self, name: str) -> float:
         """Weight of the sets that name the effect, or another form of it; never above `SearchSettings.certain`."""
         named = [s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names}]
@@ -195,7 +196,7 @@ class Baseline:
     def _against(
         self, suspects: Sequence[OpenFlight], tell: Progress, limits_of: Sequence[str] | None = None
     ) -> Changed:
-        flights = checked(suspects, self.healthy, self.model)
+        flights = comparable_flights(suspects, self.healthy, self.model)
         tell(0.0, "timing of the topics")
         timing = tuple(self._timed(f) for f in flights)
         pool, untried = self._pooled(flights, unfollowed_axes(timing), tell)
@@ -222,7 +223,7 @@ class Baseline:
         of_log = made_by_sparse_commands(changes, *([f.flight for f in s] for s in (flights[:count], flights[count:])))
         doubtful = {family(one) for one in (*of_imu, *of_log, *found.differing())}
         doubtful |= {p.effect for p in found.parameters if p.effect == ROTOR_THRUST and p.change > 0.0}  # by how much?
-        clear = {family(p.effect) for p in found.parameters if p.significance > CLEAR}
+        clear = {family(p.effect) for p in found.parameters if p.significance > found.clear}
         firm = tuple(n for n in found.firm if n in clear - doubtful)
         found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
         return replace(found, firm=firm, flights=flights, timing=timing)
@@ -255,36 +256,6 @@ class Baseline:
         given = left_by(data, self.model)
         left = left_by(data, usual.model)
         return PooledFlights(data, usual.model, left, found, typical_trim(self.model), {}, {}, given), untried
-
-
-def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
-    """All flights, healthy ones first, with names that differ; a one-line error for those that cannot be compared."""
-    for side, word in ((suspects, "suspect"), (healthy, "healthy")):
-        if not side:
-            raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
-    repeats = Repeats()
-    for one in (*healthy, *suspects):
-        repeats.refuse(one.flight, remedy="name each flight once, as healthy or as suspect")
-    usual = float(np.median([_thrust(f) for f in healthy]))
-    for one in suspects:
-        how = other_vehicle(one.flight.autopilot, (f.flight.autopilot for f in healthy))
-        if how and "vehicles" not in one.accept:
-            raise LogError(
-                f"{one.flight.path.name}: of another vehicle than the healthy flights: {how}; expected flights of one; "
-                "where the autopilot alone was exchanged, say --accept vehicles"
-            )
-        ratio = _thrust(one) / max(usual, 1e-9)
-        if not 1.0 / UNLIKE < ratio < UNLIKE:
-            raise LogError(
-                f"{one.flight.path.name}: flies at a commanded thrust of {_thrust(one):.3g} N, the healthy flights at "
-                f"{usual:.3g} N; expected flights of one vehicle ({model.vehicle.name})"
-            )
-    return tuple(distinct([*healthy, *suspects]))
-
-
-def _thrust(flight: OpenFlight) -> float:
-    """Median size of the commanded force [N]."""
-    return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
 
 
 def compared(

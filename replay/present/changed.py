@@ -163,18 +163,18 @@ def _verdict(found: Changed) -> str:
             f"Something changed; what does best, {' + '.join(found.names)}, is more at once than is likely, and not "
             "established. No single effect is firm."
         )
-    said = []
+    said, unclear = [], what_to_inspect.unclear(found)
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
         words = name if first is None else in_words(found, first)
-        said.append(f"{words}, confidence {share(found.confidence(name))}")
+        said.append(words if unclear else f"{words}, confidence {share(found.confidence(name))}")
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
-    firm = "" if found.firm else " No single effect is firm."
+    firm = "" if found.firm else unclear or " No single effect is firm."
     apart = " and ".join(found.differing())
     mean = f" Suspect flights differ in {apart}, of which this is the mean: give each alone." if apart else ""
-    return f"Changed: {' and '.join(said)}.{alike}{firm}{mean}"
+    return f"{'Perhaps changed' if unclear else 'Changed'}: {' and '.join(said)}.{alike}{firm}{mean}"
 
 
 def _unknown(found: Changed) -> str:

@@ -224,6 +224,14 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""
 
 
+def unclear(found: Changed) -> str:
+    """That no change is beyond what so few healthy flights leave open; empty where one is."""
+    if not found.parameters or any(p.significance > found.clear for p in found.parameters):
+        return ""
+    few = f"{len(found.healthy)} healthy flight{'s do' if len(found.healthy) > 1 else ' does'}"
+    return f" Not established: {few} not say how much flights differ; give more of them."
+
+
 def beyond_these(found: Changed, chance: float = 0.01) -> str:
     """Where suspect flights are beyond what these healthy ones differ by, and not beyond what flights usually do.
 

@@ -98,6 +98,26 @@ def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved,
     assert compared(logs.train, logs.ideal).firm == moved.firm
 
 
+def test_of_one_healthy_flight_a_change_has_to_be_larger(logs, moved, monkeypatch, unlimited):
+    """One flight and two typical ones are two degrees of freedom, of which one in twenty is beyond 2.92, not 1.64."""
+    assert moved.clear == pytest.approx(2.920, abs=1e-3)
+    three = (*moved.rows, *(replace(one, flight=f"{one.flight}{k}") for one in moved.rows for k in (2, 3)))
+    assert replace(moved, rows=three).clear == pytest.approx(2.132, abs=1e-3)
+    sizes = searching.sizes
+    for deviations, firm in ((2.8, ()), (3.0, ("com_offset",))):
+
+        def unsure(*args, deviations=deviations):
+            return tuple(replace(one, std=0.0, scatter=abs(one.change) / deviations) for one in sizes(*args))
+
+        monkeypatch.setattr(searching, "sizes", unsure)
+        again = compared(logs.train, logs.ideal)
+        assert again.firm == firm
+        words = presented.summary(again)
+        assert words.startswith("Changed: " if firm else "Perhaps changed: ")
+        assert ("1 healthy flight does not say how much flights differ" in words) is not bool(firm)
+        assert ("confidence" in words) is bool(firm)
+
+
 def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved):
     """The nearest one is told, as what it is."""
     loud = replace(moved, verdict=Verdict.UNKNOWN, firm=(), louder=("force_z",))
