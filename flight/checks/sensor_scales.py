@@ -179,7 +179,8 @@ def _gyroscope_scale(bands: Sequence[Windows], axis: int) -> Scale:
     own = [sums[axis] for sums in every]
     turns = bands[0].reference[:, axis]
     motion = np.bincount(bands[0].segment, weights=turns**2, minlength=len(starts)).astype(float)
-    halves, lost = differing_halves(own) or differing_segments(own), signal_loss(own[0], motion, starts)
+    moves = moving(own)
+    halves, lost = differing_halves(moves) or differing_segments(moves), signal_loss(own[0], motion, starts)
     scale = Scale(tuple(map(scale_bounds, own)), halves, lost, misreading(every, axis, starts))
     return _by_size(scale, bands[0].reference[:, axis], bands[0].measured[:, axis])
 
@@ -189,7 +190,7 @@ def _accelerometer_scale(bands: Sequence[Windows], axis: int) -> Scale:
     alone = [_partial(band, axis) for band in bands]
     own = [_moments(*pair, band) for pair, band in zip(alone, bands, strict=True)]
     misread = misreading(_cross_moments(bands, axis), axis, bands[0].starts)
-    return _by_size(Scale(tuple(map(scale_bounds, own)), differing_halves(own), misread=misread), *alone[0])
+    return _by_size(Scale(tuple(map(scale_bounds, own)), differing_halves(moving(own)), misread=misread), *alone[0])
 
 
 def _by_size(scale: Scale, reference: Array, measured: Array) -> Scale:
@@ -232,10 +233,20 @@ def scale_bounds(sums: Array) -> Bounds:
     return Bounds(low, high, float(max(scatter[0] / total[0], scatter[1] / total[1])))
 
 
+def moving(bands: Sequence[Array]) -> list[Array]:
+    """Sums without segments in which a vehicle stands, and an estimator's corrections are all that turns; empty
+    where too few are left.
+    """  # noqa: D205
+    moves = [sums[:, sums[0] > SCALE.standing**2 * np.percentile(sums[0], 75.0)] for sums in bands]
+    return moves if min(sums.shape[1] for sums in moves) >= SCALE.fewest_segments else []
+
+
 def differing_halves(bands: Sequence[Array]) -> TwoScales | None:
     """Halves of the segments with scales that differ in all bands: first and second, or the calmer and livelier."""
+    if not bands:
+        return None
     calmer = [np.argsort(sums[0], kind="stable") for sums in bands]
-    for names, orders in ((IN_TIME, [np.arange(bands[0].shape[1])] * len(bands)), (IN_MOTION, calmer)):
+    for names, orders in ((IN_TIME, [np.arange(sums.shape[1]) for sums in bands]), (IN_MOTION, calmer)):
         pairs = [
             tuple(scale_bounds(sums[:, rows]) for rows in np.array_split(order, 2))
             for sums, order in zip(bands, orders, strict=True)

@@ -20,7 +20,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks.motion import INTERVALS
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, ImuSeries, Indices, OdometrySeries, Series
-from wrenchgap.flight.row_kernels import integral
+from wrenchgap.flight.row_kernels import integral, lengths
 from wrenchgap.flight.stamps import interpolated, spread
 
 
@@ -68,6 +68,9 @@ class ScaleThresholds:
     least_motion: float = 0.5
     """Share of the other side's motion that the odometry has where an axis is lost: noise alone has 1 - correlated^2.
     And share of what another axis shows that one must read to read that: one askew by 20 deg reads a third."""
+    standing: float = 0.1
+    """Share of what the livelier segments turn (rms) below which a segment shows an estimator's corrections: those of
+    an EKF at rest are a fortieth of a hover's turns."""
     largest_correlation: float = 0.9999
     """Correlation beyond which there is none larger."""
     least_delay: float = 2e-3
@@ -129,18 +132,35 @@ def windows_of(blocks: Sequence[Block], window: float, shift: float) -> Windows:
 
 
 def comparable_blocks(flight: Flight, sensor: Sensor) -> list[Block]:
-    """Blocks that can be compared; none where odometry or IMU are missing, too slow, or too short."""
+    """Blocks that can be compared, while motors run; none where odometry or IMU are missing, too slow, or too
+    short.
+    """  # noqa: D205
     odometry, imu = flight.odometry, flight.imu
     if odometry is None or imu is None or odometry.period > INTERVALS.slowest or imu.period > SCALE.slowest_imu:
         return []
-    every = (Block.of(odometry, imu, span, sensor) for span in steady_blocks(odometry, imu))
+    every = (Block.of(odometry, imu, span, sensor) for span in steady_blocks(odometry, imu, within=motors_run(flight)))
     found = [block for block in every if block is not None]
     return found if sum(block.segments for block in found) >= SCALE.fewest_segments else []
 
 
-def steady_blocks(*series: Series) -> list[Span]:
-    """Start and stop [s] of blocks in which all series go on, evenly spread."""
-    start, stop = max(s.time[0] for s in series), min(s.time[-1] for s in series)
+def motors_run(flight: Flight, turning: float = 0.05) -> Span:
+    """Start and stop [s] of the commands above this share of their range: before, estimators settle and turn what
+    stands still. All times where no commands were logged.
+    """  # noqa: D205
+    if flight.actuators is not None and flight.actuators.rotor_speed.size:
+        time, level = flight.actuators.time, np.fmax.reduce(np.abs(flight.actuators.rotor_speed), axis=1)
+    elif flight.commanded is not None:
+        time, level = flight.commanded.time, lengths(flight.commanded.wrench_B[:, :3])
+    else:
+        return -np.inf, np.inf
+    least, most = np.nanmin(level), np.nanpercentile(level, 99.0)
+    runs = np.flatnonzero(level > least + turning * (most - least))
+    return (float(time[runs[0]]), float(time[runs[-1]])) if runs.size else (-np.inf, np.inf)
+
+
+def steady_blocks(*series: Series, within: Span = (-np.inf, np.inf)) -> list[Span]:
+    """Start and stop [s] of blocks in which all series go on, evenly spread, within a span."""
+    start, stop = max(within[0], *(s.time[0] for s in series)), min(within[1], *(s.time[-1] for s in series))
     gaps = sorted((gap.start, gap.stop) for s in series for gap in s.gaps)
     found, since = [], start
     for until, then in [*gaps, (stop, stop)]:

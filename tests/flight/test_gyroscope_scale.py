@@ -13,7 +13,7 @@ from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.gyroscope_scale import high_pass
 from wrenchgap.flight.checks.sensor_scales import sensor_scales
 from wrenchgap.flight.checks.sensor_windows import SCALE
-from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries
+from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
 
 RATE = 1000.0
 
@@ -28,13 +28,13 @@ def wander(rng, time, size):
 
 def flown(
     scale=1.0, *, seed=0, size=0.5, seconds=20.0, gyro_noise=4e-3, attitude_noise=8e-4, late=0.0, odometry_hz=100.0,
-    lag=None, smoothed=None, tumbling=False, bursts=False, lands=np.inf,
+    lag=None, smoothed=None, tumbling=False, bursts=False, lands=np.inf, takes_off=0.0,
 ):  # fmt: skip
     """A flight at 1 kHz, integrated sample by sample: the truth is in the attitude, `scale` (1 or 3) in the rates."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 1.0 / RATE)
     omega = wander(rng, time, size)
-    omega *= np.where(bursts & (time % 16.0 < 8.0), 0.3, 1.0)[:, None] * (time < lands)[:, None]
+    omega *= np.where(bursts & (time % 16.0 < 8.0), 0.3, 1.0)[:, None] * ((time >= takes_off) & (time < lands))[:, None]
     crash = tumbling & (time > 15.0) & (time < 15.8)
     omega[crash] *= 6.0
     every = round(RATE / odometry_hz)
@@ -238,6 +238,32 @@ def test_axes_that_show_noise_alone_in_part_of_the_flight_are_said(axes, first):
     when = "until 14 s" if first else "from 18 s on"
     assert f"z shows nothing of the attitude's turns {when} (correlation" in found.words
     assert ("x shows nothing" in found.words) == (axes != 2)
+
+
+def standing_first(until, size, idle):
+    """Half a minute, of which the first `until` [s] on the ground, with motors at `idle` (None: as in flight), and the
+    attitude is corrected by some `size` [rad] to and fro, of which the gyroscope knows 6 %.
+    """
+    flight = flown(seconds=30.0, seed=3, takes_off=until, gyro_noise=2e-4, attitude_noise=2e-5)
+    axis, time = np.array([0.6, 0.5, 0.6]), flight.odometry.time
+    turned = size * np.where(time < until, np.sin(np.pi * 0.6 * time) * np.sin(np.pi * time / until) ** 2, 0.0)
+    quat = Rotation.from_quat(flight.odometry.quat_EB, scalar_first=True) * Rotation.from_rotvec(turned[:, None] * axis)
+    rate = np.interp(flight.imu.time, time, np.gradient(turned, time))
+    imu = replace(flight.imu, omega_B=flight.imu.omega_B + 0.06 * rate[:, None] * axis)
+    hover = 1500.0 + 50.0 * np.random.default_rng(0).standard_normal((len(time), 4))
+    motors = (
+        hover if idle is None else np.where(time[:, None] < until, np.where(time[:, None] < 2.0, 1000.0, idle), hover)
+    )
+    actuators = ActuatorSeries("/motors", time, np.zeros((len(time), 0)), motors, unit="pwm")
+    odometry = replace(flight.odometry, quat_EB=quat.as_quat(scalar_first=True))
+    return replace(flight, imu=imu, odometry=odometry, actuators=actuators)
+
+
+def test_an_estimator_that_settles_on_the_ground_is_no_dead_gyroscope():
+    """Motors off, and the attitude turns as far as in flight; motors that idle, and it turns by its corrections."""
+    assert said(standing_first(14.0, 0.6, idle=1000.0)).level == "ok"
+    assert said(standing_first(14.0, 0.01, idle=1050.0)).level == "ok"
+    assert said(standing_first(14.0, 0.6, idle=None)).level == "bad"  # in flight that is a gyroscope that failed
 
 
 def test_a_landing_is_no_dead_gyroscope():
