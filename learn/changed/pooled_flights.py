@@ -8,10 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchgap.flight.autopilot import other_vehicle
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Mask
-from wrenchgap.flight.repeats import Repeats
 from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import (
@@ -25,6 +23,7 @@ from wrenchgap.learn.changed.varying import (
 )
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import means_by
+from wrenchgap.learn.data.one_vehicle import refuse_other_vehicle, refuse_repeats
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.identify.bias_and_trim import means_of_flights, scatter_between, trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
@@ -216,34 +215,15 @@ def within_bounds(
 
 
 def comparable_flights(
-    suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model, unlike: float = 1.6
+    suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model
 ) -> tuple[OpenFlight, ...]:
-    """All flights, healthy ones first, with names that differ; a one-line error for those that cannot be compared, as
-    from a ratio `unlike` of commanded thrusts on.
-    """  # noqa: D205
+    """All flights, healthy ones first, with names that differ; a one-line error for those that cannot be compared."""
     for side, word in ((suspects, "suspect"), (healthy, "healthy")):
         if not side:
             raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
-    repeats = Repeats()
-    for one in (*healthy, *suspects):
-        repeats.refuse(one.flight, remedy="name each flight once, as healthy or as suspect")
-    usual = float(np.median([_thrust(f) for f in healthy]))
+    refuse_repeats((*healthy, *suspects), remedy="name each flight once, as healthy or as suspect")
+    for one in healthy if len(healthy) > 2 else ():
+        refuse_other_vehicle(one, [f for f in healthy if f is not one], "the other healthy flights", model)
     for one in suspects:
-        how = other_vehicle(one.flight.autopilot, (f.flight.autopilot for f in healthy))
-        if how and "vehicles" not in one.accept:
-            raise LogError(
-                f"{one.flight.path.name}: of another vehicle than the healthy flights: {how}; expected flights of one; "
-                "where the autopilot alone was exchanged, say --accept vehicles"
-            )
-        ratio = _thrust(one) / max(usual, 1e-9)
-        if not 1.0 / unlike < ratio < unlike:
-            raise LogError(
-                f"{one.flight.path.name}: flies at a commanded thrust of {_thrust(one):.3g} N, the healthy flights at "
-                f"{usual:.3g} N; expected flights of one vehicle ({model.vehicle.name})"
-            )
+        refuse_other_vehicle(one, healthy, "the healthy flights", model)
     return tuple(distinct([*healthy, *suspects]))
-
-
-def _thrust(flight: OpenFlight) -> float:
-    """Median size of the commanded force [N]."""
-    return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))

@@ -19,6 +19,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.one_vehicle import refuse_other_vehicle
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import timing_of, unfollowed_axes
 from wrenchgap.learn.identify.fit import fit
@@ -156,14 +157,16 @@ def trend(
     two overlap.
 
     On axes on which the motion does not plainly follow the commands, what answers to it could make is left out. Other
-    effects of the model stay as they are; those that a flight does not allow are left out of all. Raises UsageError for
-    fewer than two flights, or where none of the default effects can be fitted; FitError for a named effect that a
-    flight does not allow.
+    effects of the model stay as they are; those that a flight does not allow are left out of all. Raises LogError for a
+    flight of another vehicle, UsageError for fewer than two flights, or where none of the default effects can be
+    fitted; FitError for a named effect that a flight does not allow.
     """
     if len(flights) < 2:
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
     if parts and names:
         raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
+    for k, one in enumerate(flights[1:], 1):
+        refuse_other_vehicle(one, flights[:k], "those before it", model)
     flights = _by_date(flights) if parts else flights
     report = progress or silent
     choices = [_effects(flights, model, names, parts=parts)]
