@@ -30,6 +30,7 @@ from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.prediction import predict
 from wrenchgap.learn.diagnose.disturbance_process import Left, disturbance_process
 from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.contradiction import Contradiction, as_flown
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import pushes_along_z_only
@@ -97,7 +98,8 @@ class Readiness(Result):
     can: there no part has its authority. `designed_for` is the vehicle of a file of `design`. `analysed` [s] of flight
     were at hand; with what so much does not show of a constant disturbance goes the share `unseen` of the scatter of
     what the weakest part needs. After flights that `crashed`, or lost control, it is no go until the vehicle is sound;
-    with rotors that the model says are `weakened` it is with care.
+    with rotors that the model says are `weakened` it is with care. Where flights show that it is late, or that rotors
+    are weaker (`contradicted`), the numbers are those of the flights, and it is no plain go.
     """
 
     decision: Decision
@@ -121,6 +123,7 @@ class Readiness(Result):
     unseen: float
     crashed: tuple[str, ...] = ()
     weakened: tuple[WeakRotor, ...] = ()
+    contradicted: tuple[Contradiction, ...] = ()
     designed_for: str = ""
     notes: tuple[object, ...] = ()
 
@@ -165,7 +168,8 @@ def ready(
         For an unknown trajectory, and conditions that no vehicle flies in.
     """
     # Long because a `Readiness` has as many fields, one a line.
-    flights, model = listed(flights, "ready"), model_of(model)
+    flights, given = listed(flights, "ready"), model_of(model)
+    model, contradicted = as_flown(flights, given)
     _check_conditions(payload, wind, voltage)
     plan = Plan(model, trajectory, duration)
     _, _, path = prepare(plan, max_duration=LONGEST)
@@ -187,9 +191,9 @@ def ready(
     margins = loops, gains = flown_loops(model, models, flights, volts)
     force = loaded.body.mass * np.linalg.norm(motion.specific_force_B, axis=1)
     beyond = _beyond(records, reference, wind, force)
-    known = any(e.std is not None and np.any(e.std > 0.0) for e in model.effects)
-    weakened = weakened_rotors(model.effects)
-    plain_go = not (beyond or weakened) and known and not gains.upper_bounds
+    known = any(e.std is not None and np.any(e.std > 0.0) for e in given.effects)
+    weakened = weakened_rotors(given.effects)
+    plain_go = not (beyond or weakened or contradicted) and known and not gains.upper_bounds
     crashed = tuple(f.flight.name for f in flights if any(c.name == "crash" for c in f.checks))
     return Readiness(
         Decision.NO_GO if crashed else _decision(authority, loops, plain_go=plain_go),
@@ -212,6 +216,7 @@ def ready(
         _explained(worst, constants),
         crashed,
         weakened,
+        contradicted,
         designed_for(plan),
         tuple(dict.fromkeys((*model.notes, *(n for f in flights for n in f.notes)))),
     )

@@ -27,6 +27,7 @@ from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
 from wrenchgap.plant.effects import Parameter, find, require_force
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
@@ -95,6 +96,41 @@ class FlightValues:
     left: Array
 
 
+@dataclass(frozen=True)
+class MovedCentre:
+    """A centre of mass that moves by (`x`, `y`) [m] from flight `first` to flight `last`, those farthest apart, and the
+    `share` that it has in the squares of what the thrusts of rotors change by, each against all.
+    """  # noqa: D205
+
+    x: float
+    y: float
+    first: int
+    last: int
+    share: float
+
+
+def moved_centre(thrusts: Array, vehicle: Vehicle) -> MovedCentre | None:
+    """The centre of mass that relative thrusts (n, R) of rotors move like; None where single rotors do better.
+
+    In hover every rotor has the same thrust T, and one that gives 1 + d_r of it makes the torque of a centre of mass at
+    -mean(d_r x_r). Beside what all rotors change by, d_r of a moved centre is a plane over their places; of one weak
+    rotor of R the plane has 2 / (R - 1) of the squares. Source: the balance of moments of a hover.
+    """
+    arms, rotors = vehicle.geometry()
+    place = arms.position_B[rotors.arm, :2] - arms.position_B[rotors.arm, :2].mean(axis=0)
+    together = (thrusts - thrusts.mean(axis=0)).mean(axis=1, keepdims=True)
+    change = thrusts - thrusts.mean(axis=0) - together
+    plane = change @ place @ np.linalg.pinv(place)
+    share = float(np.sum(plane**2) / max(np.sum(change**2), 1e-30))
+    if share < 0.5 * (1.0 + 2.0 / (len(place) - 1)) or np.sum(plane**2) < len(place) * np.sum(together**2):
+        return None
+    centres = -change @ place / len(place)
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+    first, last = sorted(int(k) for k in np.unravel_index(np.argmax(apart), apart.shape))
+    x, y = centres[last] - centres[first]
+    return MovedCentre(float(x), float(y), first, last, share)
+
+
 @dataclass(frozen=True, repr=False)
 class Trend(Result):
     """Parameters over flights, in the order given; `left_out` are effects that were not fitted, and why.
@@ -113,6 +149,15 @@ class Trend(Result):
     def names(self) -> tuple[str, ...]:
         """Of the flights."""
         return tuple(f.flight.name for f in self.flights)
+
+    @property
+    def moved_centre(self) -> MovedCentre | None:
+        """What makes thrusts of several rotors that do not tilt change together; None where it does not."""
+        changed = [p for p in (*self.changed, *self.scattered) if p.effect in ROTORS]
+        if len(changed) < 2 or self.model.vehicle.geometry()[0].tilts.any():
+            return None
+        thrusts = np.array([p.values for p in self.parameters if p.effect in ROTORS]).T
+        return moved_centre(thrusts, self.model.vehicle)
 
     @property
     def by_part(self) -> bool:

@@ -241,12 +241,13 @@ class Explanation(ResidualStructure, Result):
     def firm(self) -> tuple[str, ...]:
         """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family; none that
         another stands in the place of (`Member.alike`), that is at the limit of what is plausible, that one rotor makes
-        which comes and goes, or whose evidence is all on axes that are open: what is left there may have made it.
+        which comes and goes, that takes nothing off the error, or whose evidence is all on axes that are open: what is
+        left there may have made it.
         """  # noqa: D205
         if self.named_there:
             return ()
         shown = ~self.open if self.verdict is Verdict.UNKNOWN else np.ones(6, dtype=bool)
-        sure = [m for m in self.members if not m.alike and m.name not in self.fit.stuck]
+        sure = [m for m in self.members if not m.alike and m.name not in self.fit.stuck and m.share > 0.0]
         named = {family(m.name) for m in sure if m.by_axis[shown].sum() > SIGNIFICANCE.least_evidence}
         return tuple(n for n in self.posterior.firm if n in named)
 

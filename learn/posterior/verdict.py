@@ -4,7 +4,7 @@
               were, the worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of
               that depends on what was logged; or something is named, and a band of frequency of what is left is open
               (`unexplained_bands`); or an oscillation is found in what is left, or all of it pushes
-              where one rotor does; or what explains most is at the limit of what is plausible
+              where one rotor does; or what explains most is at the limit of what is plausible, or takes nothing off
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else
@@ -192,13 +192,14 @@ def decide(
 ) -> Verdict:
     """Unknown where something was found in what is left, or structure is left; where commands answer the motion, and
     with it turbulence, only structure that can be predicted is one. Unknown, too, where what explains most is
-    `at_limit` of what is plausible: that says that its law is another one.
+    `at_limit` of what is plausible: that says that its law is another one; and where nothing that is named takes
+    anything off the error as it is, whatever it takes off what commands did not answer.
     """  # noqa: D205
     turbulent = bool(on.data.answering) and (rest.depends is None or rest.depends.driven < PREDICTABLE)
     if rest.oscillation or rest.one_rotor or (rest.open.any() and not turbulent):
         return Verdict.UNKNOWN
     if not members:
         return Verdict.NOTHING
-    if members[0].name in at_limit:
+    if members[0].name in at_limit or not any(m.share > 0.0 for m in members):
         return Verdict.UNKNOWN
     return Verdict.GROUP if members[0].alike else Verdict.EFFECT

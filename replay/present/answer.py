@@ -44,7 +44,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     match found.verdict:
         case Verdict.NOTHING:
             before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
-        case Verdict.UNKNOWN if names:
+        case Verdict.UNKNOWN if any(m.share > 0.0 for m in found.members):
             before = [f"{by('Partly explained')} {names}; more is missing than the catalogue can explain."]
             after = [posterior.residual_causes(found)]
         case Verdict.UNKNOWN if short(found):

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.learn.identify.contradiction import Contradiction
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
@@ -89,6 +90,12 @@ def summary(found: Readiness) -> list[str]:
     return out if found.loops else [*out, NOT_SAID]
 
 
+def _contradiction(one: Contradiction, found: Readiness) -> str:
+    if one.effect == "command_delay":
+        return f"commands take effect {1e3 * one.change:.0f} ms later"
+    return f"{found.vehicle.called(one.parameter)} gives {share(-one.change)} less thrust"
+
+
 def _decided(found: Readiness) -> list[str]:
     """The decision, the loops without their margins, and what has failed already."""
     weakest = found.authority[0]
@@ -105,6 +112,11 @@ def _decided(found: Readiness) -> list[str]:
     names = ", ".join(found.crashed)
     crashed = f"No go: {names} ended in a crash or a loss of control; inspect the whole vehicle first."
     out = [crashed, *out] if names else out
+    if found.contradicted:
+        out.append(
+            f"These flights contradict the model: {listed([_contradiction(c, found) for c in found.contradicted], 3)}. "
+            "That is in these numbers; find out why (wrenchgap explain), and fit it, before this flight."
+        )
     if found.weakened:
         weak = [f"{found.vehicle.called(w.rotor)} has lost {share(w.lost)} of its thrust" for w in found.weakened]
         out.append(

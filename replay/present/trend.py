@@ -6,12 +6,23 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.changed.places import towards
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
-from wrenchgap.learn.identify.trend import ParameterTrend, Trend
+from wrenchgap.learn.identify.trend import MovedCentre, ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import numbers, parameters, season
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import entries, label, listed, number, signed, size_in_words, unit, user_name
+from wrenchgap.replay.present.numbers import (
+    entries,
+    label,
+    listed,
+    number,
+    share,
+    signed,
+    size_in_words,
+    unit,
+    user_name,
+)
 from wrenchgap.replay.present.tables import ANSWER_LINES, Line, Part, Table, first_only, note_lines, table
 
 WORDS = {
@@ -64,9 +75,23 @@ def summary(found: Trend) -> list[str]:
     if not found.changed and not found.scattered:
         return [f"Nothing changed over these {count} flights beyond the scatter between them."]
     first = [] if found.changed else [f"No step and no drift over these {count} flights."]
-    looks = places(found)
+    said, looks = [sentence(p, found) for p in (*found.changed, *found.scattered)], places(found)
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
-    return [*(sentence(p, found) for p in (*found.changed, *found.scattered)), *first, *inspect]
+    if (moved := found.moved_centre) is not None:
+        said.insert(0, _moved(moved, found))
+        inspect = [f"Look at: the battery and what is mounted; then {', '.join(looks)}."]
+    return [*said, *first, *inspect]
+
+
+def _moved(moved: MovedCentre, found: Trend) -> str:
+    """That rotors change together as a centre of mass that moves makes them."""
+    far = size_in_words(float(np.hypot(moved.x, moved.y)), "m")
+    side = towards(found.model.vehicle, moved.x, moved.y)
+    return (
+        f"{share(moved.share)} of the change in thrust is what a centre of mass makes that moves {far} towards the "
+        f"{side} from flight {moved.first + 1} ({found.names[moved.first]}) to flight {moved.last + 1} "
+        f"({found.names[moved.last]}): as a battery that was put in elsewhere, and likelier than several weak rotors."
+    )
 
 
 def sentence(p: ParameterTrend, found: Trend, most_steps: int = 2) -> str:

@@ -186,8 +186,8 @@ def causes_of_constant(by: Mapping[str, float], vehicle: Vehicle, mounting: str 
 
 def _is_stronger(listed: Sequence[Size]) -> bool:
     """Whether the clearest of these changes is that of a rotor which lifts more."""
-    clearest = max(listed, key=lambda p: p.significance)
-    return clearest.effect == ROTOR_THRUST and clearest.change > 0.0
+    clearest = max(listed, key=lambda p: p.significance, default=None)
+    return clearest is not None and clearest.effect == ROTOR_THRUST and clearest.change > 0.0
 
 
 def exchanged(found: Changed) -> str:

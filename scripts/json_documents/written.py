@@ -125,6 +125,15 @@ class Uncertain(TypedDict):
     """Of the scatter of what the weakest part needs."""
 
 
+class Contradiction(TypedDict):
+    effect: str
+    parameter: str
+    change: float
+    """What the flights show, less what the model has."""
+    std: float
+    unit: str
+
+
 class WeakRotor(TypedDict):
     rotor: str
     lost: float
@@ -151,6 +160,8 @@ class Ready(Document):
     flights: list[str]
     crashed: list[str]
     """Flights that ended in a crash or a loss of control: then it is no go."""
+    contradicted: list[Contradiction]
+    """Delays and thrusts of rotors that the flights show to be others than the model's."""
     weakened: list[WeakRotor]
     """Rotors that the model says have lost a tenth of their thrust, or more; the worst first."""
     authority: list[Authority]

@@ -1,5 +1,6 @@
 """A season of short flights of an engine that shares nothing with the fit: what moved, when, by how much."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,8 @@ from tests.independent.flown_quadrotor import Case
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.identify.steps_and_drift import Verdict
-from wrenchgap.learn.identify.trend import TRIMS, trend
+from wrenchgap.learn.identify.trend import TRIMS, moved_centre, trend
+from wrenchgap.replay.present.trend import summary
 
 MODEL = wg.load_model("tilt_hexarotor")
 SECONDS, COUNT, REPAIR = 6.0, 8, 5
@@ -72,6 +74,33 @@ def test_a_rotor_that_got_weak_is_no_moved_centre_of_mass():
     values = parameter(found, "rotor_thrust", "rotor_3").values
     assert values[:3] == pytest.approx(0.0, abs=0.01)
     assert values[3:] == pytest.approx(-0.15, abs=0.03)
+
+
+def test_rotors_that_change_together_are_a_moved_centre_of_mass():
+    """A battery that goes in 4 mm further to the front right, of rotors that do not tilt; a weak rotor is none."""
+    before = [Case(f"b{k}", excited=0.1, seed=k, seconds=12.0) for k in range(3)]
+    moved = [Case(f"m{k}", excited=0.1, seed=k, seconds=12.0, com=(0.004, -0.003, 0.0)) for k in (3, 4)]
+    found = wg.trend(wg.open_flights(fly_quadrotors([*before, *moved]), QUADROTOR), QUADROTOR)
+    centre = found.moved_centre
+    assert (centre.x, centre.y) == pytest.approx((0.004, -0.003), abs=5e-4)
+    assert centre.first < 3 <= centre.last
+    first, *_, last = summary(found)
+    assert re.search(r" of the change in thrust .* moves (4\.9|5\.0|5\.1) mm towards the front right", first)
+    assert last.startswith("Look at: the battery and what is mounted; then ")
+    weak = [Case(f"w{k}", excited=0.1, seed=k, seconds=12.0, blades=(0.85, 1.0, 1.0, 1.0)) for k in (3, 4)]
+    assert wg.trend(wg.open_flights(fly_quadrotors([*before, *weak]), QUADROTOR), QUADROTOR).moved_centre is None
+
+
+def test_thrusts_that_are_a_plane_over_the_rotors_are_a_centre_of_mass():
+    """By hand: on a square of side 2 a, rotors at +x that push 1 + d and at -x that push 1 - d are a centre at -d a."""
+    arms, rotors = QUADROTOR.vehicle.geometry()
+    place = arms.position_B[rotors.arm, :2]
+    a = float(np.abs(place[:, 0]).mean())
+    thrusts = np.array([np.zeros(4), 0.05 * np.sign(place[:, 0])])
+    found = moved_centre(thrusts, QUADROTOR.vehicle)
+    assert (found.x, found.y, found.share) == pytest.approx((-0.05 * a, 0.0, 1.0), abs=1e-9)
+    assert moved_centre(np.array([np.zeros(4), [-0.1, 0.0, 0.0, 0.0]]), QUADROTOR.vehicle) is None
+    assert moved_centre(np.array([np.zeros(4), np.full(4, -0.1)]), QUADROTOR.vehicle) is None  # thinner air
 
 
 def test_what_did_not_move_is_steady(followed):

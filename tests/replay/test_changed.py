@@ -128,6 +128,13 @@ def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved)
     assert presented.summary(nameless) == "Something changed, and no effect of the catalogue says what."
 
 
+def test_a_change_without_any_parameter_offers_no_exchange(moved):
+    """What changed has no number: neither a rotor nor anything else got stronger."""
+    bare = replace(moved, verdict=Verdict.UNKNOWN, firm=(), louder=("torque_x",), parameters=())
+    assert what_to_inspect.exchanged(bare) == ""
+    assert presented.what_next(bare, ["a"], "m")[0].text.startswith("next: mend it")
+
+
 def test_a_constant_change_without_a_name_says_its_axis_and_what_to_inspect(moved):
     """A yaw torque that was nil, at 8 standard deviations; beside it a force that is chance."""
     axes = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")

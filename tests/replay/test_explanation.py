@@ -22,7 +22,7 @@ from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.identify.bias_and_trim import FlightsApart, GrantedTrim
 from wrenchgap.learn.posterior import single_effects
 from wrenchgap.learn.posterior.settings import SearchSettings
-from wrenchgap.learn.posterior.verdict import OpenBand, Verdict
+from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, what_to_inspect
@@ -162,6 +162,19 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     given = replace(named, model=MODEL.with_effects([*model.effects[1:], *named.model.effects]))
     assert any("The model already has" in part.text for part in brief(given) if isinstance(part, Line))
     assert to_json(given)["already"].endswith("again: M3 20 % weaker (rotor_thrust M3 -0.200).")
+
+
+def test_what_takes_nothing_off_the_error_is_not_firm(named):
+    """Commands that answer the motion leave it the evidence; the error as it is grows by 8 %."""
+    worse = replace(named, members=(replace(named.members[0], share=-0.08),))
+    on = Mock(data=Mock(answering=(4,)))
+    rest = Mock(oscillation=None, one_rotor=None, open=np.zeros(6, dtype=bool), depends=None)
+    assert named.firm == ("com_offset",)
+    assert worse.firm == ()
+    assert decide(on, named.members, rest) is Verdict.EFFECT
+    assert decide(on, worse.members, rest) is Verdict.UNKNOWN
+    words = answer(replace(worse, verdict=Verdict.UNKNOWN))
+    assert words[0] == "Something is missing, but no effect of the catalogue explains it."
 
 
 def test_that_flights_do_not_agree_is_said_first(named):

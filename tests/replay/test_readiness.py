@@ -86,6 +86,26 @@ def test_a_rotor_that_has_failed_in_part_is_no_plain_go(still, ready):
     assert (plain.decision, plain.weakened) == (Decision.GO, ())
 
 
+def test_flights_that_contradict_the_model_are_no_plain_go(ready):
+    """A flight that answers 60 ms later than the model, or with a rotor that is weaker by 25 %, says so itself; the
+    margins are those of the flight, and so is what the others carry. The engine shares nothing with the fit.
+    """
+    model = weak(loss=0.05)
+    late = Case("late", excited=0.3, seed=5, seconds=12.0, drag=0.0, delay=0.06, blades=(0.95, 1.0, 1.0, 1.0))
+    found = wg.ready(wg.open_flights(fly([late]), MODEL), model, "hover")
+    (one,) = found.contradicted
+    assert (one.effect, one.change) == ("command_delay", pytest.approx(0.06 + 0.02, abs=0.015))  # and the motors' lag
+    assert found.decision is not Decision.GO
+    assert any(f"commands take effect {1e3 * one.change:.0f} ms later" in text for text in to_json(found)["summary"])
+    cut = Case("cut", excited=0.3, seed=6, seconds=12.0, drag=0.0, lag=(0.002, 0.002), blades=(0.95, 1.0, 0.75, 1.0))
+    found = wg.ready(wg.open_flights(fly([cut]), MODEL), model, "hover")
+    (one,) = found.contradicted
+    assert (one.parameter, one.change) == ("rotor_2", pytest.approx(-0.25, abs=0.03))
+    assert any("M3 gives 2" in text for text in to_json(found)["summary"])
+    assert found.decision is not Decision.GO
+    assert ready.contradicted == ()
+
+
 def test_a_payload_is_carried_by_all_rotors(still, ready):
     heavier = wg.ready(still, weak(loss=0.2), "hover", payload=0.3)
     for part in ("M1", "M2"):
