@@ -193,11 +193,12 @@ def limited(flight: Flight) -> Iterator[Check]:
         yield Check("clipped", "warn", words)
 
 
-def copied(flight: Flight) -> Iterator[Check]:
+def copied(flight: Flight, turns: float = 0.1) -> Iterator[Check]:
     """Rotors whose commands are another's, sample by sample, in a vehicle that does not drive all of them so.
 
     Where pairs share one signal all are pairs; and where the vehicle never turns about an axis, both of its sides are
-    told the same.
+    told the same. Where all share one, nothing but arms that tilt turns a vehicle, by `turns` [rad/s] rms and more: a
+    gyroscope's noise, and a hull that is carried up and down, have less.
     """
     speeds = np.zeros((0, 0)) if flight.actuators is None else flight.actuators.rotor_speed
     turning = flight.imu is None or bool(varying(flight.imu.omega_B).all())
@@ -205,6 +206,12 @@ def copied(flight: Flight) -> Iterator[Check]:
     for k, column in enumerate(speeds.T):
         if np.count_nonzero(np.diff(column)) >= MASKING.frozen_samples:
             alike.setdefault(column.tobytes(), []).append(k)
+    if len(speeds.T) > 2 and max(map(len, alike.values()), default=0) == len(speeds.T) and flight.imu is not None:
+        assert flight.actuators is not None
+        if not flight.actuators.tilt.size and np.sqrt(np.mean(np.nanvar(flight.imu.omega_B, axis=0))) > turns:
+            words = f"all {len(speeds.T)} rotors have one command in all {len(speeds)} samples, and the vehicle turns: "
+            words += "that is a throttle, and not what drove each rotor. Log the command of each"
+            yield Check("rotors", "bad", words)
     sizes = [len(found) for found in alike.values()]
     usual = int(np.argmax(np.bincount(sizes))) if sizes and turning else len(speeds.T)
     for found in (found for found in alike.values() if len(found) > usual):

@@ -2,14 +2,14 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.autopilot import other_vehicle
-from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
@@ -78,9 +78,9 @@ def baseline(found: Changed) -> str:
 def other_recordings(found: Changed) -> list[str]:
     """Suspect flights that may be of another vehicle: of another autopilot, roles or topics than all healthy ones."""
     healthy = [one.flight for one in found.flights if one.records[0].flight in found.healthy]
-    known, out = [_recording(flight) for flight in healthy], []
+    known, out = [(set(flight.series()), flight.mapping) for flight in healthy], []
     for one in found.flights:
-        own, name = _recording(one.flight), one.records[0].flight
+        own, name = (set(one.flight.series()), one.flight.mapping), one.records[0].flight
         board = other_vehicle(one.flight.autopilot, (flight.autopilot for flight in healthy))
         if name not in found.suspect or (own in known and not board):
             continue
@@ -91,11 +91,6 @@ def other_recordings(found: Changed) -> list[str]:
             "what differs."
         )
     return out
-
-
-def _recording(flight: Flight) -> tuple[set[str], Mapping[str, str]]:
-    """What logs of one vehicle have in common: roles, and topics by role."""
-    return set(flight.series()), flight.mapping
 
 
 def feedback(found: Changed) -> list[str]:
@@ -135,7 +130,9 @@ def what_next(found: Changed, healthy: Sequence[str], model: str, options: str =
             Line(f"next, if the sides were exchanged: wrenchgap changed {exchanged} -m {shlex.quote(model)}{options}")
         ]
     if found.verdict is not Verdict.NOTHING:
-        return [Line(f"next: mend it, fly again, and see whether it is gone: wrenchgap changed NEW_LOG {against}")]
+        unlike = found.louder and what_to_inspect.unlike_rates(found)
+        first = "fly again" if unlike else "mend it, fly again, and see whether it is gone"
+        return [Line(f"next: {first}: wrenchgap changed NEW_LOG {against}")]
     kind = "flights of both kinds" if found.scatter_known else "healthy flights"
     said = f"more {kind}, or excitation on all axes, show smaller changes"
     return [Line(f"next: {said}: wrenchgap changed LOG... {against}")]
@@ -163,18 +160,18 @@ def _verdict(found: Changed) -> str:
             f"Something changed; what does best, {' + '.join(found.names)}, is more at once than is likely, and not "
             "established. No single effect is firm."
         )
-    said, unclear = [], what_to_inspect.unclear(found)
+    group = found.classes[0].sets if found.classes[0].sets[0].names else ()
+    others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
+    said, sure = [], bool(found.firm or others)
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
         words = name if first is None else in_words(found, first)
-        said.append(words if unclear else f"{words}, confidence {share(found.confidence(name))}")
-    group = found.classes[0].sets if found.classes[0].sets[0].names else ()
-    others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
+        said.append(f"{words}, confidence {share(found.confidence(name))}" if sure else words)
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
-    firm = "" if found.firm else unclear or " No single effect is firm."
+    firm = "" if found.firm else what_to_inspect.unclear(found) or " No single effect is firm."
     apart = " and ".join(found.differing())
     mean = f" Suspect flights differ in {apart}, of which this is the mean: give each alone." if apart else ""
-    return f"{'Perhaps changed' if unclear else 'Changed'}: {' and '.join(said)}.{alike}{firm}{mean}"
+    return f"{'Changed' if sure else 'Perhaps changed'}: {' and '.join(said)}.{alike}{firm}{mean}"
 
 
 def _unknown(found: Changed) -> str:
@@ -186,6 +183,8 @@ def _unknown(found: Changed) -> str:
             f"{p.name} by {size_in_words(p.change, p.unit)} ({p.significance:.1f} standard deviations)" for p in clear
         )
         return f"Changed: {listed}. It is constant, and no single effect of the catalogue explains it."
+    if rates := what_to_inspect.unlike_rates(found):
+        return f"Not compared on {', '.join(found.louder)}, where the suspect flights leave far more: {rates}"
     nearest = [n for n in found.names if n not in NAMELESS]
     likeliest = f" Nearest, and not established: {' + '.join(nearest)}." if nearest else ""
     return (

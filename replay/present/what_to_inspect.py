@@ -73,6 +73,7 @@ NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "
     "flights, and fly the suspect vehicle with excitation on all axes."
 )
+LOG_ALIKE = "Fly the suspect vehicle again, with the IMU logged as on the healthy flights."
 
 TO_TELL = "A flight with excitation on all axes tells which of them it is."
 
@@ -95,7 +96,8 @@ def sentences(found: Changed) -> list[str]:
         return [PERHAPS.format(places[0]) if places and places[0] else NOTHING]
     out = []
     if found.verdict is Verdict.UNKNOWN:
-        out += _of_constant_change(found) or [NO_NAME]
+        unlike = bool(found.louder and unlike_rates(found))
+        out += _of_constant_change(found) or [LOG_ALIKE if unlike else NO_NAME]
     for name in dict.fromkeys(p.effect for p in sorted(found.parameters, key=lambda p: -p.significance)):
         listed = [p for p in found.parameters if p.effect == name]
         said = _of(found, name, listed, [p for p in found.places if p.effect == name])
@@ -222,6 +224,24 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
         return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards the {side}"
     words = ACTIONS.get(family(name), "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""
+
+
+def unlike_rates(found: Changed, most: float = 1.5) -> str:
+    """That the IMU came at another rate on suspect flights, by this factor, which may make all of a larger error: less
+    of the motion is in it, and what is faster is folded into it. Empty where it did not.
+    """  # noqa: D205
+    rates: dict[bool, list[float]] = {True: [], False: []}
+    for one in found.flights:
+        if one.flight.imu is not None:
+            rates[one.records[0].flight in found.suspect].append(1.0 / one.flight.imu.period)
+    if not rates[True] or not rates[False]:
+        return ""
+    suspect, healthy = (float(np.median(rates[side])) for side in (True, False))
+    if max(suspect, healthy) < most * min(suspect, healthy):
+        return ""
+    return (
+        f"their IMU came at {suspect:.3g} Hz, that of the healthy flights at {healthy:.3g} Hz, which alone may make it."
+    )
 
 
 def unclear(found: Changed) -> str:

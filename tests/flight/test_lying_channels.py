@@ -118,6 +118,20 @@ def test_a_rotor_that_is_logged_in_the_place_of_another_is_refused():
     assert "rotors" not in said(flown(speeds=lambda v: np.concatenate((v, np.full((len(v), 2), 600.0)), axis=1)))
 
 
+def test_one_command_for_all_rotors_of_a_vehicle_that_turns_is_a_throttle():
+    """A hull that goes up and down on four equal rotors does not turn, but for its gyroscope's noise."""
+    throttle = flown(speeds=lambda v: np.repeat(v.mean(axis=1, keepdims=True), 4, axis=1))
+    still = replace(
+        throttle,
+        imu=replace(throttle.imu, omega_B=0.02 * np.random.default_rng(0).normal(size=(len(throttle.imu.time), 3))),
+    )
+    assert "rotors" not in said(still)
+    turning = replace(still, imu=replace(still.imu, omega_B=20.0 * still.imu.omega_B))
+    assert said(turning)["rotors"].words.startswith("all 4 rotors have one command in all 2400 samples")
+    tilting = replace(turning, actuators=replace(turning.actuators, tilt=np.zeros((2400, 4))))
+    assert "rotors" not in said(tilting)
+
+
 def test_rotors_on_both_sides_of_a_plane_in_which_the_vehicle_stays_are_told_the_same():
     plane = flown(speeds=lambda v: v[:, [0, 1, 2, 1]])
     plane = replace(plane, imu=replace(plane.imu, omega_B=plane.imu.omega_B * [0.0, 1.0, 0.0]))

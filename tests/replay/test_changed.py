@@ -128,6 +128,23 @@ def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved)
     assert presented.summary(nameless) == "Something changed, and no effect of the catalogue says what."
 
 
+def test_an_imu_that_came_more_slowly_is_said_where_more_is_left(moved):
+    """A fifth of the samples on the suspect flight; where nothing more is left than on healthy ones it does not matter."""
+
+    def slower(one, factor):
+        imu = one.flight.imu
+        return replace(one, flight=replace(one.flight, imu=replace(imu, time=factor * imu.time)))
+
+    flights = [slower(one, 5.0 if one.records[0].flight in moved.suspect else 1.0) for one in moved.flights]
+    loud = replace(moved, verdict=Verdict.UNKNOWN, firm=(), louder=("torque_x",), flights=tuple(flights))
+    words = presented.summary(loud)
+    assert words.startswith("Not compared on torque_x, where the suspect flights leave far more: their IMU came at ")
+    assert what_to_inspect.sentences(replace(loud, parameters=())) == [what_to_inspect.LOG_ALIKE]
+    assert presented.what_next(loud, ["a"], "m")[0].text.startswith("next: fly again: ")
+    assert what_to_inspect.unlike_rates(moved) == ""
+    assert presented.summary(replace(moved, flights=tuple(flights))) == presented.summary(moved)
+
+
 def test_a_change_without_any_parameter_offers_no_exchange(moved):
     """What changed has no number: neither a rotor nor anything else got stronger."""
     bare = replace(moved, verdict=Verdict.UNKNOWN, firm=(), louder=("torque_x",), parameters=())
