@@ -129,7 +129,7 @@ def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved)
 
 
 def test_an_imu_that_came_more_slowly_is_said_where_more_is_left(moved):
-    """A fifth of the samples on the suspect flight; where nothing more is left than on healthy ones it does not matter."""
+    """A fifth of the samples on the suspect flight; where nothing more is left than on healthy ones, no matter."""
 
     def slower(one, factor):
         imu = one.flight.imu
