@@ -24,8 +24,8 @@ Two measures, both on held-out blocks:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -161,6 +161,7 @@ def search_dataset(
         answering=data.answering,
         apart=flights_apart(data, left, model),
         granted=granted_trims(data, left, model),
+        given={e.name: e.theta for e in model.effects},
         limits=detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of),
         **vars(rest),
     )
@@ -201,7 +202,7 @@ class Explanation(ResidualStructure, Result):
     were not fitted, where some were given; `answering` are the axes on which commands answered a disturbance.
     `limits` say what these flights could have shown beside what is named, `recoveries` what was found again of it.
     `apart` are axes on which the flights do not agree on a constant, the farthest first; `granted` those on which they
-    share one that the model's scatter between flights allows.
+    share one that the model's scatter between flights allows. `given` are the effects that the model had, (P,) by name.
     """
 
     verdict: Verdict
@@ -222,11 +223,18 @@ class Explanation(ResidualStructure, Result):
     recoveries: tuple[Recovery, ...] = ()
     apart: tuple[FlightsApart, ...] = ()
     granted: tuple[GrantedTrim, ...] = ()
+    given: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def reduction(self) -> Array:
         """Fraction (6,) of the rms on held-out time that is gone."""
         return reduction(self.rms_before, self.rms_after)
+
+    def changes(self, name: str) -> dict[str, float]:
+        """By parameter, what a fitted effect has more than in the model that was given, if that had it."""
+        values = self.fit.values(name)
+        own = self.given.get(name, np.zeros(len(values)))
+        return {v.name: float(v.value - before) for v, before in zip(values, own, strict=True)}
 
     @property
     def effects(self) -> tuple[str, ...]:

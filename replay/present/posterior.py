@@ -1,11 +1,11 @@
 """What a search over sets of effects found, in sentences: classes, what settles them, the nearest, the residual."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.flight import AXES, GRAVITY
+from wrenchgap.flight.flight import AXES, GRAVITY, Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.diagnose.residual_patterns import Oscillation
 from wrenchgap.learn.identify.fit import MATERIAL, Fit
@@ -222,30 +222,43 @@ def nearest(
     return f"Nearest, and not established: {names}, which would remove {share(best.score)} of the error energy."
 
 
-def with_values(fit: Fit, model: Model, name: str, prominent: float = 0.3, likely: float = 1.5) -> str:
-    """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations.
+def with_values(
+    fit: Fit,
+    model: Model,
+    name: str,
+    given: Mapping[str, Array] | None = None,
+    prominent: float = 0.3,
+    likely: float = 1.5,
+) -> str:
+    """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations;
+    of one that the `given` model has, (P,) by name, those that are beyond chance from that, which is said.
 
     Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
     parameters' typical ones. The largest that is above `likely` of its standard deviations alone, and large enough for
     a name, is said with "perhaps".
-    """
+    """  # noqa: D205
     every, typical = fit.values(name), {p.name: p.scale for owner, p in fit.parameters if owner == name}
-    clear = [v for v in every if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)]
-    clearest = sorted(every, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
+    had = None if given is None else given.get(name)
+    before = dict(zip((v.name for v in every), np.zeros(len(every)) if had is None else had, strict=True))
+    size = {v.name: abs(v.value - before[v.name]) for v in every}
+    clear = [v for v in every if size[v.name] > SIGNIFICANCE.alone * (v.std or 0.0)]
+    clearest = sorted(every, key=lambda v: -size[v.name] / max(v.std or 0.0, 1e-30))
     shown: Sequence[Value] = clear or clearest[:1]
     if len(shown) > 3:
-        by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
-        largest = abs(by_size[0].value) / typical[by_size[0].name]
-        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > prominent * largest]
+        by_size = sorted(shown, key=lambda v: -size[v.name] / typical[v.name])
+        largest = size[by_size[0].name] / typical[by_size[0].name]
+        shown = [v for v in by_size[:3] if size[v.name] / typical[v.name] > prominent * largest]
     if not shown:
         return name
-    unsure = [v for v in every if v not in clear and abs(v.value) > likely * (v.std or 0.0)]
-    large = max(unsure, key=lambda v: abs(v.value) / typical[v.name], default=None)
+    unsure = [v for v in every if v not in clear and size[v.name] > likely * (v.std or 0.0)]
+    large = max(unsure, key=lambda v: size[v.name] / typical[v.name], default=None)
     perhaps = ""
-    if clear and large is not None and abs(large.value) > MATERIAL * typical[large.name]:
+    if clear and large is not None and size[large.name] > MATERIAL * typical[large.name]:
         perhaps = f", perhaps {user_name(large.name, model.vehicle)} {with_std(large)}"
     limit = "; at the limit of what is plausible" if name in fit.stuck else ""
-    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {with_std(v)}' for v in shown)}{perhaps}{limit})"
+    own = "" if had is None else f"; the model has {', '.join(quantity(before[v.name], v.unit) for v in shown)}"
+    values = ", ".join(f"{user_name(v.name, model.vehicle)} {with_std(v)}" for v in shown)
+    return f"{name} ({values}{perhaps}{own}{limit})"
 
 
 def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
@@ -256,10 +269,10 @@ def members_in_words(found: Explanation, members: Sequence[Member] | None = None
     members = found.members if members is None else members
     sure = [m for m in members if found.confidence(m) >= DEFAULT.firm]
     others = [m for m in members if m not in sure]
-    sized = " and ".join(
-        f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in sure or others
-    )
-    less = " and ".join(f"{with_values(found.fit, found.model, m.name)}, {confidence(found, m)}" for m in others)
+    told = {
+        m.name: f"{with_values(found.fit, found.model, m.name, found.given)}, {confidence(found, m)}" for m in members
+    }
+    sized, less = (" and ".join(told[m.name] for m in some) for some in (sure or others, others))
     listed = f"{sized}; less sure: {less}" if sure and less else sized
     return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
 

@@ -112,13 +112,14 @@ def of_explanation(found: Explanation) -> list[str]:
     """
     vehicle, out = found.model.vehicle, []
     for name in found.firm:
-        values = {v.name: v.value for v in found.fit.values(name)}
+        values, had = found.changes(name), name in found.given
         if name in PARTS and values:
             sizes = {n: -v if name == "rotor_thrust" else abs(v) for n, v in values.items()}
             one = max(sizes, key=lambda n: sizes[n])
             out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
         elif name in LOADS:
-            out.append(f"{_of_whole(name, values, vehicle, 'is off')}.")
+            is_so = "has moved since the model was fitted," if had else "is off"
+            out.append(f"{_of_whole(name, values, vehicle, is_so)}.")
     constant = next((m for m in found.members if m.name == "constant_wrench"), None)
     if constant is not None:
         logs = [f.flight.autopilot for f in found.flights]

@@ -177,6 +177,19 @@ def test_what_takes_nothing_off_the_error_is_not_firm(named):
     assert words[0] == "Something is missing, but no effect of the catalogue explains it."
 
 
+def test_of_an_effect_that_the_model_had_the_change_is_told(named):
+    """The centre of mass is at (-4, 7, -5) mm; the model had it at y = 10 mm, 3 mm further to the left."""
+    had = replace(named, given={"com_offset": np.array([-0.004, 0.010, -0.005])})
+    first = answer(had)[0]
+    assert re.match(
+        r"Explained by com_offset \(y 0\.007\d* \+- [\d.e-]+ m; the model has 0\.0100 m\), confidence", first
+    )
+    (inspect,) = what_to_inspect.of_explanation(had)
+    assert "the centre of mass has moved since the model was fitted, towards the right (" in inspect
+    assert had.changes("com_offset")["y"] == pytest.approx(-0.003, abs=2e-4)
+    assert "model has" not in answer(named)[0]
+
+
 def test_that_flights_do_not_agree_is_said_first(named):
     """On the farthest axis, with the mean of each flight; of flights that agree nothing is."""
     axes = FlightsApart(5, ("monday", "friday"), np.array([-0.02, 0.01])), FlightsApart(2, ("a", "b"), np.zeros(2))
