@@ -191,7 +191,9 @@ def _kind(log: LogHealth) -> tuple[str, ...]:
 
 
 def _comparison(logs: Sequence[LogHealth]) -> list[str]:
-    """The log whose vehicle has the most to look at beside those with less; a place for one where none is."""
+    """The log whose vehicle has the most to look at beside those with less, of which no check is off where there are
+    such; a place for one where none is.
+    """  # noqa: D205
 
     def worst(log: LogHealth) -> int:
         of_vehicle = [one.level for one in statements(log) if one.about in ("motors", "crash", "impact")]
@@ -200,7 +202,8 @@ def _comparison(logs: Sequence[LogHealth]) -> list[str]:
     suspect = min(reversed(logs), key=worst)
     fine = worst(suspect) == LEVELS.index("ok")
     sound = [log for log in logs if log is not suspect and (fine or worst(log) > worst(suspect))]
-    healthy = [str(log.inspection.path) for log in sound] or ["HEALTHY_LOG"]
+    whole = [log for log in sound if all(check.level == "ok" for check in log.inspection.checks)]
+    healthy = [str(log.inspection.path) for log in whole or sound] or ["HEALTHY_LOG"]
     return ["wrenchgap", "changed", str(suspect.inspection.path), "--healthy", *healthy]
 
 

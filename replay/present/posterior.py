@@ -312,9 +312,12 @@ def residual_causes(found: Explanation) -> str:
     said = [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
     if (one := found.one_rotor) is not None:
         rotors = " or ".join(found.model.vehicle.rotor_name(k) for k in one.rotors)
+        several = ", or a rotor that is weak on some of these flights only: explain them one by one"
         said.append(
             f"{100 * one.share:.0f} % of the residual pushes where rotor {rotors} pushes, at moments that nothing "
             "logged tells: a propeller or hub that slips, a motor or its controller that stutters"
+            + several
+            * (len(found.flights) > 1)
         )
     return " ".join(f"{words[:1].upper()}{words[1:]}." for words in said)
 

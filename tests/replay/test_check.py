@@ -467,6 +467,11 @@ def test_only_flights_of_a_sound_vehicle_are_offered_as_healthy(tmp_path):
     command = answer(wg.check(logs, model))[-1][0]
     assert command.split()[3:].index("-m") == 4, command
     assert command.startswith(f"next: wrenchgap changed {logs[3]} --healthy {logs[0]} {logs[2]} -m ")
+    found = wg.check(logs, model)
+    first, *others = found.logs
+    doubted = replace(first.inspection, checks=(Check("left-out", "warn", "samples are missing"),))
+    command = answer(replace(found, logs=(replace(first, inspection=doubted), *others)))[-1][0]
+    assert command.startswith(f"next: wrenchgap changed {logs[3]} --healthy {logs[2]} -m ")
     command = answer(wg.check([logs[1], logs[3]], model))[-1][0]
     assert "--healthy HEALTHY_LOG " in command
 
