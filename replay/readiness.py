@@ -193,7 +193,10 @@ def ready(
     beyond = _beyond(records, reference, wind, force)
     known = any(e.std is not None and np.any(e.std > 0.0) for e in given.effects)
     weakened = weakened_rotors(given.effects)
-    plain_go = not (beyond or weakened or contradicted) and known and not gains.upper_bounds
+    feels_wind = any(e.effect.aerodynamic for e in model.effects)
+    plain_go = (
+        not (beyond or weakened or contradicted or (wind > 0.0 and not feels_wind)) and known and not gains.upper_bounds
+    )
     crashed = tuple(f.flight.name for f in flights if any(c.name == "crash" for c in f.checks))
     return Readiness(
         Decision.NO_GO if crashed else _decision(authority, loops, plain_go=plain_go),
@@ -202,7 +205,7 @@ def ready(
         float(path.duration),
         payload,
         wind,
-        any(e.effect.aerodynamic for e in model.effects),
+        feels_wind,
         volts,
         depends,
         tuple(f.records[0].flight for f in flights),

@@ -18,7 +18,7 @@ class Wind(AirEffect):
     """
 
     name = "wind"
-    excited_by = "a drag, and flight in several directions: the air's velocity is fixed in E"
+    excited_by = "fast legs in several directions, with a drag in the model"
     confused_with = ("tether", "body_drag", "constant_wrench", "imu_misalignment")
     needs_pose = True
     least_change: ClassVar[float] = 0.2

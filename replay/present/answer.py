@@ -21,7 +21,7 @@ def summary(found: Explanation) -> str:
 def answer(found: Explanation) -> list[str]:
     """The verdict: what is named and how sure, what is as likely, what a pilot can look for, the largest residual."""
     before, after = _around_groups(found)
-    return [*before, *(fitted_effects.either(found, group) for group in found.groups), *after]
+    return [*before, *(fitted_effects.either(found, group) for group in fitted_effects.likely_groups(found)), *after]
 
 
 def answer_lines(found: Explanation) -> list[Line]:
@@ -30,7 +30,7 @@ def answer_lines(found: Explanation) -> list[Line]:
         return [Line(" ".join(answer(found)), "bold")]
     before, after = _around_groups(found)
     out = [Line(" ".join(before), "bold")] if before else []
-    for k, group in enumerate(found.groups):
+    for k, group in enumerate(fitted_effects.likely_groups(found)):
         which = fitted_effects.which_flights(found)
         out.append(Line(f"{'And one' if k else 'One'} of these, {which} cannot tell which:", "bold"))
         out += [Line(f"  {weight:>5}  {clause}") for weight, clause in fitted_effects.alternatives(found, group)]
@@ -41,11 +41,16 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     """Sentences before and after those on what cannot be told apart."""
     names, by = posterior.members_in_words(found)
     before, after = [f"{by('Explained')} {names}."], []
+    grouped = {name for group in fitted_effects.likely_groups(found) for name in group[0].split(" + ")}
+    beside = [m for m in found.members if m.name not in grouped]
     match found.verdict:
         case Verdict.NOTHING:
             before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
         case Verdict.UNKNOWN if any(m.share > 0.0 for m in found.members):
-            before = [f"{by('Partly explained')} {names}; more is missing than the catalogue can explain."]
+            if beside:
+                names, by = posterior.members_in_words(found, beside)
+            said = f"{by('Partly explained')} {names}" if beside else "Part of it has more than one explanation"
+            before = [f"{said}; more is missing than the catalogue can explain."]
             after = [posterior.residual_causes(found)]
         case Verdict.UNKNOWN if short(found):
             before = ["Too short to tell what is missing.", posterior.nearest(found, at_all=True)]
@@ -54,8 +59,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
             after = [posterior.residual_causes(found)]
         case Verdict.GROUP:
             before = []
-            grouped = {name for group in found.groups for name in group[0].split(" + ")}
-            if beside := [m for m in found.members if m.name not in grouped]:
+            if beside:
                 listed, by = posterior.members_in_words(found, beside)
                 after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}."]
     after += [posterior.large_residual(found), posterior.largest_residual(found)]

@@ -46,7 +46,7 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     shown = {name: own for name, own in by_effect.items() if any(one.shown for one in own)}
     hidden = {name: own for name, own in by_effect.items() if name not in shown}
     would = [_shown_in_words(name, own, vehicle) for name, own in shown.items()]
-    unchecked = "" if found.recoveries else ", by the geometry and not checked by injection"
+    begins = "Would surely" if found.recoveries else "By the geometry, not checked by injection, would"
     lacking = [u.effect for u in found.untried if u.lack is Lack.EXCITATION and u.effect == family(u.effect)]
     lacking = [name for name in lacking if find(name).stands_in_for not in (*by_effect, *lacking)]
     could_not = [f"{_injected(one, vehicle)} (injected as a test, and missed)" for one in missed.values()]
@@ -60,7 +60,7 @@ def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_
     advice = [f"{words[0].lower()}{words[1:]}" for words in settings]
     advice += [f"for {name} fly {find(name).excited_by}" for name in lacking[:most_flown]]
     return (
-        f"Would surely have been shown{unchecked}: {listed(would, most_shown, last=', and ')}." if would else "",
+        f"{begins} have been shown: {listed(would, most_shown, last=', and ')}." if would else "",
         f"Could not have been shown: {listed(could_not, most_hidden, last=', and ')}." if could_not else "",
         f"Could not have been told apart: {listed(unlike, most_hidden, last=', and ')}." if unlike else "",
         f"To show more: {'; '.join(advice)}." if advice else "",

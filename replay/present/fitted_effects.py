@@ -77,6 +77,16 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 
 
+def likely_groups(found: Explanation, none: float = 0.5) -> list[tuple[str, ...]]:
+    """Groups of what cannot be told apart, without those that are likelier not there; one, if that leaves none."""
+
+    def weight(group: Sequence[str]) -> float:
+        members = [set(name.split(" + ")) for name in group]
+        return sum(s.weight for s in found.posterior.sets if any(one <= set(s.names) for one in members))
+
+    return [group for group in found.groups if weight(group) > 1.0 - none] or [*found.groups[:1]]
+
+
 def alternatives(found: Explanation, group: Sequence[str], most: int = 3) -> list[tuple[str, str]]:
     """What cannot be told apart, as weights and clauses in a pilot's words with their sizes; of many the likeliest."""
     vehicle, place = found.model.vehicle, tuple(group[0].split(" + "))

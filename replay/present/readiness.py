@@ -84,7 +84,11 @@ def summary(found: Readiness) -> list[str]:
             f"of the uncertainty of what {weakest.part} needs. {TRY.get(one.effect, 'Check it on the bench first.')}"
         )
     if found.wind and not found.feels_wind:
-        out.append("The model has no drag and feels no wind. Fit body_drag or rotor_drag to a flight that moves.")
+        out.insert(
+            1,
+            f"The wind of {number(found.wind, 2)} m/s is not in these numbers, as the model has no drag: fit body_drag "
+            "or rotor_drag to a flight that moves.",
+        )
     if found.voltage is not None and not found.feels_voltage:
         out.append("The thrust of the model does not depend on the battery's voltage: --voltage changes nothing.")
     return out if found.loops else [*out, NOT_SAID]
@@ -133,7 +137,7 @@ def _of(value: float, of: Any) -> str:
 def _conditions(found: Readiness) -> str:
     parts = [
         (found.payload, f"{number(found.payload, 2)} kg more"),
-        (found.wind, f"wind of {number(found.wind, 2)} m/s"),
+        (found.wind * found.feels_wind, f"wind of {number(found.wind, 2)} m/s"),
     ]
     parts.append((found.voltage or 0.0, f"{number(found.voltage)} V"))
     said = [text for value, text in parts if value]

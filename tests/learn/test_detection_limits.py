@@ -207,7 +207,7 @@ def test_injections_are_drawn_from_what_would_be_shown(hexarotor):
 
 def test_the_lines_say_what_would_have_been_shown_and_what_not(searched):
     said = detection.sentences(searched)
-    assert said[0].startswith("Would surely have been shown, by the geometry and not checked by injection: ")
+    assert said[0].startswith("By the geometry, not checked by injection, would have been shown: ")
     assert "rotor_thrust from" in said[0]
     found = detection.to_json(searched)
     assert len(found["limits"]) == len(searched.limits)

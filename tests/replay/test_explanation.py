@@ -177,6 +177,22 @@ def test_what_takes_nothing_off_the_error_is_not_firm(named):
     assert words[0] == "Something is missing, but no effect of the catalogue explains it."
 
 
+def test_groups_that_are_likelier_not_there_are_left_to_the_details():
+    sets = (Mock(weight=0.7, names=("a",)), Mock(weight=0.3, names=("b", "c")))
+    found = Mock(groups=(("a", "b"), ("c", "d + e")), posterior=Mock(sets=sets))
+    assert fitted_effects.likely_groups(found) == [("a", "b")]
+    found.groups = (("c", "d + e"),)
+    assert fitted_effects.likely_groups(found) == [("c", "d + e")]
+
+
+def test_of_what_is_partly_explained_a_group_has_one_confidence(grouped):
+    """That of its line, not another in the sentence before."""
+    partly = replace(grouped, verdict=Verdict.UNKNOWN)
+    lines = answer_lines(partly)
+    assert lines[0].text.startswith("Part of it has more than one explanation; more is missing than the catalogue")
+    assert "confidence" not in lines[0].text
+
+
 def test_of_an_effect_that_the_model_had_the_change_is_told(named):
     """The centre of mass is at (-4, 7, -5) mm; the model had it at y = 10 mm, 3 mm further to the left."""
     had = replace(named, given={"com_offset": np.array([-0.004, 0.010, -0.005])})

@@ -303,7 +303,11 @@ def test_the_voltage_of_a_cell_is_none_of_the_battery(still):
 
 
 def test_wind_without_drag_and_a_voltage_that_no_log_has_are_said(still):
-    assert "has no drag and feels no wind" in " ".join(str(wg.ready(still, MODEL, "hover", wind=5.0)).split())
+    windy = wg.ready(still, MODEL, "hover", wind=5.0)
+    first, second, *_ = to_json(windy)["summary"]
+    assert "wind" not in first
+    assert second.startswith("The wind of 5.0 m/s is not in these numbers, as the model has no drag: fit ")
+    assert windy.decision is not Decision.GO
     sag = make_effect(MODEL.vehicle, "battery_sag", {"per_volt": 0.05})
     with pytest.raises(UsageError, match="no log has it; give one with --voltage"):
         wg.ready(still, MODEL.with_effects([sag]), "hover")
