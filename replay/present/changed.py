@@ -157,8 +157,8 @@ def _verdict(found: Changed) -> str:
         return _unknown(found)
     if len(found.names) > AT_ONCE:
         return (
-            f"Something changed; what does best, {' + '.join(found.names)}, is more at once than is likely, and not "
-            "established. No single effect is firm."
+            f"Something changed, and no likely cause fits: it would take {' + '.join(found.names)} at once. No single "
+            "effect is firm."
         )
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]

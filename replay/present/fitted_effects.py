@@ -73,7 +73,7 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     if not found:
         return ""
     one = found[0]
-    clause = _clause(one)
+    clause = _clause(one) + ", or propellers are weak there" * (one.subject == "the centre of mass")
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 
 

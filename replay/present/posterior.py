@@ -81,26 +81,14 @@ def nothing_missing(found: Explanation) -> str:
     stays above all that noise, commands and their answers may have made.
     """  # noqa: D205
     if is_nothing_missing(found):
-        return f"Nothing is missing that these logs can show{_granted(found)}."
+        return f"Nothing is missing that these logs can show{what_to_inspect.granted(found, ', but ')}."
     none, likeliest = _likeliest(found)
     if likeliest is None:
-        return "Nothing is established."
+        return f"Nothing is established{what_to_inspect.granted(found, '; ')}."
     small = "" if found.open.any() else f"nothing is missing ({share(none)} of the weight), or something small, "
     likely = f"most likely {' + '.join(likeliest.names)} ({share(likeliest.weight)})"
-    return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell."
-
-
-def _granted(found: Explanation) -> str:
-    """What the flights share on average that the model's scatter between flights allows, the most unusual first."""
-    if not found.granted:
-        return ""
-    one, vehicle = found.granted[0], found.model.vehicle
-    causes = what_to_inspect.causes_of_constant({AXES[g.axis]: g.mean for g in found.granted}, vehicle)
-    would = f"; it would be {'; '.join(causes)}" if causes else ""
-    return (
-        f", but for a constant that they share: {quantity(one.mean, unit_of(one.axis))} on {AXES[one.axis]}, "
-        f"{one.ratio:.2g} times what this vehicle's flights differ by ([between_flights] of the model){would}"
-    )
+    shared = what_to_inspect.granted(found, "; ")
+    return f"Nothing is established: {small}{likely}; fly longer, or with excitation, to tell{shared}."
 
 
 def is_nothing_missing(found: Explanation) -> bool:

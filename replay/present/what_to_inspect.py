@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.autopilot import Autopilot
-from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.priors import ROTOR_THRUST
 from wrenchgap.learn.changed.sizes import Size
@@ -17,7 +18,7 @@ from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, size_in_words
+from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, size_in_words, unit_of
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,8 @@ def sentences(found: Changed) -> list[str]:
         likely = likeliest(found)
         places = [] if likely is None else [a.largest.where for a in found.alone if a.effect in likely.names]
         return [PERHAPS.format(places[0]) if places and places[0] else NOTHING]
+    if found.verdict is Verdict.CHANGED and len(found.names) > AT_ONCE:
+        return [NO_NAME]
     out = []
     if found.verdict is Verdict.UNKNOWN:
         unlike = bool(found.louder and unlike_rates(found))
@@ -132,6 +135,18 @@ def of_explanation(found: Explanation) -> list[str]:
         causes = causes_of_constant(by, vehicle, trim(logs))
         out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
     return out
+
+
+def granted(found: Explanation, begins: str) -> str:
+    """What the flights share on average that the model's scatter between flights allows, the most unusual first."""
+    if not found.granted:
+        return ""
+    one = found.granted[0]
+    causes = causes_of_constant({AXES[g.axis]: g.mean for g in found.granted}, found.model.vehicle)
+    return (
+        f"{begins}on {AXES[one.axis]} these flights are off by {size_in_words(one.mean, unit_of(one.axis))} on "
+        f"average, {one.ratio:.2g} times what flights of this vehicle differ by{': ' * bool(causes)}{'; '.join(causes)}"
+    )
 
 
 TRIMS = {
@@ -273,6 +288,6 @@ def beyond_these(found: Changed, chance: float = 0.01) -> str:
     k = int(np.argmax(np.where(clear, apart / found.scatter, 0.0)))
     these, usual = apart[k] / own[k], apart[k] / found.scatter[k]
     return (
-        f" On {AXIS_HEADS[k]} they are {these:.2g} times what these {len(healthy)} healthy flights differ by, and "
-        f"{usual:.2g} times what flights usually do: more healthy flights would tell."
+        f" Their mean {AXIS_HEADS[k]} differs by {these:.2g} times what these {len(healthy)} healthy flights differ by "
+        f"among themselves, and {usual:.2g} times what is usual: more healthy flights would tell."
     )

@@ -82,7 +82,7 @@ def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monke
     assert again.names == moved.names
     assert again.firm == ()
     words = presented.summary(again)
-    assert words.startswith("Something changed; what does best, com_offset,")
+    assert words.startswith("Something changed, and no likely cause fits: it would take com_offset at once.")
     assert "No single effect is firm" in words
     assert "confidence" not in words
 

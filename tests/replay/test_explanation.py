@@ -222,10 +222,13 @@ def test_that_nothing_is_missing_leaves_no_shared_constant_out(nothing):
     assert answer(nothing)[0] == "Nothing is missing that these logs can show."
     shared = replace(nothing, granted=(GrantedTrim(4, 1e-3 * weight, 2.1),))
     assert answer(shared)[0].startswith(
-        "Nothing is missing that these logs can show, but for a constant that they share: "
+        "Nothing is missing that these logs can show, but on torque_y these flights are off by "
     )
-    assert "on torque_y, 2.1 times what this vehicle's flights differ by" in answer(shared)[0]
-    assert "it would be a centre of mass 1.0 mm towards the front" in answer(shared)[0]
+    assert (
+        "on average, 2.1 times what flights of this vehicle differ by: a centre of mass 1.0 mm towards the front"
+        in answer(shared)[0]
+    )
+    assert "; on torque_y these" in what_to_inspect.granted(shared, "; ")
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):
