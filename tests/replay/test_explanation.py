@@ -155,6 +155,12 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     assert "M3 20 % weaker (rotor_thrust M3 -0.200)" in fitted_effects.already_in(model)
     assert fitted_effects.largest_of(model, ["rotor_thrust", "com_offset"]).startswith("Largest: M3 is 20 % weaker (")
     assert fitted_effects.largest_of(model, ["com_offset"]).startswith("The centre of mass is 1.0 mm towards the front")
+    quad = wg.load_model("crazyflie")
+    behind = make_effect(quad.vehicle, "com_offset", (-0.002, 0.0, 0.0))
+    said = fitted_effects.largest_of(quad.with_effects([behind]), ["com_offset"])
+    assert said.startswith(
+        "The centre of mass is 2.0 mm towards the back (M2 and M3), or propellers are weak there (com"
+    )
     slow = replace(make_effect(MODEL.vehicle, "motor_lag", (0.06,)), std=np.array([0.005]))
     late = fitted_effects.largest_of(MODEL.with_effects([slow]), ["motor_lag"])
     assert late.startswith("The motors are 60 ms slower (")
