@@ -11,9 +11,10 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from benchmarks.attacks import Attack, Outcome
-from wrenchgap import load_model, open_flights, save_log, simulate
+from wrenchgap import changed, load_model, open_flights, ready, save_log, simulate
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.replay.readiness import Decision
 
 AREA = "Sensors that lie"
 MODEL = "tilt_hexarotor"
@@ -67,7 +68,7 @@ def repeated(flight: Flight) -> Flight:
     held = {
         name: np.repeat(getattr(sent, name)[::10], 10, axis=0)[: len(sent.time)] for name in ("tilt", "rotor_speed")
     }
-    return replace(flight, actuators=replace(sent, **held), commanded=None)
+    return replace(flight, actuators=replace(sent, **held), commanded=None, desired=None)
 
 
 def fast_rotor(flight: Flight) -> Flight:
@@ -170,6 +171,55 @@ def jumping(flight: Flight) -> Flight:
     return replace(flight, imu=replace(imu, time=time))
 
 
+def throttle(folder: Path) -> Outcome:
+    """The mean command of a quadrotor that turns, in every rotor's column."""
+    model = load_model("crazyflie")
+    flight = simulate(model, "multi_axis", duration=SECONDS, seed=5, excitation=1.0)
+
+    def change(speed: np.ndarray) -> None:
+        speed[:] = speed.mean(axis=1, keepdims=True)
+
+    log = save_log(_rotors(replace(flight, commanded=None, desired=None), change), folder / "log.mcap")
+    try:
+        open_flights(log, model)
+    except LogError as error:
+        return Outcome(": rotors: all 4 rotors have one command" in str(error), f"refused: {str(error)[:160]}")
+    return Outcome(False, "was opened")
+
+
+def squared(folder: Path) -> Outcome:
+    """Rotor speeds of the suspect flight as their squares, about the same hover; no commanded wrench."""
+    model = load_model("crazyflie")
+    flights = [
+        replace(
+            simulate(model, "multi_axis", duration=SECONDS, seed=seed, excitation=1.0), commanded=None, desired=None
+        )
+        for seed in (5, 6, 7)
+    ]
+
+    def change(speed: np.ndarray) -> None:
+        speed[:] = speed**2 / np.median(speed)
+
+    flights[-1] = _rotors(flights[-1], change)
+    logs = [save_log(flight, folder / f"log{k}.mcap") for k, flight in enumerate(flights)]
+    try:
+        changed(open_flights(logs[2], model), open_flights(logs[:2], model), model, names=["com_offset"], jobs=1)
+    except LogError as error:
+        return Outcome("expected motor commands in one form" in str(error), f"refused: {str(error)[:200]}")
+    return Outcome(False, "was compared")
+
+
+def later(folder: Path) -> Outcome:
+    """A flight that answers 90 ms later than the model says, given to `ready` for the next one."""
+    model = load_model(MODEL)
+    flight = simulate(model, "multi_axis", duration=24.0, seed=8, hide=["command_delay=delay:0.09"], excitation=1.0)
+    found = ready(open_flights(save_log(flight, folder / "log.mcap"), model), model, "multi_axis")
+    seen = [one.change for one in found.contradicted if one.effect == "command_delay"]
+    return Outcome(
+        found.decision is not Decision.GO and bool(seen), f"{found.decision}: {1e3 * sum(seen):.0f} ms later"
+    )
+
+
 def copied(folder: Path) -> Outcome:
     """A cut of the training flight, stamped an hour later and in single precision, as the flight to test on."""
     flight = flown()
@@ -247,6 +297,21 @@ ATTACKS = (
         "an accelerometer that repeats each value twenty times",
         "refused: rate, with the rate at which it reads",
         lambda folder: said(held, "rate", folder),
+    ),
+    Attack(
+        "one throttle logged as the command of all rotors of a quadrotor that turns",
+        "refused: rotors",
+        throttle,
+    ),
+    Attack(
+        "a suspect flight of `changed` whose rotor speeds were logged as their squares",
+        "refused, with by how much its thrust varies more",
+        squared,
+    ),
+    Attack(
+        "a flight that answers 90 ms later than the model that `ready` is asked with",
+        "no plain go, and said",
+        later,
     ),
     Attack(
         "an accelerometer that is 40 ms late",

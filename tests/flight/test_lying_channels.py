@@ -128,7 +128,7 @@ def test_one_command_for_all_rotors_of_a_vehicle_that_turns_is_a_throttle():
     assert "rotors" not in said(still)
     turning = replace(still, imu=replace(still.imu, omega_B=20.0 * still.imu.omega_B))
     assert said(turning)["rotors"].words.startswith("all 4 rotors have one command in all 2400 samples")
-    tilting = replace(turning, actuators=replace(turning.actuators, tilt=np.zeros((2400, 4))))
+    tilting = replace(turning, actuators=replace(turning.actuators, tilt=0.1 * np.sin(TIME)[:, None] * np.ones(4)))
     assert "rotors" not in said(tilting)
 
 
