@@ -156,7 +156,7 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     assert fitted_effects.largest_of(model, ["rotor_thrust", "com_offset"]).startswith("Largest: M3 is 20 % weaker (")
     assert fitted_effects.largest_of(model, ["com_offset"]).startswith("The centre of mass is 1.0 mm towards the front")
     quad = wg.load_model("crazyflie")
-    behind = make_effect(quad.vehicle, "com_offset", (-0.002, 0.0, 0.0))
+    behind = replace(make_effect(quad.vehicle, "com_offset", (-0.002, 0.0, 0.0)), std=np.full(3, 1e-4))
     said = fitted_effects.largest_of(quad.with_effects([behind]), ["com_offset"])
     assert said.startswith(
         "The centre of mass is 2.0 mm towards the back (M2 and M3), or propellers are weak there (com"
