@@ -2,7 +2,8 @@
 
 Tried is what a model file usually has slightly wrong of a vehicle that is in order (`TRIMMED`): thrust, its curve over
 the command, the torque ratio, centre of mass, tilt and place of the IMU, lags and delays; moments of inertia where the
-file says that they are not sure. Of those the one that helps most on blocks of time which its fit did not see is taken,
+file says that they are not sure; and the drag of the rotors, which a file seldom has and a place of the IMU would take
+the place of. Of those the one that helps most on blocks of time which its fit did not see is taken,
 then the next beside it, until none helps; not what ends at the limit of what is plausible; what another made
 superfluous goes again (stepwise selection with held-out error, Hastie, Tibshirani and Friedman, "The Elements of
 Statistical Learning", 2nd ed., 3.3 and 7.10). With several flights each has to hold besides when whole flights are left
@@ -40,7 +41,7 @@ from wrenchgap.learn.identify.trend import ParameterTrend, trend
 from wrenchgap.plant.model import Model
 
 TRIMMED = (
-    *("thrust_scale", "thrust_curve", "com_offset", "drag_torque", "inertia"),
+    *("thrust_scale", "thrust_curve", "com_offset", "drag_torque", "inertia", "rotor_drag"),
     *("imu_misalignment", "imu_lever_arm", "motor_lag", "servo_lag", "command_delay"),
 )
 """What is tried, in this order."""

@@ -267,3 +267,14 @@ def test_a_model_is_refused_with_which_a_weak_rotor_would_not_be_found(quadrotor
     )
     assert todo.startswith("These flights do not carry")
     assert refused.to_json()["hidden_rotor"]["change"] == refused.hidden.change
+
+
+def test_drag_is_taken_for_drag_and_not_for_a_place_of_the_imu():
+    """A force of -0.2 N s/m times the velocity is so much for each unit of the sum of rotor speeds."""
+    cases = [Case(f"fast{k}", excited=0.4, fast=2.0, seed=k, seconds=20.0, drag=0.2) for k in (1, 2, 3)]
+    flights = wg.open_flights(fly_quadrotors(cases), QUADROTOR)
+    found = wg.calibrate(flights, QUADROTOR)
+    assert {t.effect: t.fate for t in found.tried}["imu_lever_arm"] is not Fate.KEPT
+    (drag,) = [one for one in found.trimmed if one.effect == "rotor_drag"]
+    speeds = float(np.median(flights[0].flight.actuators.rotor_speed.sum(axis=1)))
+    assert drag.value == pytest.approx(0.2 / speeds, rel=0.15)
