@@ -161,6 +161,8 @@ def test_what_a_calibration_took_in_is_said_and_not_lost(named):
     assert said.startswith(
         "The centre of mass is 2.0 mm towards the back (M2 and M3), or propellers are weak there (com"
     )
+    higher = replace(behind, theta=np.array([0.0, 0.0, 0.003]))
+    assert "propellers" not in fitted_effects.largest_of(quad.with_effects([higher]), ["com_offset"])
     slow = replace(make_effect(MODEL.vehicle, "motor_lag", (0.06,)), std=np.array([0.005]))
     late = fitted_effects.largest_of(MODEL.with_effects([slow]), ["motor_lag"])
     assert late.startswith("The motors are 60 ms slower (")
