@@ -1,5 +1,6 @@
 """What a search over sets of effects found, in sentences: classes, what settles them, the nearest, the residual."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -17,7 +18,7 @@ from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.effects import family
+from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import what_to_inspect, where
 from wrenchgap.replay.present.numbers import LIGHT, certainty, quantity, share, unit_of, user_name, with_std
@@ -34,6 +35,17 @@ def settle_lines(checks: Sequence[Check]) -> list[Line]:
         return []
     head = Line("What would settle it, cheapest first:", "bold")
     return [head, *(Line(f"  {k}. {KINDS[check.kind]}: {check.what}") for k, check in enumerate(checks, 1))]
+
+
+def checks_of(found: Explanation) -> list[Check]:
+    """Those that ask about an effect which the answer has named, or about none by name."""
+    told = {m.name for m in found.members}
+    told |= {name for m in found.members for r in m.alike if r.weight >= LIGHT for name in r.names}
+    asked = [
+        (check, {word for said in re.findall(r"\bif ([^;.]*)", check.what) for word in said.split()} & set(catalogue()))
+        for check in found.posterior.settle
+    ]
+    return [check for check, names in asked if not names or names & told]
 
 
 def cheapest_check(checks: Sequence[Check], longest: int = 160) -> list[str]:

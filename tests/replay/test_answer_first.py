@@ -93,7 +93,7 @@ def test_of_what_would_settle_it_the_cheapest_is_in_the_answer(results):
     said = [part.text for part in present.parts(open_one, details=False) if isinstance(part, Line)]
     assert "To settle what is open, on the bench: weigh it." in said
     assert not any("fly it." in text for text in said)
-    long = replace(checks[0], what=f"Weigh it: {'1.09 kg if mass; ' * 12}1.08 kg if not.")
+    long = replace(checks[0], what=f"Weigh it: {'1.09 kg if com_offset; ' * 12}1.08 kg if not.")
     many = replace(found, posterior=replace(found.posterior, settle=(long,)))
     (settle,) = (part.text for part in present.parts(many, details=False) if "To settle" in getattr(part, "text", ""))
     assert settle == "To settle what is open, on the bench: Weigh it (what each explanation predicts: --details)."

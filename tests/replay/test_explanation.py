@@ -25,7 +25,7 @@ from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
-from wrenchgap.replay.present import fitted_effects, what_to_inspect
+from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
 from wrenchgap.replay.present.answer import answer, answer_lines, short, summary
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import brief, members, to_json, what_next
@@ -390,6 +390,16 @@ def test_what_would_settle_it_reads_what_the_answer_says(grouped):
     best = grouped.posterior.best
     ((name, values),) = best.values(MODEL.vehicle).items()
     assert values == pytest.approx({v.name: v.value for v in grouped.fit.values(name)})
+
+
+def test_no_check_is_offered_of_what_the_answer_does_not_name(grouped):
+    """A place of the IMU that no line gives is not what is open."""
+    place, weigh = (
+        Mock(kind="bench", what=what)
+        for what in ("Measure the IMU: -12 mm if imu_lever_arm; 0 if not.", "Weigh it: 1.1 kg if mass or thrust_scale.")
+    )
+    asked = replace(grouped, posterior=replace(grouped.posterior, settle=(place, weigh)))
+    assert posterior.checks_of(asked) == [weigh]
 
 
 def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
