@@ -121,7 +121,7 @@ def of_explanation(found: Explanation) -> list[str]:
             one = max(sizes, key=lambda n: sizes[n])
             out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
         elif name in LOADS:
-            is_so = "has moved since the model was fitted," if had else "is off"
+            is_so = "has moved since the model was fitted" if had else "is off"
             out.append(f"{_of_whole(name, values, vehicle, is_so)}.")
     constant = next((m for m in found.members if m.name == "constant_wrench"), None)
     if constant is not None:
@@ -235,9 +235,10 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
 def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) -> str:
     """Of an effect of no single rotor or arm, with its values by parameter; empty where there is nothing to do."""
     if name in ("com_offset", "payload"):
-        side = towards(vehicle, by.get("x", 0.0), by.get("y", 0.0))
+        x, y = by.get("x", 0.0), by.get("y", 0.0)
+        side, far = towards(vehicle, x, y), size_in_words(float(np.hypot(x, y)), "m")
         mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
-        return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} towards the {side}"
+        return f"Inspect the battery and what is mounted{mass}: the centre of mass {is_so} by {far} towards the {side}"
     words = ACTIONS.get(family(name), "")
     return f"{words[0].upper()}{words[1:]} ({name})" if words else ""
 

@@ -209,7 +209,7 @@ def test_of_an_effect_that_the_model_had_the_change_is_told(named):
         r"Explained by com_offset \(y 0\.007\d* \+- [\d.e-]+ m; the model has 0\.0100 m\), confidence", first
     )
     (inspect,) = what_to_inspect.of_explanation(had)
-    assert "the centre of mass has moved since the model was fitted, towards the right (" in inspect
+    assert "the centre of mass has moved since the model was fitted by 3.0 mm towards the right (" in inspect
     assert had.changes("com_offset")["y"] == pytest.approx(-0.003, abs=2e-4)
     assert "model has" not in answer(named)[0]
 
