@@ -208,7 +208,10 @@ def copied(flight: Flight, turns: float = 0.1) -> Iterator[Check]:
             alike.setdefault(column.tobytes(), []).append(k)
     if len(speeds.T) > 2 and max(map(len, alike.values()), default=0) == len(speeds.T) and flight.imu is not None:
         assert flight.actuators is not None
-        if not varying(flight.actuators.tilt).any() and np.sqrt(np.mean(np.nanvar(flight.imu.omega_B, axis=0))) > turns:
+        if (
+            not varying(flight.actuators.tilt).any()
+            and np.sqrt(np.var(np.nan_to_num(flight.imu.omega_B), axis=0).mean()) > turns
+        ):
             words = f"all {len(speeds.T)} rotors have one command in all {len(speeds)} samples, and the vehicle turns: "
             words += "that is a throttle, and not what drove each rotor. Log the command of each"
             yield Check("rotors", "bad", words)

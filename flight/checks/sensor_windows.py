@@ -153,7 +153,10 @@ def motors_run(flight: Flight, turning: float = 0.05) -> Span:
         time, level = flight.commanded.time, lengths(flight.commanded.wrench_B[:, :3])
     else:
         return -np.inf, np.inf
-    least, most = np.nanmin(level), np.nanpercentile(level, 99.0)
+    known = level[np.isfinite(level)]
+    if not known.size:
+        return -np.inf, np.inf
+    least, most = known.min(), np.percentile(known, 99.0)
     runs = np.flatnonzero(level > least + turning * (most - least))
     return (float(time[runs[0]]), float(time[runs[-1]])) if runs.size else (-np.inf, np.inf)
 

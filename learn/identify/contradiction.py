@@ -7,6 +7,7 @@ would make. A change counts where it is clear and large enough to matter.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.candidates import inapplicable
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight
@@ -48,7 +49,10 @@ def as_flown(
     names = [name for name in (DELAY, ALL, ROTORS) if not inapplicable(name, model, records)]
     if not names or any(inapplicable(e.name, model, records) for e in model.effects):  # what it has is not to be tested
         return model, ()
-    found = fit(dataset(records, model, answering_axes([timing_of(f, model) for f in flights])), model, names)
+    try:
+        found = fit(dataset(records, model, answering_axes([timing_of(f, model) for f in flights])), model, names)
+    except FitError:  # too short, or too calm, to contradict anything
+        return model, ()
     wrong, least = [], {DELAY: late, ROTORS: weak}
     for (effect, parameter), value, std in zip(found.parameters, found.theta, found.std, strict=True):
         at = [p.name for p in find(effect).parameters(model.vehicle)].index(parameter.name)

@@ -211,7 +211,7 @@ def trend(
     if parts and names:
         raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
     for k, one in enumerate(flights[1:], 1):
-        refuse_other_vehicle(one, flights[:k], "those before it", model)
+        refuse_other_vehicle(one, flights[: min(k, 5)], "the first of them", model)
     flights = _by_date(flights) if parts else flights
     report = progress or silent
     choices = [_effects(flights, model, names, parts=parts)]

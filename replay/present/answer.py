@@ -41,7 +41,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     """Sentences before and after those on what cannot be told apart."""
     names, by = posterior.members_in_words(found)
     before, after = [f"{by('Explained')} {names}."], []
-    grouped = {name for group in fitted_effects.likely_groups(found) for name in group[0].split(" + ")}
+    grouped = {name for group in found.groups for name in group[0].split(" + ")}
     beside = [m for m in found.members if m.name not in grouped]
     match found.verdict:
         case Verdict.NOTHING:

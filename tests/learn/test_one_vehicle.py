@@ -37,7 +37,9 @@ def test_commands_of_another_power_are_refused(healthy, power):
     said = f"varies {power:.1g}[0-9.]* times as much next to the measured one as that of the healthy flights"
     with pytest.raises(LogError, match=said):
         wg.changed([lied], healthy, MODEL, names=("com_offset",), jobs=1)
-    with pytest.raises(LogError, match=f"^{re.escape(lied.flight.path.name)}: its commanded thrust .* those before it"):
+    with pytest.raises(
+        LogError, match=f"^{re.escape(lied.flight.path.name)}: its commanded thrust .* the first of them"
+    ):
         wg.trend([*healthy, lied], MODEL)
     assert thrust_gain(lied) / thrust_gain(healthy[0]) == pytest.approx(
         power, rel=0.25
