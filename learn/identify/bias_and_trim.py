@@ -164,7 +164,7 @@ def flights_apart(
 @dataclass(frozen=True)
 class GrantedTrim:
     """What is left on average of all flights, `mean` [N or Nm] on one `axis`, that is taken for their trim; `ratio` to
-    one standard deviation of what the model says that flights differ by.
+    one standard deviation of what the model says that flights differ by, or its thrust axes make.
     """  # noqa: D205
 
     axis: int
@@ -175,15 +175,16 @@ class GrantedTrim:
 def granted_trims(
     data: Dataset, left: Array, model: Model, different: float = 5.0, unusual: float = 2.0
 ) -> tuple[GrantedTrim, ...]:
-    """What flights share of what a model with a scatter between flights leaves (K, 6), the most unusual first.
+    """What flights share of what a model leaves (K, 6) that its scatter between flights, or thrust axes that it is not
+    sure of, would make, the most unusual first.
 
     A mean that is `different` times its noise, and beyond what one flight in twenty differs by: `unusual` standard
     deviations of the mean of so many. Every fit grants it, so no effect has to explain it; it is there nevertheless.
-    """
-    if model.between_flights is None:
-        return ()
+    """  # noqa: D205
     trim, usual = trim_of(model), np.full(6, np.inf)
     usual[trim.axes] = trim.scale * trim.unit
+    if model.between_flights is None:  # an accelerometer's bias is the sensor's, and no trim
+        usual[:3] = np.inf
     means, noise = means_of_flights(data, left)
     mean, root = means.mean(axis=0), np.sqrt(len(means))
     clear = data.measured_axes & (np.abs(mean) * root > np.maximum(different * np.sqrt(noise), unusual * usual))

@@ -1,9 +1,10 @@
 """The answer of `explain`: what is missing, how sure that is, what cannot be told apart, and what is left."""
 
 from wrenchgap.learn import Explanation, Verdict
-from wrenchgap.replay.present import fitted_effects, posterior
+from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
 from wrenchgap.replay.present.addition import granted_thrust
 from wrenchgap.replay.present.notes import too_short
+from wrenchgap.replay.present.numbers import capitalised
 from wrenchgap.replay.present.tables import Line
 
 
@@ -62,6 +63,8 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
             if beside:
                 listed, by = posterior.members_in_words(found, beside)
                 after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}."]
+    if found.verdict is not Verdict.NOTHING and (shared := what_to_inspect.granted(found, "")):
+        after.append(f"{capitalised(shared)}.")
     after += [posterior.large_residual(found), posterior.largest_residual(found)]
     return [text for text in before if text], [text for text in after if text]
 

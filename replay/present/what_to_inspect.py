@@ -143,9 +143,12 @@ def granted(found: Explanation, begins: str) -> str:
         return ""
     one = found.granted[0]
     causes = causes_of_constant({AXES[g.axis]: g.mean for g in found.granted}, found.model.vehicle)
+    usual = (
+        "flights of this vehicle differ by" if found.model.between_flights else "thrust axes as unsure as these make"
+    )
     return (
         f"{begins}on {AXES[one.axis]} these flights are off by {size_in_words(one.mean, unit_of(one.axis))} on "
-        f"average, {one.ratio:.2g} times what flights of this vehicle differ by{': ' * bool(causes)}{'; '.join(causes)}"
+        f"average, {one.ratio:.2g} times what {usual}{': ' * bool(causes)}{'; '.join(causes)}"
     )
 
 

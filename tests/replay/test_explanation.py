@@ -228,7 +228,8 @@ def test_that_nothing_is_missing_leaves_no_shared_constant_out(nothing):
     """A torque about y is the weight times a centre of mass to the front; a model that grants it does not hide it."""
     weight = MODEL.vehicle.body.mass * 9.80665
     assert answer(nothing)[0] == "Nothing is missing that these logs can show."
-    shared = replace(nothing, granted=(GrantedTrim(4, 1e-3 * weight, 2.1),))
+    known = replace(nothing.model, between_flights=(0.1,) * 6)
+    shared = replace(nothing, granted=(GrantedTrim(4, 1e-3 * weight, 2.1),), model=known)
     assert answer(shared)[0].startswith(
         "Nothing is missing that these logs can show, but on torque_y these flights are off by "
     )
@@ -237,6 +238,10 @@ def test_that_nothing_is_missing_leaves_no_shared_constant_out(nothing):
         in answer(shared)[0]
     )
     assert "; on torque_y these" in what_to_inspect.granted(shared, "; ")
+    yaw = what_to_inspect.granted(replace(nothing, granted=(GrantedTrim(5, 0.6, 2.4),)), "; ")
+    named_too = replace(nothing, granted=(GrantedTrim(5, 0.6, 2.4),), verdict=Verdict.UNKNOWN)
+    assert "On torque_z these flights are off by 0.60 Nm on average" in " ".join(answer(named_too))
+    assert "2.4 times what thrust axes as unsure as these make: a yaw bias of 0.60 Nm" in yaw
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named):
