@@ -77,6 +77,10 @@ def summary(found: Trend) -> list[str]:
     first = [] if found.changed else [f"No step and no drift over these {count} flights."]
     said, looks = [sentence(p, found) for p in (*found.changed, *found.scattered)], places(found)
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
+    rotors = [p for p in (*found.changed, *found.scattered) if p.effect == "rotor_thrust"]
+    if 2 * len(rotors) > sum(p.effect == "rotor_thrust" for p in found.parameters) > 3:
+        one = f"{len(rotors)} rotors changed: likelier by one cause than each; `wrenchgap changed` looks for it."
+        inspect = [f"{one} Look at: {looks[0]} first."]
     if (moved := found.moved_centre) is not None:
         said.insert(0, _moved(moved, found))
         inspect = [f"Look at: the battery and what is mounted; then {', '.join(looks)}."]

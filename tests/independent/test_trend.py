@@ -91,6 +91,21 @@ def test_rotors_that_change_together_are_a_moved_centre_of_mass():
     assert wg.trend(wg.open_flights(fly_quadrotors([*before, *weak]), QUADROTOR), QUADROTOR).moved_centre is None
 
 
+def test_of_most_rotors_one_cause_is_likelier_than_as_many():
+    """A rotor that lost a tenth, and a battery elsewhere: the balance moves the thrusts of all."""
+    before = [Case(f"b{k}", excited=0.1, seed=k, seconds=12.0) for k in range(3)]
+    both = [
+        Case(
+            f"m{k}", excited=0.1, seed=k, seconds=12.0, com=(-0.006, 0.0, 0.0), torque=1.1, blades=(0.88, 1.0, 1.0, 1.0)
+        )
+        for k in (3, 4, 5)
+    ]
+    found = wg.trend(wg.open_flights(fly_quadrotors([*before, *both]), QUADROTOR), QUADROTOR)
+    assert found.moved_centre is None
+    last = summary(found)[-1]
+    assert re.match(r"[34] rotors changed: likelier by one cause than each; .* Look at: M1 first\.", last)
+
+
 def test_thrusts_that_are_a_plane_over_the_rotors_are_a_centre_of_mass():
     """By hand: on a square of side 2 a, rotors at +x that push 1 + d and at -x that push 1 - d are a centre at -d a."""
     arms, rotors = QUADROTOR.vehicle.geometry()
