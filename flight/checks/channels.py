@@ -206,17 +206,18 @@ def copied(flight: Flight, turns: float = 0.1) -> Iterator[Check]:
     for k, column in enumerate(speeds.T):
         if np.count_nonzero(np.diff(column)) >= MASKING.frozen_samples:
             alike.setdefault(column.tobytes(), []).append(k)
-    if len(speeds.T) > 2 and max(map(len, alike.values()), default=0) == len(speeds.T) and flight.imu is not None:
-        assert flight.actuators is not None
-        if (
-            not varying(flight.actuators.tilt).any()
-            and np.sqrt(np.var(np.nan_to_num(flight.imu.omega_B), axis=0).mean()) > turns
-        ):
-            words = f"all {len(speeds.T)} rotors have one command in all {len(speeds)} samples, and the vehicle turns: "
-            words += "that is a throttle, and not what drove each rotor. Log the command of each"
+    rotors = len(speeds.T)
+    every = any(len(found) == rotors > 2 for found in alike.values())
+    if every and flight.actuators is not None and flight.imu is not None:
+        rate = float(np.sqrt(np.var(np.nan_to_num(flight.imu.omega_B), axis=0).mean()))
+        if rate > turns and not varying(flight.actuators.tilt).any():
+            words = (
+                f"all {rotors} rotors have one command in all {len(speeds)} samples, and the vehicle turns: that is "
+            )
+            words += "a throttle, and not what drove each rotor. Log the command of each"
             yield Check("rotors", "bad", words)
     sizes = [len(found) for found in alike.values()]
-    usual = int(np.argmax(np.bincount(sizes))) if sizes and turning else len(speeds.T)
+    usual = int(np.argmax(np.bincount(sizes))) if sizes and turning else rotors
     for found in (found for found in alike.values() if len(found) > usual):
         words = f"rotor_speed {', '.join(map(str, found))} are equal in all {len(speeds)} samples, which others are not"
         words += ": is one logged in the place of another, whose command then is not in the log? Log each"

@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Mask
+from wrenchgap.flight.repeats import Repeats
 from wrenchgap.learn.changed.linearised_effects import ABSOLUTE, LinearisedEffect
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
 from wrenchgap.learn.changed.varying import (
@@ -23,7 +24,7 @@ from wrenchgap.learn.changed.varying import (
 )
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import means_by
-from wrenchgap.learn.data.one_vehicle import refuse_other_vehicle, refuse_repeats
+from wrenchgap.learn.data.one_vehicle import refuse_other_vehicle
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.identify.bias_and_trim import means_of_flights, scatter_between, trim_of, typical_trim
 from wrenchgap.learn.posterior.columns import Column
@@ -221,7 +222,9 @@ def comparable_flights(
     for side, word in ((suspects, "suspect"), (healthy, "healthy")):
         if not side:
             raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
-    refuse_repeats((*healthy, *suspects), remedy="name each flight once, as healthy or as suspect")
+    repeats = Repeats()
+    for one in (*healthy, *suspects):
+        repeats.refuse(one.flight, remedy="name each flight once, as healthy or as suspect")
     for one in healthy if len(healthy) > 2 else ():
         refuse_other_vehicle(one, [f for f in healthy if f is not one], "the other healthy flights", model)
     for one in suspects:

@@ -1,13 +1,12 @@
 """Whether flights that are compared are of one vehicle, and their commands logged in one form."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.autopilot import other_vehicle
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.repeats import Repeats
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.model import Model
 
@@ -30,34 +29,26 @@ class SameVehicle:
 SAME = SameVehicle()
 
 
-def refuse_repeats(flights: Iterable[OpenFlight], remedy: str) -> None:
-    """Raise LogError for a flight that is there twice, with what to do."""
-    repeats = Repeats()
-    for one in flights:
-        repeats.refuse(one.flight, remedy=remedy)
-
-
 def refuse_other_vehicle(one: OpenFlight, others: Sequence[OpenFlight], kind: str, model: Model) -> None:
     """Raise LogError for a flight that is of another vehicle than others, which are called `kind` in words, or of which
-    the commands are logged in another form: as thrust and not as speed, say.
+    the commands are logged in another form (as thrust and not as speed, say), unless "vehicles" is accepted of it.
     """  # noqa: D205
+    if "vehicles" in one.accept:
+        return
     how = other_vehicle(one.flight.autopilot, (f.flight.autopilot for f in others))
-    if how and "vehicles" not in one.accept:
+    if how:
         raise LogError(
             f"{one.flight.path.name}: of another vehicle than {kind}: {how}; expected flights of one; where the "
             "autopilot alone was exchanged, say --accept vehicles"
         )
     own, usual = _thrust(one), float(np.median([_thrust(f) for f in others]))
-    ratio = own / max(usual, 1e-9)
-    if not 1.0 / SAME.thrust < ratio < SAME.thrust:
+    if not 1.0 / SAME.thrust < own / max(usual, 1e-9) < SAME.thrust:
         raise LogError(
             f"{one.flight.path.name}: flies at a commanded thrust of {own:.3g} N, {kind} at {usual:.3g} N; expected "
-            f"flights of one vehicle ({model.vehicle.name})"
+            f"flights of one vehicle ({model.vehicle.name}); where it carries so much, say --accept vehicles"
         )
     gain, gains = thrust_gain(one), [g for f in others if (g := thrust_gain(f)) is not None]
-    if gain is None or not gains or "vehicles" in one.accept:
-        return
-    ratio = gain / float(np.median(gains))
+    ratio = 1.0 if gain is None or not gains else gain / float(np.median(gains))
     if not 1.0 / SAME.form < ratio < SAME.form:
         raise LogError(
             f"{one.flight.path.name}: its commanded thrust varies {ratio:.2g} times as much next to the measured one "

@@ -231,7 +231,7 @@ class Explanation(ResidualStructure, Result):
         return reduction(self.rms_before, self.rms_after)
 
     def changes(self, name: str) -> dict[str, float]:
-        """By parameter, what a fitted effect has more than in the model that was given, if that had it."""
+        """By parameter, a fitted value less that of the given model, which is zero where it lacks the effect."""
         values = self.fit.values(name)
         own = self.given.get(name, np.zeros(len(values)))
         return {v.name: float(v.value - before) for v, before in zip(values, own, strict=True)}

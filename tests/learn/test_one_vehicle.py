@@ -9,7 +9,7 @@ import pytest
 import wrenchgap as wg
 from tests.independent.flown_quadrotor import MODEL, Case, fly
 from wrenchgap.flight.errors import LogError
-from wrenchgap.learn.data.one_vehicle import SAME, thrust_gain
+from wrenchgap.learn.data.one_vehicle import SAME, refuse_other_vehicle, thrust_gain
 
 
 def flown(name, seed, **how):
@@ -41,6 +41,7 @@ def test_commands_of_another_power_are_refused(healthy, power):
         LogError, match=f"^{re.escape(lied.flight.path.name)}: its commanded thrust .* the first of them"
     ):
         wg.trend([*healthy, lied], MODEL)
+    refuse_other_vehicle(replace(lied, accept=("vehicles",)), healthy, "the healthy flights", MODEL)
     assert thrust_gain(lied) / thrust_gain(healthy[0]) == pytest.approx(
         power, rel=0.25
     )  # beside, the squares of what varies
