@@ -215,6 +215,12 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     stated = known[time]
     stamps, finite, said = _stamps(frame[time], "" if stated is None else stated.unit, time, reader.account)
     notes.append(said)
+    strange = np.flatnonzero(~finite & frame[time].notna().to_numpy())
+    if len(strange) > 0.1 * len(finite):  # decimal commas in some rows, say: the others are not the flight
+        raise LogError(
+            f"{path}: {len(strange)} of {len(finite)} rows have no time: column {time} of row {strange[0] + 1} "
+            f"is {str(frame[time].iloc[strange[0]])[:40]!r}, 12.34 or a date was expected; mend or delete these rows"
+        )
     if lost := int((~finite).sum()):
         notes.append(f"{lost} row(s) of {path.name} have no time: left out.")
     order = np.flatnonzero(finite)[in_order(stamps[finite], path.name, notes)]

@@ -35,7 +35,9 @@ from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of, following_axes, timing_of, unfollowed_axes
 from wrenchgap.learn.identify.add import Addition, addition
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart, flights_apart
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.stepwise import Stepwise, of_actuators
 from wrenchgap.learn.identify.trend import ParameterTrend, trend
 from wrenchgap.plant.model import Model
@@ -99,7 +101,8 @@ class Calibration(Result):
 
     `before` and `after` (n, 6) [N, Nm] are the rms of each flight on its held-out time, `unseen` the same of flights
     that were never fitted. `added` is None where nothing helped, and where it would leave a weak rotor `hidden`: the
-    model stays as it was. Lags and delays were judged on the axes `following`, by number.
+    model stays as it was. Lags and delays were judged on the axes `following`, by number. `apart` are axes on which the
+    flights do not agree on a constant, whatever was kept.
     """
 
     given: Model
@@ -113,6 +116,7 @@ class Calibration(Result):
     flights: tuple[OpenFlight, ...]
     following: tuple[int, ...] = ()
     hidden: HiddenRotor | None = None
+    apart: tuple[FlightsApart, ...] = ()
 
     @property
     def lags(self) -> tuple[str, ...]:
@@ -155,24 +159,32 @@ def calibrate(
     chosen = search.chosen([name for name in TRIMMED if reasons[name] is None])
     tried = tuple(_tried(name, chosen, search, reasons[name]) for name in TRIMMED)
     names = tuple(f.records[0].flight for f in flights)
-    start = held_out(data, model, (), fit(data, model, ()))
-    if not chosen:
-        rows = _by_flight(data, start)
-        return Calibration(
-            given, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights), following
-        )
-    report(0.9, "flight by flight")
-    fitted = search.fit
-    trimmed = _trimmed(fitted, flights, bare, chosen)
-    stds = np.array([one.std for one in trimmed])
-    words = (
-        f"wrenchgap calibrate: {', '.join(chosen)} together, healthy flights, below {data.records[0].cutoff_hz:g} Hz"
+    before = after = _by_flight(data, held_out(data, model, (), fit(data, model, ())))
+    added: Addition | None = None
+    trimmed: tuple[Trimmed, ...] = ()
+    trimmed_model = model
+    if chosen:
+        report(0.9, "flight by flight")
+        fitted = search.fit
+        trimmed = _trimmed(fitted, flights, bare, chosen)
+        fitted_to = f"{', '.join(chosen)} together, healthy flights, below {data.records[0].cutoff_hz:g} Hz"
+        wider = _with_std(fitted, np.array([one.std for one in trimmed]))
+        added = addition(model, bare, chosen, flights, data, wider, f"wrenchgap calibrate: {fitted_to}")
+        after = _by_flight(data, held_out(data, bare, chosen, fitted))
+        trimmed_model = added.model
+    return Calibration(
+        given,
+        added,
+        tried,
+        trimmed,
+        names,
+        before,
+        after,
+        _unseen(unseen, model, trimmed_model),
+        tuple(flights),
+        following,
+        apart=flights_apart(data, left_by(data, trimmed_model), replace(trimmed_model, between_flights=None)),
     )
-    added = addition(model, bare, chosen, flights, data, _with_std(fitted, stds), words)
-    end = held_out(data, bare, chosen, fitted)
-    before, after = _by_flight(data, start), _by_flight(data, end)
-    tested = _unseen(unseen, model, added.model)
-    return Calibration(given, added, tried, trimmed, names, before, after, tested, tuple(flights), following)
 
 
 def _reason(name: str, model: Model, flights: Sequence[OpenFlight], following: Sequence[int]) -> Untried | None:

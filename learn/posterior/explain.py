@@ -250,9 +250,10 @@ class Explanation(ResidualStructure, Result):
         """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family; none that
         another stands in the place of (`Member.alike`), that is at the limit of what is plausible, that one rotor makes
         which comes and goes, that takes nothing off the error, or whose evidence is all on axes that are open: what is
-        left there may have made it.
+        left there may have made it. None at all where what explains most is at its limit: the others were fitted beside
+        a law that is another one.
         """  # noqa: D205
-        if self.named_there:
+        if self.named_there or not self.fit.stuck.isdisjoint(self.effects[:1]):
             return ()
         shown = ~self.open if self.verdict is Verdict.UNKNOWN else np.ones(6, dtype=bool)
         sure = [m for m in self.members if not m.alike and m.name not in self.fit.stuck and m.share > 0.0]

@@ -7,12 +7,13 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.add import Addition
+from wrenchgap.learn.identify.bias_and_trim import FlightsApart
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, entries, parameter_rows, unit_of, unmeasured, user_name
+from wrenchgap.replay.present.numbers import change, entries, parameter_rows, quantity, unit_of, unmeasured, user_name
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -99,6 +100,19 @@ def granted_thrust(found: Fit, model: Model) -> list[str]:
         "granted, and no effect; `add thrust_scale` takes it into the model."
         for share in found.thrust
     ]
+
+
+def apart(found: Sequence[FlightsApart], most: int = 5) -> list[str]:
+    """That flights do not agree on a constant, in a sentence with the means of `most` of them; none where they do."""
+    said = []
+    for one in found[:1]:
+        means = zip(one.names[:most], one.means, strict=False)
+        listed = ", ".join(f"{quantity(mean, unit_of(one.axis))} in {name}" for name, mean in means)
+        said.append(
+            f"The flights do not agree: on {AXES[one.axis]} what is left on average is {listed}; explain them one by "
+            "one, or use `wrenchgap changed`."
+        )
+    return said
 
 
 def differences(scatter: Array) -> str:

@@ -8,7 +8,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate
 from wrenchgap.replay.present import addition, fitted_effects, numbers
-from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
+from wrenchgap.replay.present.addition import apart, differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights, sentences
 from wrenchgap.replay.present.numbers import entries, label, number, row, unit
@@ -51,7 +51,8 @@ def parts(found: Calibration) -> list[Part]:
 
 def brief(found: Calibration) -> list[Part]:
     """The summary, values at their limits, and the values."""
-    lines = [*(Line(text, "bold") for text in summary(found)), *note_lines(crashed(found), "warning")]
+    lines = [Line(text, "bold") for text in (*summary(found), *apart(found.apart))]
+    lines += note_lines(crashed(found), "warning")
     if found.added is None:
         return [*lines, Line()]
     return [*lines, *note_lines(limits(found.added), "warning"), Line(), values(found)]
@@ -149,7 +150,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
         "held_out": None if added is None else trial_json(added.trial),
         "between_flights": None if added is None else added.between_flights,
         "at_bound": [] if added is None else list(added.fit.at_bound),
-        "notes": [*crashed(found), *([] if added is None else limits(added)), *notes(found)],
+        "notes": [*apart(found.apart), *crashed(found), *([] if added is None else limits(added)), *notes(found)],
     }
 
 

@@ -10,7 +10,7 @@ from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
-from wrenchgap.replay.present.addition import granted_thrust
+from wrenchgap.replay.present.addition import apart, granted_thrust
 from wrenchgap.replay.present.answer import answer_lines, evidence, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
@@ -179,7 +179,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": [*posterior.apart(found), *granted_thrust(found.fit, found.model), *of_flights(found.flights)],
+        "notes": [*apart(found.apart), *granted_thrust(found.fit, found.model), *of_flights(found.flights)],
     }
 
 
@@ -197,7 +197,7 @@ def brief(found: Explanation) -> list[Part]:
     and the members.
     """  # noqa: D205
     places = what_to_inspect.of_explanation(found)[:MOST_PLACES]
-    said: list[Part] = [*(doubted := doubted_mass(found)), *(Line(text, "bold") for text in posterior.apart(found))]
+    said: list[Part] = [*(doubted := doubted_mass(found)), *(Line(text, "bold") for text in apart(found.apart))]
     said += [*answer_lines(found), *(Line(text, "bold") for text in places)]
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += [] if doubted else map(Line, posterior.cheapest_check(posterior.checks_of(found)))

@@ -14,7 +14,6 @@ from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet
-from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
@@ -114,19 +113,6 @@ def _likeliest(found: Explanation) -> tuple[float, NamedSet | None]:
     sets = found.posterior.sets
     none = sum(s.weight for s in sets if not s.names)
     return none, next((s for s in sets if s.names), None) if none < 0.5 else None
-
-
-def apart(found: Explanation, most: int = 5) -> list[str]:
-    """That flights do not agree on a constant, in a sentence with the means of `most` of them; none where they do."""
-    said = []
-    for one in found.apart[:1]:
-        means = zip(one.names[:most], one.means, strict=False)
-        listed = ", ".join(f"{quantity(mean, unit_of(one.axis))} in {name}" for name, mean in means)
-        said.append(
-            f"The flights do not agree: on {AXES[one.axis]} what is left on average is {listed}; explain them one by "
-            "one, or use `wrenchgap changed`."
-        )
-    return said
 
 
 def turbulence(found: Explanation) -> str:
@@ -262,12 +248,12 @@ def with_values(
 
 
 def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
-    """The named effects, or these of them, with their sizes, those that are sure (`SearchSettings.firm`) first; and
+    """The named effects, or these of them, with their sizes, those that are firm (`Explanation.firm`) first; and
     what makes of a word, "Explained", how strongly it is said: "Explained by", or
     "Perhaps explained by".
     """  # noqa: D205
     members = found.members if members is None else members
-    sure = [m for m in members if found.confidence(m) >= DEFAULT.firm]
+    sure = [m for m in members if m.name in found.firm]
     others = [m for m in members if m not in sure]
     told = {
         m.name: f"{with_values(found.fit, found.model, m.name, found.given)}, {confidence(found, m)}" for m in members
@@ -308,8 +294,15 @@ def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
 
 
 def residual_causes(found: Explanation) -> str:
-    """Sentences on what of the residual looks like a load that swings, or a rotor that comes and goes."""
-    said = [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
+    """Sentences on what of the residual looks like a load that swings, or a rotor that comes and goes; and that what
+    explains most does so at the limit of what is plausible.
+    """  # noqa: D205
+    said = [
+        f"{name} explains most, at the limit of what is plausible: its law is another one, or the logged commands are"
+        for name in found.effects[:1]
+        if name in found.fit.stuck
+    ]
+    said += [] if found.oscillation is None else [oscillation_in_words(found.oscillation)]
     if (one := found.one_rotor) is not None:
         rotors = " or ".join(found.model.vehicle.rotor_name(k) for k in one.rotors)
         several = ", or a rotor that is weak on some of these flights only: explain them one by one"

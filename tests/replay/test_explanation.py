@@ -438,6 +438,29 @@ def test_firm_is_nothing_that_a_rotor_makes_which_comes_and_goes(named):
     assert replace(named, named_there=True).firm == ()
 
 
+def test_nothing_is_firm_beside_what_explains_most_at_the_limit_of_what_is_plausible(named):
+    """The lead's law is another one, and the others were fitted beside it: that is said, and the others are perhaps."""
+    (member,) = named.members
+    lead = replace(member, name="thrust_curve", share=2.0 * member.share)
+    limit = tuple(f"thrust_curve.{p.name}" for p in find("thrust_curve").parameters(named.model.vehicle))
+    found = replace(named, members=(lead, member), fit=replace(named.fit, at_bound=limit), verdict=Verdict.UNKNOWN)
+    assert found.firm == ()
+    words = answer(found)
+    assert words[0].startswith("Perhaps partly explained by")
+    assert any(text.startswith("Thrust_curve explains most, at the limit of what is plausible:") for text in words)
+    assert replace(found, members=(member, lead)).firm == ("com_offset",)
+
+
+def test_a_delay_is_looked_for_at_the_stamps_too(named, monkeypatch):
+    """Commands that come late and an IMU that is stamped late predict the same of one log."""
+    parameters = tuple(("command_delay", p) for p in find("command_delay").parameters(named.model.vehicle))
+    fitted = replace(named.fit, parameters=parameters, theta=np.array([0.05]), covariance=1e-6 * np.eye(1))
+    found = replace(named, members=(replace(named.members[0], name="command_delay"),), fit=fitted)
+    monkeypatch.setattr(type(named), "firm", ("command_delay",))
+    (words,) = what_to_inspect.of_explanation(found)
+    assert "the stamps of the IMU" in words
+
+
 def test_firm_is_nothing_whose_evidence_is_on_open_axes_alone(named):
     """The evidence of each axis adds up to all; where it is in torques only, open torques may have made it."""
     (member,) = named.members

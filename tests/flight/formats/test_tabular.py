@@ -108,6 +108,19 @@ def test_numbers_beyond_all_sense_put_nothing_on_the_screen(logs, time, tmp_path
     assert any("10 row(s) of log.csv have no time" in note for note in found.notes)
 
 
+def test_rows_whose_times_have_decimal_commas_are_not_left_out_of_a_flight(logs, time, tmp_path):
+    """Every third row is: what is left would be another flight. One such row is damage, and is counted."""
+    frame = pd.DataFrame({"t": time} | columns(logs, time)).astype({"t": object})
+    path = tmp_path / "log.csv"
+    frame.loc[5, "t"] = "0,05"
+    frame.to_csv(path, index=False)
+    assert any("1 row(s) of log.csv have no time" in note for note in flight.load(path).notes)
+    frame.loc[1::3, "t"] = "0,01"
+    frame.to_csv(path, index=False)
+    with pytest.raises(flight.LogError, match=r"134 of 400 rows have no time: column t of row 2 is '0,01', 12.34"):
+        flight.load(path)
+
+
 def test_topics_of_different_rates_share_a_table_with_empty_cells(logs, time, tmp_path):
     frame = pd.DataFrame({"t_s": time} | columns(logs, time))
     slow = [name for name in frame if name.startswith(("pos", "q", "v"))]
@@ -170,7 +183,7 @@ def test_damaged_cells_lines_and_times_are_counted(logs, time, tmp_path):
         (b",".join(b"column_%d" % k for k in range(500)) + b"\n1\n", "column_11 and 488 more"),
         (b"time,gyro_x\n", "holds no message"),
         (b"PAR1garbage", "not a readable Parquet"),
-        (b"time,a\n" + bytes(range(128, 256)), "no topic plays a role|holds no message"),
+        (b"time,a\n" + bytes(range(128, 256)), "1 of 1 rows have no time"),
     ],
 )
 def test_no_flight_in_one_line(content, words, tmp_path):
