@@ -93,7 +93,7 @@ def _packed(found: Flight) -> dict[str, Any]:
         own = {item.name: getattr(series, item.name) for item in fields(series)}
         arrays |= {f"{role}.{name}": value for name, value in own.items() if isinstance(value, np.ndarray)}
         roles[role] = {name: own[name] for name in ("topic", "gaps", "dropped", "unit") if name in own}
-    about = {name: getattr(found, name) for name in ("name", "content_hash", "start_ns", "mapping", "notes")}
+    about = {name: getattr(found, name) for name in ("name", "content_hash", "start_ns", "mapping", "notes", "damage")}
     about |= {
         name: getattr(found, name)
         for name in ("unmeasured", "checks", "left_out", "autopilot", "command_option", "firmware")
@@ -111,7 +111,7 @@ def _unpacked(file: Path, path: Path) -> Flight:
             values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
             said["gaps"] = tuple(Gap(**gap) for gap in said["gaps"])
             known[role] = SERIES[role](**said, **values)
-    known["notes"] = tuple(known["notes"])
+    known |= {name: tuple(known[name]) for name in ("notes", "damage")}
     known["checks"] = None if known["checks"] is None else tuple(Check(**one) for one in known["checks"])
     known["left_out"] = tuple(TimeLeftOut(**one) for one in known["left_out"])
     known["autopilot"] = None if known["autopilot"] is None else Autopilot(**known["autopilot"])

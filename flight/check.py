@@ -29,6 +29,7 @@ NAMES: dict[str, str] = {
     "spikes": "samples beyond what is physically possible",
     "gaps": "stretches without samples",
     "jitter": "periods that vary",
+    "damaged": "whether the file could be read whole",
     "left-out": "samples that the reader left out",
     "clock": "stamps against the times of recording",
     "clock-unit": "the unit of the stamps",

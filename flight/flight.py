@@ -172,7 +172,7 @@ class Flight:
     file was read; `checks` is what `flight.checks` found when it was read, None where nobody has asked; `left_out` are
     times without samples that can be true; `autopilot` is None where none wrote the log. `command_option` is the value
     of `--topic` that maps commands which were not recognised. `firmware` is the one whose names the columns of a table
-    have ("Crazyflie"), empty for other logs.
+    have ("Crazyflie"), empty for other logs. `damage` are sentences on where the file holds less than was recorded.
     """
 
     name: str
@@ -195,6 +195,7 @@ class Flight:
     autopilot: Autopilot | None = None
     command_option: str = "commanded=/your/topic"
     firmware: str = ""
+    damage: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         roles = ", ".join(f"{role} {len(series.time):,}" for role, series in self.series().items())

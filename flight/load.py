@@ -112,6 +112,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         reference=builder.reference(),
         battery=builder.one("battery", 0),
         autopilot=log.autopilot,
+        damage=log.damage,
         firmware=next((table.firmware for table in log.tables.values() if table.firmware), ""),
     )
     if not flight.series():

@@ -47,6 +47,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     command_rate.sparse_commands,
     channels.stamps,
     channels.dropped,
+    channels.damaged,
 )
 AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,

@@ -282,6 +282,12 @@ def dropped(flight: Flight) -> Iterator[Check]:
             yield Check("left-out", "warn", f"{role}: {lost} of {lost + len(series.time)} samples ({listed}).")
 
 
+def damaged(flight: Flight) -> Iterator[Check]:
+    """Where the file holds less than was recorded."""
+    if flight.damage:
+        yield Check("damaged", "warn", f"{' '.join(flight.damage)} What was recorded there is missing.")
+
+
 def clocks(timing: Timing, mapping: Mapping[str, str], slow_link: float = 0.1) -> Iterator[Check]:
     """Stamps against log times, and links that are later than `slow_link` [s].
 

@@ -70,6 +70,7 @@ class Log:
     tables: dict[str, Table]
     notes: tuple[str, ...] = ()
     autopilot: Autopilot | None = None
+    damage: tuple[str, ...] = ()
 
 
 def reader_of(path: Path) -> Reader:
@@ -113,7 +114,8 @@ def _read_log(path: Path, selection: Selection, budget: Budget | str | None) -> 
     reader.account = Budget.of(budget).account(path, size)
     tables, notes = _tables(reader, selection)
     if not tables:
-        detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
+        told = " ".join(reader.damage + reader.notes)
+        detail = f" ({told})" if told else ""
         raise LogError(f"{path}: the {reader.name} holds no message{detail}")
     autopilot: Autopilot | None = getattr(reader, "autopilot", None)
     for derived in (px4.derived, ardupilot.derived):
@@ -123,7 +125,9 @@ def _read_log(path: Path, selection: Selection, budget: Budget | str | None) -> 
     give_back(max(map(len, tables.values())))
     if (after := sum(_grown(*pair).st_size for pair in zip(files, before, strict=True))) != size:
         notes.append(f"{path.name} grew from {size} to {after} bytes while it was read: its end is missing here.")
-    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes), autopilot)
+    return Log(
+        path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes), autopilot, tuple(reader.damage)
+    )
 
 
 def _grown(path: Path, before: os.stat_result) -> os.stat_result:
@@ -149,6 +153,7 @@ def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], lis
     except DoubtfulError:
         reader.careful, reader.account.taken = True, 0.0
         reader.notes.clear()
+        reader.damage.clear()
         return _tables(reader, selection)
     return collector.tables(), collector.notes
 

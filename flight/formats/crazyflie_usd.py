@@ -59,7 +59,9 @@ class CrazyflieUsdReader(TableReader):
         data = self.path.read_bytes()
         sound = len(data) > START + 4 and zlib.crc32(memoryview(data)[:-4]) == int.from_bytes(data[-4:], "little")
         if not sound:
-            self.notes.append(f"{self.path.name}: its checksum is wrong: cut short or damaged. Read as far as it goes.")
+            self.damage.append(
+                f"{self.path.name}: its checksum is wrong: cut short or damaged. Read as far as it goes."
+            )
         events, start = self._events(data)
         places, stop = self._places(data, start, len(data) - 4 * sound, events)
         if (rest := len(data) - 4 * sound - stop) > 0:

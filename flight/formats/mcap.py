@@ -233,7 +233,7 @@ class McapReader(Reader):
 
     def _report(self) -> None:
         if self._cut:
-            self.notes.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
+            self.damage.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
         unknown = " and ".join(map(repr, self._unknown))
         for count, kind, fate in (
             (self._gaps, "place(s)", "are damaged: left out up to the next chunk."),
@@ -243,7 +243,7 @@ class McapReader(Reader):
             (self._orphans, "message(s)", "belong to no channel or time: left out."),
         ):
             if count:
-                self.notes.append(f"{count} {kind} of {self.path.name} {fate}")
+                self.damage.append(f"{count} {kind} of {self.path.name} {fate}")
 
 
 def _next_chunk(data: mmap.mmap | bytes, start: int) -> int:

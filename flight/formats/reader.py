@@ -165,13 +165,15 @@ class DoubtfulError(Exception):
 
 @dataclass
 class Reader(ABC):
-    """One log. `notes` grow while it is read: what was damaged, missing or skipped.
+    """One log. `notes` grow while it is read: what was missing or skipped; and `damage`: where the file holds less
+    than was recorded.
 
     With `careful` it is read message by message; else a format may raise DoubtfulError at any time.
-    """
+    """  # noqa: D205
 
     path: Path
     notes: list[str] = field(default_factory=list)
+    damage: list[str] = field(default_factory=list)
     careful: bool = False
     account: Account = field(default_factory=lambda: Account(Path()))
     """What reading may take, and has taken; without one given, anything."""
@@ -217,7 +219,7 @@ def normalised_type(name: str) -> str:
 
 def one_line(error: Exception, limit: int = 120) -> str:
     """Another library's message, fit for ours."""
-    text = " ".join(str(error).split()).rstrip(".")
+    text = " ".join(str(error).split()).rstrip(".") or type(error).__name__
     return text if len(text) <= limit else f"{text[:limit]}..."
 
 

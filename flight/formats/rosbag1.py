@@ -80,7 +80,7 @@ class Rosbag1Reader(Reader):
                     f"{self.path}: not a readable ROS 1 bag ({one_line(error)}); "
                     "a bag that was cut short is repaired by `rosbag reindex`"
                 ) from error
-            self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
+            self.damage.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
         yield from gathered.flush()
 
 

@@ -64,6 +64,9 @@ class Rosbag2SqliteReader(Reader):
                 for several in _several(rows):
                     self.account.check_time()
                     yield from self._taken(several, channels, wanted, gathered)
+                ((sound,),) = database.execute("PRAGMA quick_check(1)")
+                if sound != "ok":  # pages out of order: rows are silently lost
+                    raise sqlite3.DatabaseError(sound.partition("***\n")[2] or sound)
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
@@ -76,7 +79,7 @@ class Rosbag2SqliteReader(Reader):
                     f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "
                     "tables topics and messages"
                 ) from error
-            self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
+            self.damage.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
         recent = self.path.with_name(f"{self.path.name}-wal")
         if recent.is_file() and recent.stat().st_size:
             self.notes.append(
@@ -85,7 +88,9 @@ class Rosbag2SqliteReader(Reader):
                 "'PRAGMA wal_checkpoint'` moves them."
             )
         if self._broken:
-            self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
+            self.damage.append(
+                f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out."
+            )
         yield from gathered.flush()
 
     def _taken(
@@ -195,7 +200,7 @@ class Rosbag2FolderReader(Reader):
                 kind = McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader
                 reader: Reader = kind(plain, account=self.account)
                 if plain.stat().st_size == 0:
-                    self.notes.append(f"{path.name} is empty.")
+                    self.damage.append(f"{path.name} is empty.")
                     continue
                 try:
                     yield from reader.batches(wanted)
@@ -204,9 +209,10 @@ class Rosbag2FolderReader(Reader):
                 except LogError as error:
                     unreadable.append(LogError(str(error).replace(str(plain), str(path))))
                 self.notes += reader.notes
+                self.damage += reader.damage
         if unreadable and len(unreadable) == len(files):
             raise unreadable[0]
-        self.notes += [f"{len(unreadable)} file(s) are left out: {error}." for error in unreadable[:1]]
+        self.damage += [f"{len(unreadable)} file(s) are left out: {error}." for error in unreadable[:1]]
 
     def _unpacked(self, path: Path, scratch: Path) -> Path:
         """The file itself, or its decompressed copy, as far as it goes."""
@@ -224,7 +230,7 @@ class Rosbag2FolderReader(Reader):
                     )
                     self.account.check_time()
             except zstandard.ZstdError as error:
-                self.notes.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
+                self.damage.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
         return plain
 
 

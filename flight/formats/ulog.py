@@ -37,7 +37,7 @@ class UlogReader(TableReader):
         """All messages by topic; raises LogError where nothing can be read."""
         log = _opened(self.path, self.account)
         if log.file_corruption:
-            self.notes.append(f"{self.path.name} is damaged: what could be read around the damage was.")
+            self.damage.append(f"{self.path.name} is damaged: what could be read around the damage was.")
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         about = log.msg_info_dict
         number = isinstance(about.get("ver_sw_release"), int)  # in a damaged log it may be bytes

@@ -282,7 +282,10 @@ def _estimator(estimator: Estimator | None) -> Iterator[Statement]:
 
 
 def _logger(log: LogHealth) -> Iterator[Statement]:
-    """Dropouts and gaps."""
+    """Dropouts, gaps, and damage to the file."""
+    flight = log.inspection.flight
+    if flight is not None and flight.damage:
+        yield Statement("warn", "log", "damaged file", f"{flight.damage[0]} What was recorded there is missing.")
     autopilot, length = log.autopilot, log.inspection.duration
     if autopilot is not None and (autopilot.lost or 0.0) > LOST * length:
         words = f"The logger lost {autopilot.lost:.1f} s of {length:.0f} s in {autopilot.dropouts} dropouts: use a "

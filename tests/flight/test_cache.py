@@ -154,3 +154,11 @@ def test_a_log_that_another_replaces_before_it_is_read_is_not_kept_as_that_one(l
         assert cache.load(log).imu.time[-1] > 3.5
     log.write_bytes(first)
     assert cache.load(log).imu.time[-1] < 3.5
+
+
+def test_that_a_file_could_not_be_read_whole_is_kept_too(log, reads):
+    log.write_bytes(log.read_bytes()[:-200_000])
+    first, second = cache.load(log), cache.load(log)
+    assert len(reads) == 1
+    assert first.damage == second.damage
+    assert any("cut short" in said for said in second.damage)

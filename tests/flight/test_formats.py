@@ -132,7 +132,7 @@ def test_cut_mcap_is_read_as_far_as_it_goes(plain, tmp_path):
     for fraction in (0.2, 0.4, 0.6, 0.75):
         (tmp_path / "cut.mcap").write_bytes(whole[: int(fraction * len(whole))])
         log = read_log(tmp_path / "cut.mcap", everything)
-        assert any("cut short" in note for note in log.notes)
+        assert any("cut short" in said for said in log.damage)
         kept.append(log.tables["/imu"].columns["angular_velocity.y"])
         np.testing.assert_array_equal(kept[-1], flight.load(plain).imu.omega_B[: len(kept[-1]), 1])
     assert [len(rows) for rows in kept] == sorted(len(rows) for rows in kept)
@@ -178,7 +178,7 @@ def test_damaged_chunk_costs_only_what_is_in_it(plain, tmp_path):
     data[middle : middle + 40] = bytes(40)
     (tmp_path / "damaged.mcap").write_bytes(data)
     log = read_log(tmp_path / "damaged.mcap", everything)
-    assert any("damaged" in note for note in log.notes)
+    assert any("damaged" in said for said in log.damage)
     assert 200 < len(log.tables["/imu"]) < 400
 
 

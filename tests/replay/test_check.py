@@ -793,3 +793,13 @@ def test_what_the_voltage_lacks_is_its_fall_during_the_flight_and_not_the_sag():
         "fall of the voltage during the flight 0 %, 3 typically needed"
     )
     assert lack(Answer(Question.VOLTAGE, Lack.VOLTAGE, None, 3.0)) == "the voltage not found"
+
+
+def test_a_file_that_could_not_be_read_whole_is_something_to_look_at(hover, tmp_path):
+    """Half of a flight is a whole one to whoever is not told."""
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(hover.read_bytes()[: hover.stat().st_size // 2])
+    found = wg.check(cut)
+    (one,) = [one for one in statements(found.logs[0]) if one.short == "damaged file"]
+    assert "cut short (no end record)" in one.words
+    assert "damaged" in {c.name for c in found.logs[0].inspection.checks if c.level == "warn"}

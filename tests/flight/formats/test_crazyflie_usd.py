@@ -60,7 +60,7 @@ def test_a_log_is_a_flight(logs, tmp_path, version):
     np.testing.assert_allclose(found.odometry.quat_EB, motion.quat_EB, atol=1e-6)
     np.testing.assert_allclose(found.actuators.rotor_speed[-1], np.array([10000, 20000, 30000, 65535]) / 65535)
     np.testing.assert_allclose(found.battery.voltage, 3.7, rtol=1e-6)
-    assert not any("checksum" in note for note in found.notes)
+    assert not any("checksum" in said for said in found.damage)
 
 
 def test_every_event_is_a_table(logs, tmp_path):
@@ -73,7 +73,7 @@ def test_a_log_that_is_cut_short_is_read_up_to_its_end(logs, tmp_path, kept):
     whole = log(logs)
     found = flight.load(save(tmp_path, whole[: round(kept * len(whole))]))
     assert len(found.imu.time) == pytest.approx(600 * kept, abs=10)
-    assert any("checksum is wrong" in note for note in found.notes)
+    assert any("checksum is wrong" in said for said in found.damage)
 
 
 def test_behind_a_record_of_no_known_event_nothing_is_read(logs, tmp_path):

@@ -60,7 +60,7 @@ def test_damaged_files_are_told_apart_by_their_names(logs, tmp_path):
     last.write_bytes(last.read_bytes()[: last.stat().st_size // 2])
     found = flight.load(folder)
     assert len(found.imu.time) > 200
-    assert any("cut short" in note for note in found.notes)
+    assert any("cut short" in said for said in found.damage)
 
 
 def test_an_empty_folder(tmp_path):
