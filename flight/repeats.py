@@ -27,6 +27,8 @@ class SketchSettings:
 
     kept: int = 32768
     """Hashes of a series that are kept, at most."""
+    fleet: int = 256
+    """Hashes that are kept of each of many logs (2 KB): `fewest` of them are a fifth of a flight."""
     fewest: int = 50
     """Rows that two series must share: less is chance, a rest, or a moment that two cuts have in common."""
     shared: float = 0.05
@@ -80,6 +82,12 @@ def sketch(flight: Flight) -> Sketch:
         if role in played
     }
     return Sketch({role: hashes for role, hashes in found.items() if len(hashes) >= SKETCH.fewest})
+
+
+def signature(flight: Flight) -> NDArray[np.int64]:
+    """The smallest hashes of the samples of an IMU, `SKETCH.fleet` at most, to find a flight again among many logs."""
+    found = sketch(flight).hashes
+    return next(iter(found.values()), np.empty(0, dtype=np.uint64))[: SKETCH.fleet].view(np.int64)
 
 
 def row_hashes(columns: Sequence[Array]) -> Hashes:

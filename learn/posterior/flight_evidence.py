@@ -15,13 +15,14 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.flight.flight import AXES, Array, Indices
+from wrenchgap.flight.repeats import signature
 from wrenchgap.learn.data.archive import DAMAGED, check_sizes, line, numbers
 from wrenchgap.learn.data.candidates import candidates, inapplicable, unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -41,7 +42,7 @@ from wrenchgap.plant.model import Model
 
 BANDS = len(EDGES) + 1
 """Bands of frequency, whether a flight has coefficients in all of them or not."""
-FORMAT = 2
+FORMAT = 3
 """Version of what `packed` writes."""
 LARGEST_HEAD = 2**24
 """Bytes of the part that is text; that of all effects is 44 kB."""
@@ -60,7 +61,7 @@ class Evidence:
     err by, `power` (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor
     noise of forces and torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the
     quantities, `trims` (A,) of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone
-    would not try.
+    would not try. `signature` (up to 256,) tells the flight from others by its samples (`flight.repeats.signature`).
     """
 
     flight: str
@@ -84,6 +85,7 @@ class Evidence:
     calmed: int
     answering: tuple[int, ...]
     unexcited: tuple[str, ...]
+    signature: Indices
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -103,7 +105,8 @@ def evidence(flight: OpenFlight, model: Model, names: Sequence[str] = (), points
     columns = declared(data, model, chosen, points)
     if not columns:
         raise FitError(f"{flight.flight.name}: no effect can be tried on this flight")
-    return evidence_of(data, model, columns, uncertain_effects(data, model), idle)
+    found = evidence_of(data, model, columns, uncertain_effects(data, model), idle)
+    return replace(found, signature=signature(flight.flight))
 
 
 def _names(data: Dataset, model: Model, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -183,6 +186,7 @@ def evidence_of(
         calmed=int(np.sum(space.factors < 1.0)),
         answering=data.answering,
         unexcited=tuple(idle),
+        signature=np.empty(0, dtype=np.int64),
     )
 
 
@@ -236,15 +240,16 @@ def _check(found: Evidence) -> None:
         "power": (BANDS, axes), "usable": (BANDS, axes), "error": (BANDS, axes),
         "shapes": (BANDS, 2), "noise": (len(AXES),), "trimmed": (trims, quantities),
         "trims": (trims,), "trim_axes": (trims,), "trim_scale": (trims,),
+        "signature": (found.signature.size,),
     }  # fmt: skip
     for name, shape in shapes.items():
         value = getattr(found, name)
-        kind = "i" if name in ("axes", "rows", "trim_axes") else "f"
+        kind = "i" if name in ("axes", "rows", "trim_axes", "signature") else "f"
         if value.shape != shape or value.dtype.kind != kind:
             raise ValueError(f"{name} is {value.dtype} {value.shape}, expected {shape}")
         if name != "noise" and not np.isfinite(value).all():
             raise ValueError(f"{name} has numbers that are not finite")
-        if name not in ("roots", "trimmed", "noise") and np.any(value < 0):
+        if name not in ("roots", "trimmed", "noise", "signature") and np.any(value < 0):
             raise ValueError(f"{name} has negative numbers")
     for name, most in (("axes", len(AXES)), ("trim_axes", axes)):
         value = getattr(found, name)

@@ -1,11 +1,13 @@
 """What the rows of a fleet say together: its ranking, vehicle by vehicle, and the trend over the flights of one."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.repeats import SKETCH
 from wrenchgap.learn.identify.trend import Trend, trend_of
 from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
@@ -16,11 +18,12 @@ from wrenchgap.replay.batch.store import Store, from_fit_json
 
 @dataclass(frozen=True)
 class FleetRanking:
-    """One vehicle: its ranking, or why there is none."""
+    """One vehicle: its ranking, or why there is none; and logs of a flight that another log has, which count once."""
 
     vehicle: str
     ranking: Ranking | None
     reason: str = ""
+    repeats: Mapping[str, str] = field(default_factory=dict)
 
 
 def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRanking]:
@@ -28,22 +31,46 @@ def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRankin
     logs' names, whichever was done first. Raises UsageError for evidence that is damaged.
     """  # noqa: D205
     wanted = set(keys)
-    rows = [r for r in store.rows(number, ("key", "log", "status")) if r["key"] in wanted and r["status"] == "ok"]
+    rows = [
+        r for r in store.rows(number, ("key", "log", "status", "seconds")) if r["key"] in wanted and r["status"] == "ok"
+    ]
     out = []
     for vehicle in sorted({r["vehicle"] for r in rows}):
-        own = [r["key"] for r in rows if r["vehicle"] == vehicle]
-
-        def read(own: Sequence[str] = own) -> Iterator[Evidence]:
-            for where, content in store.evidence(own, number):
-                try:
-                    yield unpacked(content, where)
-                except FitError as error:
-                    raise UsageError(str(error)) from None
-
+        logs = {r["key"]: r["log"] for r in rows if r["vehicle"] == vehicle}
+        length = {r["key"]: r["seconds"] or 0.0 for r in rows}
+        longest_first = sorted(logs, key=lambda key: -length[key])
+        repeats = repeated(zip(map(logs.__getitem__, longest_first), _read(store, longest_first, number), strict=True))
+        once = [key for key, log in logs.items() if log not in repeats]
         try:
-            out.append(FleetRanking(vehicle, ranking(read)))
+            found = ranking(lambda once=once: _read(store, once, number))  # type: ignore[misc]
+            out.append(FleetRanking(vehicle, found, repeats=repeats))
         except FitError as error:
-            out.append(FleetRanking(vehicle, None, str(error)))
+            out.append(FleetRanking(vehicle, None, str(error), repeats))
+    return out
+
+
+def _read(store: Store, keys: Sequence[str], number: int) -> Iterator[Evidence]:
+    for where, content in store.evidence(keys, number):
+        try:
+            yield unpacked(content, where)
+        except FitError as error:
+            raise UsageError(str(error)) from None
+
+
+def repeated(logs: Iterable[tuple[str, Evidence]]) -> dict[str, str]:
+    """Logs that hold samples of a flight which a log before them holds: in another format, cut, or under other stamps.
+
+    Each with that log (`flight.repeats`).
+    """
+    first: dict[int, str] = {}
+    out = {}
+    for log, found in logs:
+        hashes = found.signature.tolist()
+        [(other, count)] = Counter(first[h] for h in hashes if h in first).most_common(1) or [("", 0)]
+        if count >= SKETCH.fewest:
+            out[log] = other
+        else:
+            first |= dict.fromkeys(hashes, log)
     return out
 
 

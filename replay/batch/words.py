@@ -88,7 +88,7 @@ def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> list[float]:
 def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part]:
     """A vehicle: `most` of the sets whose weight is `least` or more."""
     if one.ranking is None:
-        return [Line(f"{one.vehicle}: not ranked: {one.reason}", "yellow")]
+        return [*_repeats(one), Line(f"{one.vehicle}: not ranked: {one.reason}", "yellow")]
     r = one.ranking
     title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
     rows = []
@@ -99,7 +99,7 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
         cells += ["-" if np.isnan(v) else f"{100 * v:.0f} %" for v in left]
         rows.append((named, ", ".join(s.keys) or "-", *cells))
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
-    found: list[Part] = [table(title, heads, rows, left=2)]
+    found: list[Part] = [*_repeats(one), table(title, heads, rows, left=2)]
     alike = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
     if len(alike) > 1:
         weight = sum(s.weight for s in r.groups[0])
@@ -111,6 +111,15 @@ def _ranking(one: FleetRanking, most: int = 5, least: float = 0.01) -> list[Part
         pairs = zip(r.sets[0].theta[key], r.sets[0].std[key], strict=True)
         values.append(f"{key}: {', '.join(f'{number(float(v))} +- {number(float(s), 2)}' for v, s in pairs)}")
     return [*found, *([Line("; ".join(values))] if values else []), Line()]
+
+
+def _repeats(one: FleetRanking) -> list[Line]:
+    """How many logs are of a flight that another log has, with the first of them."""
+    if not one.repeats:
+        return []
+    log, other = next(iter(one.repeats.items()))
+    several = f"{len(one.repeats)} logs hold the flight" if len(one.repeats) > 1 else "1 log holds the flight"
+    return [Line(f"{one.vehicle}: {several} of another, and count once with it: {log} is {other}.", "yellow")]
 
 
 def to_json(found: Batch) -> dict[str, Any]:
@@ -131,10 +140,12 @@ def to_json(found: Batch) -> dict[str, Any]:
 
 def _ranking_json(one: FleetRanking, plan: Plan) -> dict[str, Any]:
     r = one.ranking
+    repeats = [{"log": log, "as": other} for log, other in one.repeats.items()]
     if r is None:
-        return {"vehicle": one.vehicle, "reason": one.reason, "sets": []}
+        return {"vehicle": one.vehicle, "reason": one.reason, "repeats": repeats, "sets": []}
     return {
         "vehicle": one.vehicle,
+        "repeats": repeats,
         "reason": "",
         **entries(r, "flights", "seconds", "held_out", "rms", "left_out"),
         "effects": [{"effect": n, "probability": p} for n, p in r.effects.items()],

@@ -134,6 +134,8 @@ class Ranking(TypedDict):
     reason: str
     sets: list[RankedSet]
     """Of effects; docs/batch.md."""
+    repeats: list[Same]
+    """Logs of a flight that another log has in another form; both count once."""
     flights: NotRequired[list[str]]
     seconds: NotRequired[float]
     held_out: NotRequired[bool]

@@ -129,6 +129,21 @@ def test_explain_ranks_every_vehicle_on_its_own_flights(batch, tmp_path):
     assert [r["held_out"] for r in body["rankings"]] == [True, False]
 
 
+def test_a_flight_in_two_logs_counts_once_in_a_ranking(batch, tmp_path, logs):
+    """Cut short it has other bytes; the whole one is taken, whatever the names say."""
+    fleet = tmp_path / "bravo"
+    shutil.copytree(logs / "bravo", fleet)
+    whole = (fleet / "flight0.mcap").read_bytes()
+    (fleet / "a_part.mcap").write_bytes(whole[: 9 * len(whole) // 10])
+    body = batch(
+        "explain", "-m", "tilt_hexarotor", "--effects-only", "com_offset", "-o", tmp_path / "out", names=[fleet]
+    )
+    (one,) = body["rankings"]
+    assert one["repeats"] == [{"log": str(fleet / "a_part.mcap"), "as": str(fleet / "flight0.mcap")}]
+    assert len(one["flights"]) == 2
+    assert not one["held_out"]  # of two flights
+
+
 def test_logs_of_an_object_store_are_read_and_rows_written_there(batch, logs):
     import fsspec
 
