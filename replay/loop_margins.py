@@ -87,9 +87,7 @@ def flown_loops(
 
 
 def _rotor_inertia(model: Model, least: float = 0.0) -> float:
-    """The inertia of one rotor about its axis [kg m^2]; zero where the model has none, or one below `least` standard
-    deviations.
-    """  # noqa: D205
+    """Inertia of one rotor about its axis [kg m^2]; zero without one, or for one below `least` standard deviations."""
     found = [e for e in model.effects if e.name == ROTOR_INERTIA]
     return float(sum(e.theta[0] for e in found if e.std is None or e.theta[0] > least * e.std[0]))
 

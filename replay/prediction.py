@@ -88,10 +88,7 @@ class OpenLoop(Result):
 
 @dataclass(frozen=True)
 class RecordedStretch:
-    """N samples of a flight, `dt` [s] apart: states `y` (N, 13), commands over the period from each sample on.
-
-    `motion` is the recorded one, `record` the same stretch as models are compared on it.
-    """
+    """N samples, `dt` [s] apart: states `y` (N, 13), commands from each on, recorded `motion`, `record` for models."""
 
     y: Array
     state: State
@@ -299,9 +296,7 @@ def _of_model(one: Predictor, every: Sequence[Ahead], count: int, rng: np.random
 
 
 def _wrenches(one: Predictor, stretch: RecordedStretch) -> tuple[Array, Array]:
-    """Along the recorded flight, about O: what a process adds (N, 6), zero where there is none, and what the model
-    leaves (N, 6).
-    """  # noqa: D205
+    """About O, along the recorded flight: what a process adds (N, 6), zero without one, and the model leaves (N, 6)."""
     record, model, added = stretch.record, one.model, np.zeros((len(stretch.y), 6))
     if one.gp is not None:
         more = one.predict(record, model.vehicle.body) - replace(one, gp=None).predict(record, model.vehicle.body)

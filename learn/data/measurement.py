@@ -47,8 +47,7 @@ class Record:
     The raw side has N samples `dt` apart: `commands`, `state`. The compared side has K filtered, trimmed and thinned
     samples: `time` (K,), `measured` (K, 6), `commanded` (K, 6) (the logged command, about the nominal centre of mass),
     `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the white sensor
-    noise that is left in `measured`. Both are not a number on axes that were not measured
-    (`learn.data.measurement`).
+    noise that is left in `measured`. Both are not a number on axes that were not measured (`learn.data.measurement`).
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
     nominal allocation) or "none". `input_error` (bands, 6) is the share of error in what they nominally make
@@ -85,9 +84,7 @@ class Record:
 
     @property
     def timing_error(self) -> float:
-        """Rms [s] of when a command was sent against when it is taken to be: within a sample, and at any time since the
-        command before.
-        """  # noqa: D205
+        """Rms [s] of when a command was sent against its stamp: within a sample, and since the command before."""
         return float(np.hypot(self.dt / np.sqrt(12.0), self.command_period / np.sqrt(3.0)))
 
     @property

@@ -94,10 +94,7 @@ def _looked_at(count: int, dt: float) -> Array:
 
 
 def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
-    """Frequencies (K,) [Hz] and one-sided densities (K, C) there of columns (N,): Welch's mean over Hann segments.
-
-    What scipy.signal.welch computes, which takes one segment of one column at a time.
-    """
+    """Frequencies (K,) [Hz] and one-sided densities (K, C) of columns (N,): scipy.signal.welch, all columns at once."""
     length, segments = _segments(len(columns[0]), dt)
     window = hann(length)
     power = np.zeros((length // 2 + 1, len(columns)))
@@ -166,10 +163,7 @@ def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:
 
 
 def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
-    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz].
-
-    White, filtered forward and backward, for torques differentiated once.
-    """
+    """Shapes (K, 2) of filtered white noise in forces and, differentiated, in torques, at frequencies (K,) [Hz]."""
     low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
     return np.stack((low_pass, low_pass * hertz**2), axis=1)
 

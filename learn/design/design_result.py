@@ -33,9 +33,8 @@ class Segment:
 class Flown:
     """A flight on the plant with `truth` hidden: what it measured, and how it went.
 
-    `separation` by imitator: that of the two fits on this flight. `tilt_max` [rad], `speed_max`
-    [m/s], `rotor_max` (share of the largest rotor speed; 0 without rotors), errors [m], [rad] are the largest of the
-    flight.
+    `separation` by imitator: that of the two fits on this flight. `tilt_max` [rad], `speed_max` [m/s], `rotor_max`
+    (share of the largest rotor speed; 0 without rotors), errors [m], [rad] are the largest of the flight.
     """
 
     truth: str

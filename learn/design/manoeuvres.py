@@ -52,10 +52,7 @@ QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Limits:
-    """What a flight must keep: `room`, tilt [rad] of body z, and speed [m/s].
-
-    The free room (x, y, z) [m] is around home with its floor at z = 0; every part of the vehicle must stay in it.
-    """
+    """Free `room` (x, y, z) [m] around home, floor at z = 0, for every part; tilt [rad] of body z; speed [m/s]."""
 
     room: Vector = (4.0, 4.0, 3.0)
     tilt: float = float(np.radians(60.0))

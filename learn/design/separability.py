@@ -272,18 +272,12 @@ def _settled(data: Dataset, base: Model, names: Sequence[str], start: Fit) -> Fi
 
 
 def visibility(left: Array, noise: Array) -> float:
-    """Evidence for a difference `left` (K, 6) in `noise` (6,): sum over axes of log sqrt(1 + <left^2> / noise^2).
-
-    Axes without a noise were not measured, and count nothing.
-    """
+    """Evidence for `left` (K, 6) in `noise` (6,): sum of log sqrt(1 + <left^2> / noise^2) over axes with a noise."""
     return float(0.5 * np.nansum(np.log1p(np.mean(left**2, axis=0) / noise**2)))
 
 
 def expected_separation(data: Dataset, left: Array, sensor: Array) -> float:
-    """Expected separation for a difference `left` (K, 6) in what `data.noise` says; see the module's docstring.
-
-    `sensor` (6,) is the part of it that is sensor noise.
-    """
+    """Expected separation for `left` (K, 6) in `data.noise`, of which `sensor` (6,) is the sensors'; see the module."""
     known = data.measured_axes
     left, sensor, noise = left[:, known], sensor[known], data.noise[known] ** 2
     scale = np.sqrt(noise * (noise + np.mean(left**2, axis=0)))

@@ -102,9 +102,7 @@ def _mixing(smooth: Sequence[Array]) -> Array:
 
 
 def _fast(one: Left, smooth: Array, step: float) -> Left:
-    """What is faster than c + s (M, 6), `step` [s] apart, less the share of its scatter that is noise of the sensors:
-    that pushes nothing.
-    """  # noqa: D205
+    """What is faster than c + s (M, 6), `step` [s] apart, less its share of sensor noise, which pushes nothing."""
     time = np.arange(len(one.wrench)) * one.dt
     at = np.arange(len(smooth)) * step + 0.5 * (step - one.dt)
     rest = one.wrench - np.stack([np.interp(time, at, column) for column in smooth.T], axis=1)

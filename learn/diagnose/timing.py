@@ -147,9 +147,7 @@ class FlightTiming:
 
     @property
     def imu_lateness(self) -> tuple[float, float] | None:
-        """By how much the IMU lags the odometry [s], zero or not, and its standard deviation; None where it is not
-        known.
-        """  # noqa: D205
+        """How much [s] the IMU lags the odometry, zero or not, and its standard deviation; None where not known."""
         rows = [o for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and not o.same]
         known = [o for o in rows if o.seconds is not None]
         if not known:

@@ -46,9 +46,7 @@ def gains_of(on: Evidence, targets: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Step:
-    """The atom that gains most: its number, what it gains, the largest gains on the residuals of chance (N,), and the
-    atoms that predict the same.
-    """  # noqa: D205
+    """The atom that gains most: its number and gain, the largest of chance (N,), and atoms that predict the same."""
 
     atom: int
     gain: float
@@ -89,10 +87,7 @@ def best_on(on: Evidence, keep: Mask) -> int:
 
 
 def coefficients(X: Array, y: Array, moment: Indices) -> tuple[Array, Array]:
-    """Weights (P,) of columns (rows, P) and their covariance, by the sandwich over pairs of blocks of time.
-
-    Source: clustered sandwich, Liang and Zeger, Biometrika 1986.
-    """
+    """Weights (P,) of columns (rows, P), covariance: sandwich over pairs of blocks (Liang, Zeger, Biometrika 1986)."""
     whole = X.T @ X
     inverse = np.linalg.inv(whole + 1e-9 * np.trace(whole) * np.eye(len(whole)))
     theta = inverse @ (X.T @ y)

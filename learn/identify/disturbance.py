@@ -45,10 +45,7 @@ from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrenc
 
 @dataclass(frozen=True)
 class DisturbanceSize:
-    """Of a disturbance, per axis (6,) [N, Nm]: mean, rms, rms above `fast_hz`, largest; rms of the pull.
-
-    Above `fast_hz` [Hz] a disturbance is noise rather than motion.
-    """
+    """Per axis (6,) [N, Nm]: mean, rms, rms above `fast_hz` [Hz], where it is noise, largest; rms of the pull."""
 
     mean: Array
     rms: Array
@@ -162,10 +159,7 @@ def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array |
 
 
 def _pull(body: Body, target: State, now: State, pull_hz: float = 1.0) -> Array:
-    """Wrenches (N, 6) towards the recorded motion `target`: the last equations of the module.
-
-    `pull_hz` [Hz] is the natural frequency, critically damped.
-    """
+    """Wrenches (N, 6) towards `target`, the module's last equations: critically damped at `pull_hz` [Hz]."""
     w = 2.0 * np.pi * pull_hz
     ahead = w**2 * (target.position_E - now.position_E) + 2.0 * w * (target.velocity_E - now.velocity_E)
     turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB), target.quat_EB))

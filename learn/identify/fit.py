@@ -23,11 +23,10 @@ On axes where commands answer the motion residual and derivatives are taken with
 
 Standard deviations have five parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
 honest when residuals are coloured; what gusts add that outlast a block (`learn.data.gauss_markov` of H^-1 g_t); the
-width of the prior in directions that the data leave open (of a sparse effect
-too: that one weak rotor is likelier than twelve odd ones does not show which); `MISFIT` of the value; and for times a
-sample period over sqrt(12), since stamps say no more (docs/decisions/0009-honest-intervals.md).
-Source: Gauss-Newton, Nocedal and Wright, "Numerical Optimization", 2nd ed., 10.3; clustered sandwich, Liang and Zeger,
-Biometrika 1986.
+width of the prior in directions that the data leave open (of a sparse effect too: that one weak rotor is likelier than
+twelve odd ones does not show which); `MISFIT` of the value; and for times a sample period over sqrt(12), since stamps
+say no more (docs/decisions/0009-honest-intervals.md). Source: Gauss-Newton, Nocedal and Wright, "Numerical
+Optimization", 2nd ed., 10.3; clustered sandwich, Liang and Zeger, Biometrika 1986.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -143,10 +142,9 @@ def held_out(
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
     Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
-    from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; linearised
-    where no body has its values, and with `exact` off where the step changes it by less than `small` of the residual.
-    Without what commands say nothing of
-    (`Dataset.informative`); not a number on axes that were not measured.
+    from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; linearised where
+    no body has its values, and with `exact` off where the step changes it by less than `small` of the residual. Without
+    what commands say nothing of (`Dataset.informative`); not a number on axes that were not measured.
     """
     problem = Problem(data, model, tuple(names))
     problem.scale = fitted.scale

@@ -258,10 +258,7 @@ class Problem:
         return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
 
     def normal_equations(self, jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
-        """Curvature H and gradient g of the data's half of the cost, without the prior.
-
-        From rows of `Dataset.unanswered` derivatives and residuals.
-        """
+        """Curvature H and gradient g of the data's half of the cost, of `unanswered` derivatives and residuals."""
         factor = np.sqrt(self.data.independence) * weights
         A = (jacobian * factor[:, None]).reshape(-1, jacobian.shape[2])
         return A.T @ A, A.T @ (residual * factor).reshape(-1)

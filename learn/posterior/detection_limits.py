@@ -277,9 +277,7 @@ class Injection:
     change: Array
 
     def into(self, records: Sequence[Record], model: Model) -> tuple[Record, ...]:
-        """The records with what it adds to the prediction of `model` in what they measured; commands and motion are as
-        they were.
-        """  # noqa: D205
+        """The records with what it adds to `model`'s prediction in what they measured; commands and motion stay."""
         changed = ModelEffect(find(self.effect), model.theta(self.effect) + self.change)
         models = model.with_replaced([changed]).wrench_model, model.wrench_model
         out = []

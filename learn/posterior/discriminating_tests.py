@@ -90,9 +90,8 @@ def discriminating_tests(
     `sets` are explanations that fit the same log, `weights` theirs, `values` what is known of each set's fitted values:
     an effect that is not named there has an unknown size, a parameter that is not named is zero. `vehicle` is what the
     effects were fitted to: where the model had effects on its body already, with those in `vehicle.body`. Where the
-    bench separates all, the flight confirms.
-    Of less than two sets nothing is to be settled: ().
-    Raises ModelError for values of parameters that an effect does not have.
+    bench separates all, the flight confirms. Of less than two sets nothing is to be settled: (). Raises ModelError for
+    values of parameters that an effect does not have.
     """
     found = _explanations(sets, weights, values, vehicle)
     if len(found) < 2:

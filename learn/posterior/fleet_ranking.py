@@ -168,9 +168,7 @@ def equivalents(scorer: Scorer, best: Scored) -> list[Scored]:
 
 
 def alike(scorer: Scorer, first: Scored, second: Scored) -> bool:
-    """Whether two predictions differ by less than noise shows, or than laws are known to
-    (`learn.posterior.posterior.predict_the_same`).
-    """  # noqa: D205
+    """Whether two predictions differ by less than noise, or laws' accuracy, shows (`predict_the_same`)."""
     apart = first.weights - second.weights
     used = np.flatnonzero(apart)
     over = scorer.count / np.minimum(first.variance, second.variance)

@@ -17,10 +17,7 @@ TINY = 1e-14
 
 @njit(cache=True, nogil=True)
 def factor(A: Array) -> Array:
-    """Upper triangle U (P, P) with U' U = A, a positive definite matrix; a pivot that is lost to rounding is tiny.
-
-    A row is taken off the rows below as soon as it is known: neighbours in memory, several at once in a register.
-    """
+    """Upper triangle U (P, P) with U' U = A, positive definite, row by row; a pivot lost to rounding is tiny."""
     n = A.shape[0]
     U = np.zeros((n, n))
     for j in range(n):
@@ -127,10 +124,7 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
 
 @njit(cache=True, nogil=True)
 def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
-    """Where 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 is least within the limits: an active-set method.
-
-    Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
-    """
+    """Least 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 in limits (active set: Nocedal and Wright, 16.5)."""
     H, g, lower, upper = scaled(A, scale), b * scale, low / scale, high / scale
     x, free, push = np.zeros(len(scale)), np.ones(len(scale), dtype=np.bool_), g
     for _ in range(40):

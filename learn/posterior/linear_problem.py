@@ -160,9 +160,7 @@ class LinearProblem:
         return self.products[:, :, rows[:, None], rows]
 
     def saturated(self, rounds: int = 3) -> tuple[Array, Array]:
-        """What everything at once leaves, where the noise's spectrum starts: mean squares (bands, A), and the weights
-        (Q,) of the quantities that leave it.
-        """  # noqa: D205
+        """What everything at once leaves, where the noise starts: mean squares (bands, A), and weights (Q,)."""
         unknown = np.concatenate([*self.parameters.values(), self.always]).astype(np.intp)
         trims, left = replace(self.trims, scale=0.5 * self.trims.scale), self.products[:, :, 0, 0]
         weights = np.zeros(self.scale.size)

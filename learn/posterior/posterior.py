@@ -82,9 +82,7 @@ class EquivalenceClass:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true;
-    `settings` are those of the search.
-    """  # noqa: D205
+    """Named sets, heaviest first, their classes, what would settle which is true, and the search's `settings`."""
 
     sets: tuple[NamedSet, ...]
     classes: tuple[EquivalenceClass, ...]
@@ -177,9 +175,7 @@ class WeighedSets:
         return replace(self, sets=change(self.sets), classes=classes)
 
     def without(self, name: str) -> WeighedSets:
-        """The same where `name` turned out to do nothing beside the rest of the best set: it goes from all sets that
-        have that rest.
-        """  # noqa: D205
+        """The same where `name` does nothing beside the rest of the best set: it goes from all sets with that rest."""
         rest = set(self.best.names) - {name}
 
         def shorter(one: NamedSet) -> NamedSet:
@@ -190,9 +186,7 @@ class WeighedSets:
         return self.each(lambda sets: one_per_names(map(shorter, sets)))
 
     def at(self, changes: Mapping[str, Array]) -> WeighedSets:
-        """The same with the best set's values as they were fitted at last, so that a bench check reads what the answer
-        says: `changes` (P,) by effect, of what the model has.
-        """  # noqa: D205
+        """The same with the best set's values as fitted at last, for bench checks: `changes` (P,) by effect."""
         best = self.best
         if not set(best.names) <= set(changes):
             return self

@@ -22,10 +22,9 @@ without it a law that takes 96 % off one axis lost for a trace that it added to 
 
 No law is exactly right: what an effect adds is known to a share (`plant.effects.Effect.accuracy`). The mean square of a
 cell therefore has added to it the square of the sum of those shares of what its effects add there, whatever their
-signs: what effects that cancel each other leave is known no better than each of them. That is an upper limit: a
-set that fits to the noise has shown that its laws are nearer, so that all of it counts or the share `doubt`, whichever
-makes the set likelier. Source: model discrepancy, Kennedy and O'Hagan, J. R.
-Stat. Soc. B 63, 2001.
+signs: what effects that cancel each other leave is known no better than each of them. That is an upper limit: a set
+that fits to the noise has shown that its laws are nearer, so that all of it counts or the share `doubt`, whichever
+makes the set likelier. Source: model discrepancy, Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001.
 """
 
 from __future__ import annotations
@@ -54,10 +53,9 @@ class Scored:
     """A set at its best parameters.
 
     `theta` by column; `left` (bands, axes) are mean squares, `inexact` those that laws may be off by at most, `doubt`
-    the share of that (of its root) which counts, `variance` that which is modelled of both.
-    `log_probability` in all; `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the
-    stacked quantities of the problem to give what the set leaves; `sizes` (P,) are those of the priors of its unknowns,
-    parameters first.
+    the share of that (of its root) which counts, `variance` that which is modelled of both. `log_probability` in all;
+    `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the stacked quantities of the
+    problem to give what the set leaves; `sizes` (P,) are those of the priors of its unknowns, parameters first.
     """
 
     keys: Keys

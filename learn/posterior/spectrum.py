@@ -177,9 +177,7 @@ class Spectrum(LinearProblem):
         return np.asarray(np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5)
 
     def _disturbed(self, k: int, left: Array, weight: Array) -> Array:
-        """Orthonormal basis (K, B) of the motion on an axis that no command explains (K, 1), where it is above the
-        sensors' noise: it moved with what disturbed it.
-        """  # noqa: D205
+        """Orthonormal basis (K, B) of an axis' motion above noise that no command explains: the disturbance."""
         power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
         disturbed = power > self.settings.structure**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])
@@ -229,9 +227,7 @@ class Spectrum(LinearProblem):
 def transformed(
     records: Sequence[Record], stacked: Array, seconds: float, *, without_mean: bool = False
 ) -> tuple[Array, Indices, Array]:
-    """Cosine coefficients (K, L, Q) of the blocks of about `seconds` of all records; of each (K,) the block and the
-    frequency [Hz].
-    """  # noqa: D205
+    """Cosine coefficients (K, L, Q) of blocks of about `seconds`, and of each (K,) its block and frequency [Hz]."""
     out = np.empty(stacked.shape)
     cuts, block, hertz = blocks_of_time(records, seconds)
     for own in cuts:

@@ -134,9 +134,7 @@ def usual(data: Dataset, residual: Array) -> Mask:
 
 
 def open_axes(on: ModelResidual, left: Array) -> Mask:
-    """Axes (6,) on which structure is left: those of force, or of torque, where one of the two stays well above the
-    noise and above a quarter of what it was.
-    """  # noqa: D205
+    """Axes (6,) with structure left: where force or torque is well above noise and a quarter of what it was."""
     some = usual(on.data, left)
     before, after = (rms(on.data.unanswered(r)[some]) for r in (on.given, left))
     noise = on.data.noise

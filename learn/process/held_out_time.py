@@ -89,10 +89,7 @@ def sigma_scale(error: Array, std: Array) -> Array:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Shares (L,) of samples whose error is within 1.96 and within 3 standard deviations; expected 0.95 and 0.997.
-
-    Not a number on axes that were not measured.
-    """
+    """Shares (L,) within 1.96 and 3 standard deviations, expected 0.95 and 0.997; NaN where not measured."""
 
     within_95: Array
     within_3_sigma: Array
@@ -130,9 +127,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Support:
-    """What held-out time supports: gain (L,), share (L,) of the residual's energy that is explained with it, and the
-    reduction of the residual's rms with the ends of its 95 % interval (L, 3).
-    """  # noqa: D205
+    """Of held-out time: gain (L,), share (L,) of energy explained, reduction of rms and 95 % interval (L, 3)."""
 
     gain: Array
     share: Array

@@ -69,10 +69,7 @@ def subsample(
 
 
 def thin(length: int, count: int, seed: int) -> Indices:
-    """At most `count` indices of 0 ... length-1: one drawn from each of `count` equal stretches.
-
-    Drawn, not evenly spaced, so that a periodic trajectory cannot alias with the spacing.
-    """
+    """At most `count` of 0 ... length-1, drawn from equal stretches: even spacing could alias with a trajectory."""
     if length <= count:
         return np.arange(length)
     edges = -(-np.arange(count + 1) * length // count)

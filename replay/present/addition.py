@@ -177,10 +177,7 @@ def frame(added: Addition) -> list[dict[str, Any]]:
 
 
 def picture(added: Addition) -> style.Picture:
-    """Two groups of bars.
-
-    Axes are (1, 2): forces and torques. The errors are those on time that was not fitted, where there is any.
-    """
+    """Axes (1, 2): bars of forces and of torques, on time that was not fitted, where there is any."""
     where = "on the fitted logs" if added.trial is None else "on held-out time of these logs"
     title = f"{', '.join(e.name for e in added.model.effects)} in {added.given.name}: error {where}"
     return style.Picture((1, 2), (10.0, 3.8), lambda axes: _draw(added, axes[0]), title=title)

@@ -203,10 +203,7 @@ COLOURS = {"recorded": "0.6", "null run": style.MEASURED, "changed": "tab:blue",
 
 
 def picture(result: Counterfactual) -> style.Picture:
-    """Four panels over time.
-
-    Axes are (4, 1): attitude error about x, y, z of the body, and the distance from the reference.
-    """
+    """Axes (4, 1), over time: attitude error about x, y, z of the body, and the distance from the reference."""
     words = "; ".join(result.change.words) or "nothing changed"
     title = f"{result.inference.recording.flight.name}, re-simulated: {style.shortened(words, 90)}"
     return style.Picture((4, 1), (11.0, 8.2), lambda axes: _draw(result, axes), title=title, share=True)

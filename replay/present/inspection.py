@@ -160,10 +160,7 @@ def frame(seen: LogReport) -> list[dict[str, Any]]:
 
 
 def picture(seen: LogReport) -> style.Picture:
-    """A row for each role.
-
-    Axes are (R, 1), one for each role that a topic plays; one with a sentence where none does.
-    """
+    """Axes (R, 1): rates and gaps, a row for each role that a topic plays; one with a sentence where none does."""
     rows = max(1, len({} if seen.inspection.flight is None else seen.inspection.flight.series()))
     size, title = (10.0, 1.25 * rows + 1.0), f"{seen.inspection.path.name}: rates and gaps of the topics"
     return style.Picture((rows, 1), size, lambda axes: _draw(seen, axes[:, 0]), title=title, share=True)

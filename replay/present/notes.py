@@ -57,10 +57,7 @@ def sentence(note: object) -> str:
 
 
 def too_short(seconds: float, least: float = 8.0) -> list[str]:
-    """A warning where hardly any flight was left to judge by.
-
-    Below `least` [s] blocks of held-out time are shorter than half of those of `learn.data.dataset.dataset`.
-    """
+    """A warning where less than `least` [s] of flight was left: held-out blocks are shorter than half their usual."""
     if seconds >= least:
         return []
     return [

@@ -249,8 +249,7 @@ def with_values(
 
 def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
     """The named effects, or these of them, with their sizes, those that are firm (`Explanation.firm`) first; and
-    what makes of a word, "Explained", how strongly it is said: "Explained by", or
-    "Perhaps explained by".
+    what makes of a word, "Explained", how strongly it is said: "Explained by", or "Perhaps explained by".
     """  # noqa: D205
     members = found.members if members is None else members
     sure = [m for m in members if m.name in found.firm]
@@ -270,9 +269,7 @@ def confidence(found: Explanation, member: Member) -> str:
 
 
 def residual_in_words(found: Explanation, concentrated: float = 0.7) -> str:
-    """On what nothing explains depends, and where it is; above `concentrated` of it in a tenth of the time, that is
-    said.
-    """  # noqa: D205
+    """On what the residual depends and where it is: also whether `concentrated` of it is in a tenth of the time."""
     said = []
     for axis in dict.fromkeys(b.axis for b in found.bands):  # the loudest first
         own = [b for b in found.bands if b.axis == axis]

@@ -147,10 +147,7 @@ def _draw(found: Trend, axes: Any) -> None:
 
 
 def _panel(panel: Any, p: ParameterTrend, factor: float = 1.0, unit: str = "") -> None:
-    """Values with intervals over the level with the scatter about it; every step a line with its size.
-
-    Multiplied with `factor`, which gives them the `unit`.
-    """
+    """Values, times `factor` in `unit`, with intervals over the level with its scatter; every step with its size."""
     flight = np.arange(1, len(p.values) + 1)
     ends = [0, *(step.flight for step in p.course.steps), len(flight)]
     for first, last in pairwise(ends):

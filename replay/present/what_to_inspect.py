@@ -80,9 +80,7 @@ TO_TELL = "A flight with excitation on all axes tells which of them it is."
 
 
 def likeliest(found: Changed) -> NamedSet | None:
-    """The heaviest set of changes where nothing is established and less than half of the weight says that nothing
-    changed.
-    """  # noqa: D205
+    """The heaviest set of changes where nothing is established, if less than half of the weight is on no change."""
     if found.verdict is not Verdict.NOTHING or found.nothing >= 0.5:
         return None
     sets = sorted((s for c in found.classes for s in c.sets if s.names), key=lambda s: -s.weight)
@@ -109,10 +107,7 @@ def sentences(found: Changed) -> list[str]:
 
 
 def of_explanation(found: Explanation) -> list[str]:
-    """What to inspect after `explain`: where a firm effect is a defect or a load, which no drag and no lag is.
-
-    Of rotors the weakest, of servos the one that is off most.
-    """
+    """What to inspect after `explain`: firm effects that are defects or loads; the weakest rotor, the worst servo."""
     vehicle, out = found.model.vehicle, []
     for name in found.firm:
         values, had = found.changes(name), name in found.given
@@ -188,10 +183,7 @@ def constant_changes(found: Changed) -> list[Size]:
 
 
 def causes_of_constant(by: Mapping[str, float], vehicle: Vehicle, mounting: str = "") -> list[str]:
-    """What makes a constant wrench with these components [N, Nm], as `wrenchgap check` says it.
-
-    `mounting` is what the logs say of the autopilot's.
-    """
+    """What makes a constant wrench with these components [N, Nm]; `mounting` is what logs say of the autopilot's."""
     weight, causes = vehicle.body.mass * GRAVITY, []
     if by.keys() & {"torque_x", "torque_y"}:
         x, y = by.get("torque_y", 0.0) / weight, -by.get("torque_x", 0.0) / weight

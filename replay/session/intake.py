@@ -65,10 +65,7 @@ class Intake:
     dropped: Path = field(default_factory=_folder)
 
     def with_file(self, path: Path, report: Report) -> Intake:
-        """With another log, all being looked at again, or with a model file.
-
-        Raises LogError, UsageError, ModelError.
-        """
+        """With another log, all being looked at again, or a model file. Raises LogError, UsageError, ModelError."""
         if path.suffix.lower() == ".toml":
             model = model_file.loads(text_of(path, "as a model file"))
             return self.with_model(replace(model, path=Path(path.name)), report)

@@ -41,10 +41,7 @@ class Revision:
 
 
 class WorkingModel:
-    """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened.
-
-    `saved` says whether a file has the model as it is opened.
-    """
+    """Open flights, a model that changes (`saved`: a file has it as opened), a GP learnt on the model as opened."""
 
     def __init__(
         self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None, *, saved: bool = True

@@ -118,10 +118,7 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
 
 
 def turned_imu(flight: Flight, model: Model, seen: CommandsAndMotion) -> Turned | None:
-    """An IMU that is turned about z by more than a mounting error, where no attitude tells and all of the flight does.
-
-    None where that is not so, or not known.
-    """
+    """An IMU turned about z beyond a mounting error, where no attitude tells and all of the flight does; else None."""
     pushed = seen.made if seen.made is not None else seen.wrench
     if pushed is None or flight.imu is None or flight.odometry is not None:
         return None

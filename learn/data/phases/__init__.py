@@ -148,16 +148,12 @@ def saturations(
     full: float = 0.999,
     joined: float = 0.2,
 ) -> list[Phase]:
-    """Where rotors are at their limits, and where that takes away from the wrench that counts as commanded.
+    """Where rotors are at their limits, from `full` of `speed_max` on (within `joined` [s] one), and what it takes.
 
-    A command *at* a limit is as good as any: what the rotors were told is known, and the model is given the same. It is
-    shown and not left out. What matters is a command that asks for more than there is: then the wrench that counts as
-    commanded is not the one that the vehicle was able to make. It is left out where the missing part, behind the filter
-    of the analysis, is larger than 5 % of the weight, or 2 % of the weight at the rotors' distance.
-
-    `source` is that of `commands_of`. Vehicles without rotors in the model file have no limits. A missing force
-    matters from `least_force` [weights] on, a torque from `least_torque` [weights at the rotors' distance], root mean
-    square. A rotor is at its limit from the share `full` of `speed_max` on; what is closer than `joined` [s] is one.
+    A command at a limit is as good as any, as the model is given the same: shown, not left out. Left out is one that
+    asks for more than there is, where the part that is missing behind the analysis' filter, root mean square, is above
+    `least_force` [weights] or `least_torque` [weights at the rotors' distance]. `source` is that of `commands_of`.
+    Without rotors in the model file there are no limits.
     """
     if not vehicle.has_rotors or commands.rotor_speed is None or len(samples) < SIGNALS.fewest:
         return []

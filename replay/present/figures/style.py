@@ -50,10 +50,7 @@ class Picture:
 
 
 def plot(picture: Picture, axes: Any = None) -> Any:
-    """Draw into `axes`, in a new figure of pyplot where there are none; returns the axes.
-
-    Raises UsageError for axes of another shape.
-    """
+    """Draw into `axes`, or in a new figure of pyplot; returns the axes. UsageError for axes of another shape."""
     if axes is None:
         import matplotlib.pyplot as plt
 
