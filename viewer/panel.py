@@ -100,10 +100,7 @@ class Links:
 
 
 class JobControls:
-    """Controls of one kind of background job; at most one runs.
-
-    `ask` is called when the button is pressed, by `client`.
-    """
+    """Controls of one kind of background job; at most one runs. `ask` is called when a client presses the button."""
 
     def __init__(self, host: Host, label: str, ask: Callable[[], None], hint: str | None = None):
         gui = host.gui

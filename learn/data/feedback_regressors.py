@@ -26,8 +26,7 @@ class RegressorSettings:
     lags: tuple[float, ...] = (0.0, 0.03, 0.08, 0.2)
     """Time constants [s] of the first-order lags behind which commands are seen."""
     shifts: tuple[float, ...] = (-0.4, -0.2, 0.2, 0.4)
-    """Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are
-    leads."""
+    """Delays, in periods of the filter's corner. An answer comes after what it answers, so some are leads."""
     parts: tuple[float, ...] = (1.2, 4.5)
     """Frequencies [Hz] between and beyond which the size of an answer's gain may be another: two octaves each."""
     commanded: float = 0.2

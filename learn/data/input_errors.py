@@ -34,13 +34,11 @@ class InputErrorSettings:
     """How the error of sampled commands is bounded, and from when on it matters."""
 
     edges: tuple[float, ...] = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
-    """Between the bands [Hz] in which spectra are taken to be level: wider where those of vehicles and turbulence are
-    smoother."""
+    """Bounds of bands [Hz] in which spectra are taken to be level: wider where those of vehicles are smoother."""
     share: float = 0.1
     """Share of error in a band from which on it is not used: gains are wanted to 10 %, and attenuate by as much."""
     segment: float = 10.0
-    """Length [s] of the pieces whose spectra are averaged, three periods of the slowest band; of short flights a
-    third."""
+    """Length [s] of the pieces whose spectra are averaged: three periods of the slowest band, a third of a flight."""
     fewest_commands: int = 32
     """Commands below which nothing is said of their spectrum."""
     tail: float = 0.7

@@ -150,10 +150,7 @@ class Task:
     def shake(
         self, size: float, angle_deg: float, low: float, high: float, axes: tuple[str, ...] = (), ramp: float = 1.0
     ) -> Shake:
-        """Broadband motion of `axes` (default all) from `low` to `high` [Hz]; `size` [m], `angle_deg` at full vigour.
-
-        Another azimuth means other phases.
-        """
+        """Broadband motion of `axes` (all), `low` to `high` [Hz]; `size` [m], `angle_deg`; azimuths are phases."""
         known = axes or (SHAKEN if self.room.tilts else ("x", "y", "z", "yaw"))
         size, angle = self.vigour * size, self.vigour * np.radians(angle_deg)
         seed = round(float(np.degrees(self.azimuth))) % 360

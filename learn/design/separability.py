@@ -147,10 +147,7 @@ class Separability:
 
 
 def nuisances(also: Sequence[str] | None, names: Sequence[str], base: Model) -> tuple[str, ...]:
-    """Effects that are fitted along with a group `names`: `also`, or `NUISANCE` but no lag beside a lag.
-
-    What is in the group or in the model is none.
-    """
+    """Effects fitted along with a group: `also`, or `NUISANCE` but no lag beside a lag; none of group or model."""
     hidden = LAGS if set(names) & set(LAGS) else ()
     chosen = [a for a in NUISANCE if a not in hidden] if also is None else also
     return tuple(a for a in chosen if a not in names and base.effect(a) is None)

@@ -51,10 +51,7 @@ class InputGroup:
 
 
 def quantities(data: Dataset, level_deg: float = 3.0) -> tuple[tuple[Quantity, ...], dict[str, str]]:
-    """The quantities that these flights have, and why others are missing (name to reason).
-
-    A tilt below `level_deg` [deg] has no direction that means anything.
-    """
+    """Quantities that these flights have, and why others are missing; a tilt below `level_deg` has no direction."""
     omega = _stacked(data, lambda r: r.state_kept.omega_B)
     found = [
         Quantity("thrust", "commanded |F|", "N", np.linalg.norm(data.commanded[:, :3], axis=1)),

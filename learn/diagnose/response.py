@@ -53,8 +53,7 @@ class ResponseThresholds:
     fits: float = 0.93
     """Mean cosine of the phase misfit at which a form fits: 21 deg rms."""
     gain_fits: float = 1.5
-    """Factor (rms) between measured gain and that of a form within which it fits: more than any plausible effect
-    makes."""
+    """Factor (rms) between measured gain and a form's within which it fits: more than plausible effects make."""
     noticeable: float = 3.0
     """How many times the sensor noise a delay must leave in the residual to be worth attention."""
     least_share: float = 0.1

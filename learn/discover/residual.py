@@ -328,10 +328,7 @@ def _centred(data: Dataset, left: Array) -> Array:
 
 
 def _power(data: Dataset, made: Array, com_B: Array) -> Array:
-    """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass, v its velocity over ground.
-
-    Not a number where a force acts and v is not known.
-    """
+    """F . v + M . omega (K,) [W] of wrenches (K, 6) about the centre of mass; NaN where a force needs an unknown v."""
     if made[:, :3].any() and not all(r.has_pose for r in data.records):
         return np.full(len(made), np.nan)
     states = [r.state_kept for r in data.records]

@@ -27,8 +27,7 @@ class AnswerNeeds:
     """What a log must have for an answer."""
 
     rate: float = RATE_OVER_CUTOFF * CUTOFF_HZ
-    """Rate of commands and IMU [Hz] for the default filter of the analyses, which shows a typical motor lag of 30 ms
-    (5 Hz)."""
+    """Rate of commands and IMU [Hz] for the analyses' default filter, which shows a motor lag of 30 ms (5 Hz)."""
     flight: float = 10.0
     """Time in the air [s]: `explain` holds out blocks of some seconds."""
     speed: float = 2.0
@@ -92,10 +91,7 @@ KNOWN = (None, NoPhases.POWER)
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether a log can answer a question, or what it `lack`s: it has so much, and so much is needed.
-
-    `have` is None where nothing of it is logged.
-    """
+    """Whether a log can answer a question, or what it `lack`s: it has so much (None: not logged), so much is needed."""
 
     question: Question
     lack: Lack | None = None

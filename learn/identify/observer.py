@@ -58,11 +58,9 @@ class ObserverSettings:
     most_sensitive: float = 2.0
     """Largest M_s, the peak of the loop's sensitivity."""
     enough: float = 1.1
-    """Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is
-    taken."""
+    """Ratio of what is left to the least that any bandwidth leaves, within which the least M_s is taken."""
     worth: float = 0.75
-    """Share of what is left without an observer that the best one may leave: one that removes less has nothing to
-    do."""
+    """Share of what is left without an observer that the best one may leave; one that removes less is useless."""
 
 
 OBSERVER = ObserverSettings()

@@ -130,9 +130,7 @@ def posterior(
     settings: SearchSettings,
     causes: Sequence[Check] = (),
 ) -> Posterior:
-    """Of these sets and classes, with what would settle which is true: those of `causes` of which something stands in
-    them for effects that were fitted.
-    """  # noqa: D205
+    """Sets and classes with what would settle which is true; of `causes` those of which something stands in a set."""
 
     def checks(some: Sequence[NamedSet]) -> tuple[Check, ...]:
         standing = {name for s in some for name, _ in s.stands_for}

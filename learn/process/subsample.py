@@ -222,9 +222,7 @@ class Kernel:
     noise_variance: float
 
     def __call__(self, a: Array, b: Array, out: Array | None = None) -> Array:
-        """k(a, b) (N, M), into `out` where it is given: -1/2 |p - q|^2 as one product, of p and q with their own
-        squares beside them.
-        """  # noqa: D205
+        """k(a, b) (N, M), into `out` if given: -1/2 |p - q|^2 as one product, with own squares beside p and q."""
         p, q = a / self.lengthscales, b / self.lengthscales
         left = np.column_stack((p, -0.5 * np.sum(p * p, axis=1), np.ones(len(p))))
         right = np.column_stack((q, np.ones(len(q)), -0.5 * np.sum(q * q, axis=1)))

@@ -156,9 +156,7 @@ def _bytes(memory: str) -> int | str:
 
 @contextmanager
 def ctrl_c_stays_here() -> Iterator[None]:
-    """Processes that are started in here, and by threads that begin in here, never see Ctrl-C; here it counts, if a
-    moment later.
-    """  # noqa: D205
+    """Processes and threads that begin in here never see Ctrl-C; in this process it counts, if a moment later."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -83,10 +83,7 @@ class WorkingModel:
         return self.model is self._saved
 
     def change(self, revision: Revision, *, instead: bool = False, depth: int = 200) -> None:
-        """Make another model the current one; `instead` of the last change where that was a part of this one.
-
-        So many changes as `depth` can be undone.
-        """
+        """Make another model current, `instead` of the last change where that was a part; `depth` can be undone."""
         with self.lock:
             if instead and len(self.revisions) > 1:
                 self.revisions.pop()

@@ -44,16 +44,13 @@ class TorqueThresholds:
     """Standard errors of the angle that must lie between it and the smallest turn (`AXES_SEARCH.turned_deg`), and be
     less than that."""
     moves: float = 0.65
-    """Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89); below, the stated one is
-    refused."""
+    """Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89), or the stated one is refused."""
     off: float = 4.0
     """Factor by which inertia, lags and noise may change the torque that a motion needs."""
     carries: tuple[float, float] = (0.4, 2.5)
-    """Commanded force over the weight within which the command is in newtons: a normalised one says nothing of
-    sizes."""
+    """Commanded force over the weight within which the command is in newtons: a normalised one says no size."""
     beyond: float = 3.0
-    """Times the largest torque of the rotors that the rms of a logged motion may need before the rates cannot be
-    true."""
+    """The rms of a logged motion over the largest torque of the rotors from which on the rates cannot be true."""
 
 
 TORQUES = TorqueThresholds()

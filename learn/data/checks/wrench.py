@@ -26,8 +26,7 @@ class WrenchThresholds:
     force: tuple[float, float] = (0.5, 2.0)
     """Commanded over measured force that an effect may make."""
     torque: tuple[float, float] = (0.3, 10.0)
-    """Commanded over measured torque: what disturbs is answered by commands that move nothing, so that these may well
-    be larger."""
+    """Commanded over measured torque; commands that answer a disturbance move nothing, and may well be larger."""
     alike: float = 0.5
     """Cosine from which on command and motion belong together."""
     much_alike: float = 0.7
@@ -39,8 +38,7 @@ class WrenchThresholds:
     still: float = 0.01
     """Largest rotor speed, in any unit, of rotors that carry nothing."""
     turned: float = 0.001
-    """Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no
-    command."""
+    """Share of the rotors' largest torque that a motion needs (rms) for a far smaller command to be no command."""
     seen: float = 0.3
     """Share of a command's torque that an axis must have to be asked."""
 

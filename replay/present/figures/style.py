@@ -172,10 +172,7 @@ def over_time(panels: Any, name: str = "time") -> None:
 
 
 def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
-    """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once.
-
-    It is for `others` as well, which have the same colours.
-    """
+    """Above a panel, `above` lines higher, where it covers no curve; also for `others` of its colours, names once."""
     once: dict[str, Any] = {}
     for one in (panel, *others):
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
