@@ -81,9 +81,7 @@ class Inference:
         return DisturbanceSize(d.mean(axis=0), rms(d), rms(fast), np.abs(d).max(axis=0), rms(self.pull))
 
 
-def infer(
-    recording: Recording, model: Model, *, cutoff_hz: float = CUTOFF_HZ, progress: Callable[[float], None] | None = None
-) -> Inference:
+def infer(recording: Recording, model: Model, *, progress: Callable[[float], None] | None = None) -> Inference:
     """Disturbance, pilot's and allocation's residual of a recording, as `model` (with its controller) sees it.
 
     Raises FitError where an effect of the model needs what the log lacks.
@@ -102,7 +100,7 @@ def infer(
 
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
-    base: Array = _measured(plant.body, r, mean_over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt)))
+    base: Array = _measured(plant.body, r, mean_over_periods(needed) - low_pass(made, r.dt, min(CUTOFF_HZ, 0.3 / r.dt)))
     command, signals = command_stage(nominal.take(window))
     towards = np.hstack((base, state.position_E, state.quat_EB, state.velocity_E, state.omega_B))[window]
 

@@ -23,6 +23,12 @@ def usage_error(text: str) -> Exception:
     return UsageError(text)
 
 
+def check_ending(option: str, path: Path, what: str, ending: str, others: str = "") -> None:
+    """Raise UsageError for a file to write whose name does not end as `what` is written."""
+    if path.suffix != ending:
+        raise usage_error(f"{option} {path}: {what}; expected a name that ends in {ending}{others}")
+
+
 def parse_cutoff(hz: float) -> float:
     """The cut-off [Hz], if it is one; raises UsageError."""
     if not (math.isfinite(hz) and hz > 0):

@@ -61,31 +61,30 @@ RATE_OVER_CUTOFF = 2.5
 """How many times the cut-off of a filter readings must come, so that its band is in them (Shannon: 2)."""
 
 
-def rates(
-    flight: Flight, cutoff_hz: float, *, rotors: bool = True, faster: float = RATE_OVER_CUTOFF
-) -> tuple[Check, ...]:
+def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True) -> tuple[Check, ...]:
     """Whether motion and commands come fast enough for a filter of `cutoff_hz`; `rotors`: the model uses actuators.
 
     Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors by
-    the other. `faster` is how many times the cut-off they must come, so that the filter's band is in them (Shannon: 2).
+    the other.
     """
     played = flight.series()
     motion = "imu" if "imu" in played else "odometry"
     sent = ("commanded", *(("actuators",) if rotors or "commanded" not in played else ()))
     asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, *sent) if role in played]
+    needed = RATE_OVER_CUTOFF * cutoff_hz
     repeated = max(sensors_held_for(flight).values(), default=1)
     each = {role: 1.0 / s.period / (repeated if role == "imu" else 1) for role, s in asked}
-    slow = [(role, s, each[role]) for role, s in asked if each[role] < faster * cutoff_hz]
+    slow = [(role, s, each[role]) for role, s in asked if each[role] < needed]
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])
     words = (
-        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {faster * cutoff_hz:g}: "
+        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {needed:g}: "
         "what is faster is folded into what is slower, and no filter takes it out again; log it faster next time"
     )
-    return (Check("rate", "bad", words, f"--cutoff {usable_cutoff(rate, faster):g}"),)
+    return (Check("rate", "bad", words, f"--cutoff {usable_cutoff(rate):g}"),)
 
 
-def usable_cutoff(rate_hz: float, faster: float = RATE_OVER_CUTOFF) -> float:
-    """The highest cut-off [Hz], to a tenth, for which readings at this rate are `faster` times as fast."""
-    return float(np.floor(9.7 * rate_hz / faster) / 10.0)
+def usable_cutoff(rate_hz: float) -> float:
+    """The highest cut-off [Hz], to a tenth, for which readings at this rate are fast enough."""
+    return float(np.floor(9.7 * rate_hz / RATE_OVER_CUTOFF) / 10.0)

@@ -12,7 +12,7 @@ import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.flights import READ
 from wrenchgap.replay.cli.requests import DetailedRun, Run
-from wrenchgap.replay.cli.values import parse_effects, usage_error
+from wrenchgap.replay.cli.values import check_ending, parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.identify.trend import Trend
@@ -137,8 +137,8 @@ def discover(
     from wrenchgap.replay.present.discovery import what_next
 
     run.claim({"--output": output, "--figure": figure}, *logs, *(validate or ()), model)
-    if output is not None and output.suffix != ".py":
-        raise usage_error(f"--output {output}: the law is a Python file; expected a name that ends in .py")
+    if output is not None:
+        check_ending("--output", output, "the law is a Python file", ".py")
     base = run.model(model)
     with run.progress("discovering") as report:
         flights, tests = run.open(reading.options, logs, base, validate)

@@ -64,8 +64,7 @@ def simulate(
     from wrenchgap.replay.present import simulation
 
     run.claim({"--output": output, "--truth": truth}, trajectory)
-    if output.suffix != ".mcap":
-        raise values.usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
+    values.check_ending("--output", output, "logs are written as MCAP", ".mcap")
     plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
     true, _, _ = prepare(plan)
     with run.progress("flying", "flying") as report:
@@ -129,10 +128,7 @@ def design(
     from wrenchgap.replay.present import design as present
 
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
-    if output.suffix != ".toml":
-        raise values.usage_error(
-            f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml"
-        )
+    values.check_ending("--output", output, "trajectories are written as TOML", ".toml")
     base = run.model(model)
     limits = usual(base.vehicle)
     x, y, z = limits.room

@@ -11,7 +11,7 @@ import typer
 import wrenchgap as wg
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import FOUND_BAD, DetailedRun, Omit, Run
-from wrenchgap.replay.cli.values import usage_error
+from wrenchgap.replay.cli.values import check_ending, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.learn.data.read_options import ReadOptions
@@ -176,8 +176,5 @@ def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
         return targets
     if len(logs) > 1:
         raise usage_error(f"--output {output}: {len(logs)} logs go into a folder; expected one that exists")
-    if output.suffix != ".mcap":
-        raise usage_error(
-            f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap, or a folder"
-        )
+    check_ending("--output", output, "logs are written as MCAP", ".mcap", ", or a folder")
     return {logs[0]: output}

@@ -27,12 +27,10 @@ ALIKE = 1e-6
 
 
 def picture(
-    vehicle: Vehicle, marked: Mapping[str, str] | None = None, *, title: str = "", moved_B: Array | None = None
+    vehicle: Vehicle, marked: Mapping[str, str] | None = None, *, moved_B: Array | None = None
 ) -> style.Picture:
     """The top view; `marked` are parts to highlight, with a few words on each, `moved_B` (3,) [m] as in `draw`."""
-    return style.Picture(
-        (), (8.4, 6.2), lambda panel: draw(panel, vehicle, marked, moved_B=moved_B), title=title or vehicle.name
-    )
+    return style.Picture((), (8.4, 6.2), lambda panel: draw(panel, vehicle, marked, moved_B=moved_B), vehicle.name)
 
 
 def draw(
