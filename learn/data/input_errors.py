@@ -1,16 +1,12 @@
 """What a sampled command does not say of the command that was sent.
 
-A logged command is a snapshot, taken at the rate of the log, of a loop that may be faster. What the loop does beyond
-half the rate of the log is folded into what is below it, and looks like slow commands that were never sent. A
-regression on them attenuates: of a command u with an error e, independent of u, a gain of one is found as
-S_u / (S_u + S_e), and every parameter that shrinks the prediction (a lag, a lost torque) seems to explain what is left.
-Source: errors in variables, Fuller, "Measurement Error Models", 1987, 1.1.
+A logged command is a snapshot, taken at the rate of the log, of a loop that may be faster. A regression on it
+attenuates, and every parameter that shrinks the prediction (a lag, a lost torque) seems to explain what is left:
+docs/theory/likelihood.md, Commands that err, with the source. The spectrum S_e of the error is bounded. S is that of
+the wrench that the commands nominally make, S_m that of the measured wrench, S_n that of the sensors' noise, all
+one-sided [N^2/Hz, (Nm)^2/Hz]:
 
-The spectrum of the error is not known, but bounded. S is that of the wrench that the commands nominally make, S_m that
-of the measured wrench, S_n that of the sensors' noise, all one-sided [N^2/Hz, (Nm)^2/Hz]:
-
-    S_e <= L                 L the level of S just below half the rate of the log: what had not fallen by then goes on
-                             beyond it, and a spectrum that falls folds less of itself at lower frequencies
+    S_e <= L                 L the level of S just below half the rate of the log, which goes on beyond it
     S_e <= S - (S_m - S_n)   of what was really sent the vehicle made a wrench
     S_e <= S_r               S_r of what the nominal model leaves: the error is in it
 

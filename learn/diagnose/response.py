@@ -12,13 +12,11 @@ the same amount of another:
 The first bends: at omega tau beyond one its delay shrinks like a quarter period. Where the flight reaches that far,
 `shape` says which of the two forms fits the phases better on blocks of time (paired t over blocks, as everywhere).
 
-In a closed loop the command also answers to the motion. Where little but disturbances moves the vehicle, the
-controller C makes u = -C y of what the IMU feels, and response over command is -1/C, with a coherence of one and a
-phase that has nothing to do with the actuators (Ljung, "System Identification", 2nd ed., 13.4). It gives itself away by
-its gain: what a command achieves is about what it asked for, less what a lag takes off, while 1/C is anything, and for
-a controller of rates rises with frequency and lags by a quarter period throughout. Where phases or gains fit neither
-a delay nor a lag, no number is given, nor where the gains fit only at the frequencies at which commands and motion are
-loudest. A response before its command is none.
+In a closed loop the command also answers to the motion, and response over command is -1 / controller (docs/timing.md,
+Feedback-dominated flights; Ljung, "System Identification", 2nd ed., 13.4). It gives itself away by its gain: what a
+command achieves is about what it asked for, less what a lag takes off. Where phases or gains fit neither a delay nor a
+lag, no number is given, nor where the gains fit only at the frequencies at which commands and motion are loudest. A
+response before its command is none.
 
 Nothing is removed here. What a user reads is what `explain` will be offered.
 """

@@ -1,13 +1,9 @@
-"""The laws that are tried: a direction times functions of quantities, as wrenches about O (docs/theory/laws.md).
+"""The laws that are tried: a direction times functions of quantities, as wrenches about O (docs/theory/laws.md, Atoms).
 
-    F = sum_j k_j d_j phi_j,    or a torque, or a share of what rotors make
-
-d is a direction: the velocity of O through the air, a body axis, an axis of E, the thrust of a rotor, the axis of an
-arm; phi is from a short list of powers, products, sines of small multiples of an angle, and 1/(1 + h^2/l^2) near the
-ground. Forces act at the centre of mass or at the rotors. A law with several coefficients (a sine and a cosine, a
-spring and where its end is) is one law. Sources of the forms: Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed);
-Leishman, "Principles of Helicopter Aerodynamics", 2nd ed. (rotors in translation, near the ground and in each other's
-wake); Etkin, "Dynamics of Atmospheric Flight", 1972 (derivatives of force and moment by velocities and rates).
+Forces act at the centre of mass or at the rotors. A law with several coefficients (a sine and a cosine, a spring and
+where its end is) is one law. Sources of the forms: Hoerner, "Fluid-Dynamic Drag", 1965 (powers of speed); Leishman,
+"Principles of Helicopter Aerodynamics", 2nd ed. (rotors in translation, near the ground and in each other's wake);
+Etkin, "Dynamics of Atmospheric Flight", 1972 (derivatives of force and moment by velocities and rates).
 """
 
 from __future__ import annotations

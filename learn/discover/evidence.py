@@ -1,17 +1,10 @@
 """What flights say of laws: what each atom takes off what is left, and how much chance would have found.
 
-Of every axis l and band of frequency k the residual's coefficients y (`learn.posterior.spectrum`) have a variance v_kl,
-as the named set leaves them. What the set, trims and biases of flights can say is projected out of y and of every
-atom's columns X, so that a law is never an alias of a name. Then
-
-    theta = (X' V^-1 X)^-1 X' V^-1 y
-    gain  = 1/2 sum_kl n_kl log(s_kl / s_kl(theta)) - price,       s mean squares, no less than the sensors' noise
-
-n_kl the coefficients that count (`learn.posterior.score`). Atoms are many, and residuals are slow: some atom always
-explains a part. **The null** says how large a part: residuals that were shifted in time within their flights, and such
-with the same spectrum and random phases, go through the same search; a law must gain more than 95 % of the largest
-gains found there. Sources: surrogate data, Theiler et al., Physica D 58, 1992; the maximum over all tests as the
-statistic, Westfall and Young, "Resampling-Based Multiple Testing", 1993.
+Equations and sources: docs/theory/laws.md. Of every axis and band of frequency the residual's coefficients
+(`learn.posterior.spectrum`) have a variance, as the named set leaves them. What the set, trims and biases of flights
+can say is projected out of them and of every atom's columns, so that a law is never an alias of a name. Atoms are many,
+and residuals are slow, so that some atom always explains a part: a law must gain more than 95 % of the largest gains on
+residuals of chance, which go through the same search.
 """
 
 from __future__ import annotations

@@ -4,29 +4,17 @@ Minimised over theta (all parameters of all named effects together):
 
     eta sum_k sum_l w_l^2 (W_meas - W_pred(theta) - m b_flight)_kl^2  +  sum_p (theta_p / s_p)^2
 
+Weights, sizes of sparse effects, the parts of the standard deviations, and the sources: docs/theory/posterior.md, Fit
+of one set. Steps are bounded least-squares problems within the plausible ranges, with numerical derivatives of the
+whole prediction.
+
 An accelerometer's bias changes from flight to flight and looks like a force that is constant in B. It is therefore
 estimated along with the effects, per flight, within +-`ACCELEROMETER_BIAS`: a constant force larger than that is an
 effect, a smaller one is not news. So is the trim, where the model knows that flights differ
 (`learn.identify.bias_and_trim`).
 
-w_l are the axis weights, s_p the parameter's typical size (a weak prior that only decides what the data leave open),
-and eta = dt_kept * 2 f_c at most 1 discounts samples that the filter has made dependent. Steps are bounded
-least-squares problems within the plausible ranges, with numerical derivatives of the whole prediction.
-
-For an effect that is `sparse` (one gain per rotor, one angle per arm) the prior's sizes are themselves estimated, one
-per parameter, by the evidence: s_p^2 <- theta_p^2 + var_p (automatic relevance determination, MacKay, "Information
-Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001). Where the data leave open which rotor
-is weak, one weak rotor is then preferred to twelve slightly odd ones.
-
 On axes where commands answer the motion residual and derivatives are taken without what any such answer could explain
 (`learn.data.feedback_regressors`).
-
-Standard deviations have five parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
-honest when residuals are coloured; what gusts add that outlast a block (`learn.data.gauss_markov` of H^-1 g_t); the
-width of the prior in directions that the data leave open (of a sparse effect too: that one weak rotor is likelier than
-twelve odd ones does not show which); `MISFIT` of the value; and for times a sample period over sqrt(12), since stamps
-say no more (docs/decisions/0009-honest-intervals.md). Source: Gauss-Newton, Nocedal and Wright, "Numerical
-Optimization", 2nd ed., 10.3; clustered sandwich, Liang and Zeger, Biometrika 1986.
 """
 
 from collections.abc import Callable, Mapping, Sequence

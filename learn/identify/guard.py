@@ -202,18 +202,14 @@ def unshown(
 ) -> Mask:
     """Which components (L,) of the command the flight does not show the effect of.
 
-    In slow flight the measured torque is near zero whatever is commanded, since the command is there to cancel the
-    disturbance. Then z = -W_cmd fits every sample, a process learns the slope -1, and I + dmu/dW, which is to be
-    inverted, is singular (docs/paper.md, 6). Held-out time cannot see it: there the same holds. What can see it is how
-    much of the command reaches the measurement. With the covariances P of what the physics expects of the commands and
-    M of what was measured, less the sensors' noise,
+    Derivation: docs/theory/process.md, What a closed loop hides. With the covariances P of what the physics expects of
+    the commands and M of what was measured, less the sensors' noise,
 
         M v = lambda P v                          (generalised eigenvalues, v^T P v = 1)
 
     lambda is the share of the expected variance that was measured along v: near 1 where the command turned the vehicle,
     0 where it only cancelled something. Where lambda is small, and where the command hardly exceeds the noise, the
-    process does not look at the command (`FitSettings.blind`): the dependence is that of the physics, a newton metre
-    commanded is one more.
+    process does not look at the command (`FitSettings.blind`): the dependence is that of the physics.
 
     Parameters
     ----------

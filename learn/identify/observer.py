@@ -1,34 +1,26 @@
 """The observer beside a process, from the log that the process was learnt from and a margin of the whole loop.
 
-A vehicle follows with the lag tau (delay included). An observer of bandwidth k that takes it to follow with tau_o
-makes, of a disturbance d and of noise n in the measured rates,
+Equations and sources: docs/theory/compensation.md, The observer and Stability. A vehicle follows with the lag tau
+(delay included). An observer of bandwidth k that takes it to follow with tau_o makes, of a disturbance d and of noise n
+in the measured rates,
 
     correction = -H Q / (1 + Q (H - H_o)) d,        torque = k J n          above its bandwidth
     Q = k / (s + k),        H = 1 / (1 + tau s),        H_o = 1 / (1 + tau_o s)
 
-**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller around
-it rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller, lag,
-delay and observer: M_s <= `OBSERVER.most_sensitive` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may
-double, the phase margin is 29 deg, and since |T| <= 1 + M_s = 3 no error of H below a third of it can make the loop
-unstable (small gain). A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T|
-|D| <= 1 is wanted too.
+**The loop.** Told nothing, the observer works against the lag, and with the attitude controller around it rings at a
+third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller, lag, delay and
+observer: M_s <= `OBSERVER.most_sensitive` (`plant.stability.sensitivity_peak`).
 
 **What it is told.** Behind a lag that held-out time shows (`learn.identify.samples`), or that has a name, an observer
-that does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s,
-and leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is
-judged with the longest that held-out time does not rule out (`longest_lag`), or with `OBSERVER.unknown`.
+that does not know it is left with a third of a hertz. So it is told. A lag that nobody has seen is not told, but may be
+there: the loop is judged with the longest that held-out time does not rule out (`longest_lag`), or with
+`OBSERVER.unknown`.
 
-**The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that
-the effects and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
-
-    E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
-
-or rather that of the least M_s whose E is within a tenth of that: E is flat about its least, and there the margin is
-worth more. Where the best leaves more than `OBSERVER.worth` of what no observer leaves (a lag alone, or nothing
-missing), there is none: it would pass noise and the error of the lag on, and remove nothing. (Told the lag, the faster
-observer has the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more in the play of servos.) d is all of the
-residual and not what the process leaves of it: of flights that the process has not seen nobody knows what it will
-leave, and where it is distrusted it leaves all.
+**The log.** Of the k that leave within a tenth of the least on the training log, the one of the least M_s is chosen:
+what is left is flat about its least, and there the margin is worth more. Where the best leaves more than
+`OBSERVER.worth` of what no observer leaves (a lag alone, or nothing missing), there is none: it would pass noise and
+the error of the lag on, and remove nothing. d is all of the residual and not what the process leaves of it: of flights
+that the process has not seen nobody knows what it will leave, and where it is distrusted it leaves all.
 """
 
 from collections.abc import Sequence

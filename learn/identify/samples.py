@@ -1,12 +1,6 @@
 """What a process is learnt from: filtered commands, behind a lag where there is one, and what a model leaves.
 
-Samples are thinned to 1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below
-f_c has 2 f_c independent values per second).
-
-Whether the vehicle follows its commands late is decided on held-out time before a process is fitted. A process whose
-input is the command of now takes a lag for noise or, worse, for a function: of a sinusoid at omega a first-order lag
-tau leaves -omega^2 tau^2 / (1 + omega^2 tau^2) in phase, a slope that held-out blocks of the same flight confirm and
-another flight does not. So the commands are lagged first,
+Why samples are thinned and commands lagged first: docs/theory/process.md, Points and Lag. With tau,
 
     tau y' = u - y,         z_tau = W_meas - y(physics of W_cmd),       a function of y(W_cmd)
 

@@ -1,15 +1,11 @@
 """What flights could have shown: for each parameter, the smallest change that the search would have made firm.
 
-The wrench of an effect at some size is added to what the flights measured, in the linear problem of the search: with
-q_0 what the model leaves and q_p what a unit of the parameter adds, q_0 becomes q_0 + theta q_p, and the products that
-sets are scored on become
-
-    P_00 + 2 theta P_0p + theta^2 P_pp,      P_0k + theta P_pk
-
-so that an injection costs one row. Then the search's own functions are asked: the set that was found with the effect is
-weighed against the likeliest sets without it (as found, or without one of its members, and with the one or two other
-effects that promise most), and what is said of its members is what is said of any set. Noise may make an effect look
-smaller: the limit is the smallest size that is firm, and `ADVERSE` standard deviations more.
+The wrench of an effect at some size is added to what the flights measured, in the linear problem of the search, which
+costs one row of its products (docs/theory/posterior.md, Detection limits). Then the search's own functions are asked:
+the set that was found with the effect is weighed against the likeliest sets without it (as found, or without one of its
+members, and with the one or two other effects that promise most), and what is said of its members is what is said of
+any set. Noise may make an effect look smaller: the limit is the smallest size that is firm, and `ADVERSE` standard
+deviations more.
 
 A lag is no straight line: through what it adds at the size t0 where it was linearised goes the parabola
 J t + c (2 t/t0 - (t/t0)^2), J its derivative there and c what the straight line lacks, and its secant is injected.

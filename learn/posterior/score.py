@@ -1,30 +1,16 @@
 """The probability of a set of effects, up to a constant, at noise whose spectrum is unknown.
 
-For a set S with parameters theta, the coefficients of axis l in band k leave the mean square s_kl(theta). Their
-variance is unknown, with an inverse-gamma prior about that of the sensors; integrated out it leaves
+Derivation and sources: docs/theory/likelihood.md and docs/theory/posterior.md. For a set S with parameters theta, the
+coefficients of axis l in band k leave the mean square s_kl(theta), and N_kl of them count:
 
     log p = -1/2 sum_kl (N_kl + nu) log((N_kl s_kl + nu s0_kl) / (N_kl + nu)) - 1/2 sum_p (theta_p / s_p)^2
             - 1/2 log det(A S S + I) - price complexity(S)
 
-a Student likelihood (Gelman et al., "Bayesian Data Analysis", 3rd ed., 3.2), the prior, and Laplace's approximation of
-the integral over theta, A the curvature (MacKay, "Information Theory, Inference, and Learning Algorithms", 27). An axis
-on which a law is nearly right, and no more, has the larger variance that it shows, and counts for less. What is left
-counts as at least the sensors' noise, s0_kl: no law of a vehicle takes that off, but commands that answer the noise
-do (docs/decisions/0043-below-the-noise.md).
-
-N_kl are coefficients that count. What a spectrum shows above the sensors' own is no independent noise in every
-coefficient: a form that is nearly right errs the same way everywhere. Of that share, a few values count for each block,
-band and axis (`Scorer`; this and the other numbers: `learn.posterior.settings`).
-
-What is wrong about one axis shows a little on others: vehicles are never quite symmetric. To every mean square is
-added that of a share of what the model leaves in all of the force, or torque, in that band;
-without it a law that takes 96 % off one axis lost for a trace that it added to another, counted by its logarithm.
-
-No law is exactly right: what an effect adds is known to a share (`plant.effects.Effect.accuracy`). The mean square of a
-cell therefore has added to it the square of the sum of those shares of what its effects add there, whatever their
-signs: what effects that cancel each other leave is known no better than each of them. That is an upper limit: a set
-that fits to the noise has shown that its laws are nearer, so that all of it counts or the share `doubt`, whichever
-makes the set likelier. Source: model discrepancy, Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001.
+a Student likelihood, the prior, and Laplace's approximation of the integral over theta, A the curvature. To every mean
+square is added what leaks from other axes, and what the laws of the set may be off by
+(`plant.effects.Effect.accuracy`), all of it or the share `doubt`, whichever makes the set likelier: that is an upper
+limit, and a set that fits to the noise has shown that its laws are nearer. What is left counts as at least the sensors'
+noise, s0_kl. All numbers: `learn.posterior.settings`.
 """
 
 from __future__ import annotations

@@ -9,13 +9,11 @@
     group     another effect would do as well in the place of the largest member
     effect    else
 
-The rms of an axis hides what sits at one frequency: a load on a rope that hardly swings, a tank, a magnet on a slow
-mission leave less than the sensors' noise has over all frequencies, but several times the noise in a band. By band of
-frequency and axis (`learn.posterior.spectrum`), b is the mean square that the model leaves on held-out time, a that of
-the named set, s that of the sensors' noise, d what the laws of the set may be off by at most
-(`learn.posterior.score.Scored.inexact`), D the mean of d over all frequencies, and e what any cause shows elsewhere: a
-share `leak` of all of the force, or torque, that the model leaves in the band, and on torques that of the force at one
-radius of gyration, since a force attacks somewhere. A band is open where
+The rms of an axis hides what sits at one frequency, as a load on a rope that hardly swings. By band of frequency and
+axis, b is the mean square that the model leaves on held-out time, a that of the named set, s that of the sensors'
+noise, d what the laws of the set may be off by at most, D the mean of d over all frequencies, and e what any cause
+shows elsewhere, on torques also the force at one radius of gyration (docs/theory/posterior.md, The verdict). A band is
+open where
 
     a > structure^2 s    and    a > BAND_UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
 

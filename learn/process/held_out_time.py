@@ -1,28 +1,18 @@
 """What held-out time says of a process: whether sigma is right, how much of its mean is believed, and the verdict.
 
-**Calibration.** A Gaussian process believes that its samples are independent and its kernel is the truth. Neither
-holds: neighbouring samples of a filtered signal are alike, and what the command does not determine (lags, wind) looks
-like noise in some places and like function in others. So each of `CALIBRATION.folds` sets of blocks is left out in
-turn, with the hyperparameters kept, and predicted from the rest:
+Derivation and sources: docs/theory/process.md, How much is believed. **Calibration**: each of `CALIBRATION.folds` sets
+of blocks is left out in turn, with the hyperparameters kept, and predicted from the rest; sigma is multiplied, output
+by output, by
 
-    s = quantile_95 |z - mu| / sigma  /  1.96          per output;  sigma is then multiplied by s
+    s = quantile_95 |z - mu| / sigma  /  1.96
 
-which makes 95 % intervals hold 95 % of unseen samples, if unseen flights are like unseen blocks. (Conformal
-prediction with a normalised score does the same: Angelopoulos and Bates 2023, section 2.)
-
-**Support.** The gain by which the mean is multiplied, output by output: on samples that were left out of the fit, with
-residual z and prediction m, the gain of least squares and its standard error over B blocks of time (ratio estimator;
-Cochran, Sampling Techniques, 3rd ed., 6.4) are
+**Support**: on samples that were left out of the fit, with residual z and prediction m, the gain of least squares, its
+standard error over B blocks of time, and the gain by which the mean is multiplied, with c = `SUPPORT.certain`, are
 
     g^ = sum_b n_b / sum_b q_b,        n_b = sum z m, q_b = sum m^2 in block b
     s  = sqrt(B / (B - 1) sum_b (n_b - g^ q_b)^2) / sum_b q_b
-
-and what is believed is the positive part of James and Stein's shrinkage (Proc. 4th Berkeley Symp., 1961), with
-c = `SUPPORT.certain` standard errors in place of one, and never more than the process itself says:
-
     g  = min(g^, 1) max(0, 1 - (c s / g^)^2)
 
-Noise has g^ within s of zero, so its gain is zero but for chance; a function that is there has s << g^ and keeps it.
 Where less than `SUPPORT.least_share` of the residual's energy is explained the gain is zero too: what it could win is
 not worth a risk.
 """

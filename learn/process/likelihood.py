@@ -1,22 +1,13 @@
 """The marginal likelihood of an exact process and its gradient, and the search for hyperparameters that maximise it.
 
-With K = s_f^2 exp(-1/2 |x_i - x_j|^2 / l^2), C = K + s_n^2 I and a = C^-1 z,
+Equations and sources: docs/theory/process.md, Hyperparameters; no array of N x N x D is needed for the gradient by
+lengthscales. The search is GPy's, L-BFGS over the logits of the bounded hyperparameters, and finds what GPy finds
+(tests/learn/test_likelihood.py) without its overhead; for a sparse process GPy takes the gradient by the inducing
+inputs as well, which stay where they are. `maximise_by_gpy` is the reference.
 
-    log p(z) = -1/2 (z a + log det C + N log 2 pi)
-    d log p / d theta = 1/2 tr[(a a^T - C^-1) dC / d theta]
-
-(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.8 and 5.9). For lengthscales
-dK / dl_d = K (x_id - x_jd)^2 / l_d^3, so that with the symmetric W = (a a^T - C^-1) K and its row sums r
-
-    sum_ij W_ij (x_id - x_jd)^2 = 2 (sum_i r_i x_id^2 - x_d^T W x_d)
-
-needs no array of N x N x D. The search is GPy's, L-BFGS over the logits of the bounded hyperparameters, and finds what
-GPy finds (tests/learn/test_likelihood.py) without its overhead; for a sparse process GPy takes the gradient by the
-inducing inputs as well, which stay where they are. `maximise_by_gpy` is the reference.
-
-A search asks for a thousand likelihoods of some hundred samples. Numpy makes a dozen arrays of N x N for each, in which
-every pair of samples is twice; in the compiled passes (`exponents`, `lower`, `slopes`) each pair is once, and pairs lie
-row by row: (1, 0), (2, 0), (2, 1), (3, 0), ... (docs/decisions/0026-compiled-kernels.md).
+A search asks for a thousand likelihoods of some hundred samples. In the compiled passes (`exponents`, `lower`,
+`slopes`) each pair of samples is once, and pairs lie row by row: (1, 0), (2, 0), (2, 1), (3, 0), ...
+(docs/decisions/0026-compiled-kernels.md).
 """
 
 import logging

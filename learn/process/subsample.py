@@ -1,17 +1,9 @@
 """A few representative samples of a long log, and all of them behind a prediction that costs as much as those few.
 
-**K-medoids.** The medoids M minimise sum_i min_{m in M} |x_i - x_m|^2 (squared Euclidean distance between inputs, as in
-the paper). The distance matrix grows with the square of the number of samples, so the log is thinned first; memory is
-then bounded, however long the log.
-
-**The sparse posterior** (Titsias, "Variational learning of inducing variables in sparse Gaussian processes", AISTATS
-2009). With inducing inputs Z (M, D), all inputs X (N, D) and
-
-    A = K_zz + s_n^-2 K_zx K_xz,        mean(x) = k(x, Z) s_n^-2 A^-1 K_zx z
-                                        var(x)  = k(x, x) - k(x, Z) (K_zz^-1 - A^-1) k(Z, x)
-
-the bound on the likelihood of all N samples (`learn.process.likelihood`) is maximised over the hyperparameters; Z stays
-where it is. The time to predict depends on M alone.
+Equations and sources: docs/theory/process.md, Points. The distance matrix of k-medoids grows with the square of the
+number of samples, so the log is thinned first; memory is then bounded, however long the log. For a sparse posterior the
+bound on the likelihood of all samples (`learn.process.likelihood`) is maximised over the hyperparameters; inducing
+inputs stay where they are, and the time to predict depends on their number alone.
 """
 
 from dataclasses import dataclass
