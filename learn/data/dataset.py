@@ -84,6 +84,10 @@ class Dataset:
         """The same of how means over blocks differ within a flight."""
         return feedback.slowly_answerable(self.records, self.block, self.flight)
 
+    def by_record(self, values: Array) -> list[Array]:
+        """The rows of values (K, ...) that are of each record."""
+        return np.split(values, np.cumsum([len(r) for r in self.records])[:-1])
+
     def forget(self) -> None:
         """Free what evaluators remember of these data: the next models have little in common with the last."""
         for evaluator in self.evaluators:

@@ -36,6 +36,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data import feedback_regressors
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
@@ -261,11 +262,7 @@ class _Search:
 def shifted(data: Dataset, values: Array, seconds: float) -> Array:
     """Values (K, D) of that many seconds later; at the ends of records the last that there are."""
     steps = round(seconds / data.records[0].dt_kept)
-    ends = np.cumsum([len(r) for r in data.records])
-    rows = [
-        np.clip(np.arange(b - len(r), b) + steps, b - len(r), b - 1) for r, b in zip(data.records, ends, strict=True)
-    ]
-    return np.asarray(values[np.concatenate(rows)])
+    return np.concatenate([feedback_regressors.shifted(own, -steps) for own in data.by_record(values)])
 
 
 def _about_means(products: Array, of: Array) -> tuple[Array, Array]:

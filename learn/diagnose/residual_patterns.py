@@ -149,8 +149,8 @@ def _left(data: Dataset, inputs: Array, levers: list[Array], target: Array, f: f
 
     `levers` are those of the force, for a mass that moves in the frame; none in E.
     """
-    parts = np.split(inputs, np.cumsum([len(r) for r in data.records])[:-1])
-    moved = np.concatenate([answer(part, r.dt_kept, f, zeta) for r, part in zip(data.records, parts, strict=True)])
+    parts = zip(data.by_record(inputs), data.records, strict=True)
+    moved = np.concatenate([answer(part, r.dt_kept, f, zeta) for part, r in parts])
     places = [moved[:, i : i + 1] * lever for i, lever in enumerate(levers)]
     X = np.hstack([inputs, moved, np.ones((len(inputs), 1)), *places])
     X = X / (np.sqrt(np.mean(X**2, axis=0)) + 1e-30)

@@ -122,9 +122,7 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
     first = data.records[0]
     dt = first.dt_kept
     count = max(1, round(WHITENESS.lags / dt))
-    ends = np.cumsum([len(r) for r in data.records])
-    parts = [slice(end - len(r), end) for end, r in zip(ends, data.records, strict=True)]
-    pieces = [residual[part] - residual[part].mean(axis=0) for part in parts]
+    pieces = [own - own.mean(axis=0) for own in data.by_record(residual)]
     axes = [(i, axis) for i, axis in enumerate(AXES) if data.measured_axes[i]]
     autos = tuple(
         autocorrelation(
@@ -134,7 +132,7 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
     )
     columns = np.column_stack([g.values for g in chosen]) if chosen else np.empty((len(residual), 0))
     labels = [name for g in chosen for name in g.columns]
-    inputs = [[columns[part, j] for part in parts] for j in range(columns.shape[1])]
+    inputs = [data.by_record(column) for column in columns.T]
     pairs = len(axes) * len(labels)
     crosses = [
         crosscorrelation(inputs[j], [p[:, i] for p in pieces], dt, count, axis=axis, input=label, pairs=pairs)

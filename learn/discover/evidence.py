@@ -196,9 +196,8 @@ def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Ar
     """Residuals (K, 6, count) of chance: even ones shifted in time, odd ones of random phase, all axes alike."""
     rng = np.random.default_rng(seed)
     out = np.empty((*left.shape, count))
-    ends = np.cumsum([len(r) for r in data.records])
-    for record, end in zip(data.records, ends, strict=True):
-        own = np.nan_to_num(left[end - len(record) : end])
+    known = data.by_record(np.nan_to_num(left))
+    for record, own, into in zip(data.records, known, data.by_record(out), strict=True):
         n = len(record)
         least = min(round(SETTINGS.least_shift / record.dt_kept), n // 3)
         spectrum = np.fft.rfft(own, axis=0)
@@ -210,7 +209,7 @@ def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Ar
                 phase[0] = 1.0
                 phase[-1] = 1.0 if n % 2 == 0 else phase[-1]  # what is real stays real
                 made = np.fft.irfft(spectrum * phase[:, None], n, axis=0)
-            out[end - n : end, :, k] = made
+            into[:, :, k] = made
     return out
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Indices, Mask
+from wrenchgap.learn.data.errors import sums_by
 from wrenchgap.learn.discover.atoms import Atom
 from wrenchgap.learn.discover.evidence import Evidence, projected_out
 from wrenchgap.learn.discover.settings import SETTINGS
@@ -92,7 +93,6 @@ def coefficients(X: Array, y: Array, moment: Indices) -> tuple[Array, Array]:
     inverse = np.linalg.inv(whole + 1e-9 * np.trace(whole) * np.eye(len(whole)))
     theta = inverse @ (X.T @ y)
     _, cluster = np.unique(moment // 2, return_inverse=True)
-    scores = np.zeros((cluster.max() + 1, X.shape[1]))
-    np.add.at(scores, cluster, X * (y - X @ theta)[:, None])
+    scores = sums_by(cluster, X * (y - X @ theta)[:, None])
     many = len(scores) / max(len(scores) - 1, 1)
     return theta, many * inverse @ (scores.T @ scores) @ inverse

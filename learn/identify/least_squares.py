@@ -12,6 +12,7 @@ import numpy as np
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import sums_by
 from wrenchgap.learn.data.gauss_markov import block_means, gauss_markov, pieces
 from wrenchgap.learn.identify.air import awake
 from wrenchgap.learn.identify.bias_and_trim import trim_of, unsure_thrust
@@ -301,7 +302,7 @@ class Problem:
         prior = 1.0 / (self.data.independence * self.typical**2)
         A = self.data.unanswered(jacobian) * weights[:, None]
         scores = np.einsum("klp,kl->kp", A, self.data.remaining(point.residual) * weights)
-        blocks = np.stack([np.bincount(self.data.block, weights=column) for column in scores.T], axis=1)
+        blocks = sums_by(self.data.block, scores)
         flat = A.reshape(-1, point.x.size)
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)
@@ -327,15 +328,12 @@ def beyond_blocks(data: Dataset, influence: Array, within: Array) -> Array:
     """What the variances of the sandwich over blocks (P,) lack where blocks that follow one another are alike, or
     flights differ by more than their blocks: (P,) of what each sample adds to the parameters' errors (K, P).
     """  # noqa: D205
-    stretches = np.split(influence, np.cumsum([len(r) for r in data.records])[:-1])
-    parts = [
-        (part, r.dt_kept) for one, r in zip(stretches, data.records, strict=True) for part in pieces(one, r.dt_kept)
-    ]
-    variance = len(influence) ** 2 * gauss_markov([block_means(part, dt) for part, dt in parts]).variance
+    stretches = [(own, r.dt_kept) for own, r in zip(data.by_record(influence), data.records, strict=True)]
+    means = [block_means(part, dt) for own, dt in stretches for part in pieces(own, dt)]
+    variance = len(influence) ** 2 * gauss_markov(means).variance
     count = int(data.flight.max()) + 1
     if count > 1:
-        flights = np.zeros((count, influence.shape[1]))
-        np.add.at(flights, data.flight, influence)
+        flights = sums_by(data.flight, influence)
         variance = np.maximum(variance, count / (count - 1) * np.sum(flights**2, axis=0))
     return np.maximum(variance - within, 0.0)
 

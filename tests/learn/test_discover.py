@@ -16,7 +16,7 @@ import wrenchgap as wg
 from scripts.json_documents import schema
 from tests.independent import flown_quadrotor as engine
 from wrenchgap.flight import so3
-from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.discover.atoms import Atom, Term, atoms, constants
 from wrenchgap.learn.discover.discover import Outcome
 from wrenchgap.learn.discover.evidence import Evidence, distinct, surrogate_residuals
@@ -145,6 +145,7 @@ def test_surrogates_have_the_spectrum_and_nothing_of_the_moment():
 
     class Data:
         records = (Stretch(),)
+        by_record = Dataset.by_record
 
     left = np.cumsum(np.random.default_rng(1).normal(size=(800, 6)), axis=0)
     left -= left.mean(axis=0)

@@ -111,7 +111,6 @@ class SessionFailures:
         mapped = failure_map(data, residual, permutations=self.permutations)
         values = {q.name: q for q in quantities(data)[0]}
         sizes = _Sizes(data, residual, self.smooth)
-        parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
         return Failure(
             flight,
             working.predictor.name,
@@ -119,7 +118,7 @@ class SessionFailures:
             tuple(tuple(itertools.starmap(sizes.cell, _members(d, values[d.name]))) for d in mapped.dependences),
             None if mapped.grid is None else _grid(mapped.grid, mapped.cell, values, sizes),
             budget(data, nominal, left, process, Source.GIVEN),
-            worst_stretches(data.records, parts, data.weights),
+            worst_stretches(data.records, data.by_record(residual), data.weights),
             working.inapplicable_effects(working.model, flight),
         )
 
@@ -141,10 +140,8 @@ class _Sizes:
         self.time = np.concatenate([r.time for r in data.records])
         self.step = data.records[0].dt_kept
         width = max(1, round(smooth / self.step))
-        starts = np.concatenate(([0], np.cumsum([len(r) for r in data.records])))
-        self.smooth = np.concatenate(
-            [uniform_filter1d(self.square[a:b], width, axis=0, mode="nearest") for a, b in itertools.pairwise(starts)]
-        )
+        parts = data.by_record(self.square)
+        self.smooth = np.concatenate([uniform_filter1d(own, width, axis=0, mode="nearest") for own in parts])
 
     def cell(self, words: str, rows: Mask) -> Cell:
         """The samples `rows` (K,)."""
