@@ -48,15 +48,16 @@ COMPARED = ComparisonSettings()
 class CommandsAndMotion:
     """K samples in the air, low-passed. `measured` (K, 6) is m f and J domega + omega x J omega.
 
-    `wrench` (K, 6) is the commanded one (None: not logged), `actuators` the logged tilt and speed with the wrench that
-    the model makes of them, `made`; all in B about the centre of mass. `omega` (K, 3) are the rates that go with
-    `measured`, `parts` the stretches, as slices; `dt` [s].
+    `wrench` (K, 6) is the commanded one (None: not logged), `made` the one that the model makes of the logged `tilt`
+    and `speed`, `pushed` the first of both that is known; all in B about the centre of mass.
+    `omega` (K, 3) are the rates that go with `measured`, `parts` the stretches, as slices; `dt` [s].
     """
 
     measured: Array
     omega: Array
     wrench: Array | None
     made: Array | None
+    pushed: Array
     tilt: Array | None
     speed: Array | None
     parts: tuple[slice, ...]
@@ -101,7 +102,7 @@ def commands_and_motion(stretches: Sequence[Samples], vehicle: Vehicle) -> Comma
     dt = stretches[0].dt
     trim = int(0.5 / dt)
     parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > COMPARED.shortest]
-    return CommandsAndMotion(measured, omega, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
+    return CommandsAndMotion(measured, omega, wrench, made, pushed, tilt, speed, tuple(parts), dt) if parts else None
 
 
 def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
@@ -121,17 +122,22 @@ Row = tuple[tuple[Array, Array], Array | None, Array | None, Array | None, Array
 
 
 def _row(samples: Samples, vehicle: Vehicle) -> Row:
-    dt, cutoff = samples.dt, min(COMPARED.cutoff_hz, 0.3 / samples.dt)
-    omega = low_pass(samples.omega_B, dt, cutoff)
+    dt = samples.dt
+    omega = compared(samples.omega_B, dt)
     omega_dot = derivative(omega, dt)
-    felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff), omega, omega_dot, vehicle.imu_position_B)
+    felt = felt_at_origin(compared(samples.specific_force_B, dt), omega, omega_dot, vehicle.imu_position_B)
     measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))
-    wrench = None if samples.wrench_cmd_B is None else low_pass(samples.wrench_cmd_B, dt, cutoff)
+    wrench = None if samples.wrench_cmd_B is None else compared(samples.wrench_cmd_B, dt)
     speed = samples.rotor_speed_cmd
     if not vehicle.has_rotors or speed is None or not speed.shape[1]:
         return (measured, omega), wrench, None, None, None
     logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
-    return (measured, omega), wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
+    return (measured, omega), wrench, compared(logged.wrench_B, dt), logged.tilt, logged.rotor_speed
+
+
+def compared(signal: Array, dt: float) -> Array:
+    """A signal (N, C) behind the filter of all that is compared."""
+    return low_pass(signal, dt, min(COMPARED.cutoff_hz, 0.3 / dt))
 
 
 def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:

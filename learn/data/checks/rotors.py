@@ -26,9 +26,8 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
-from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, at_lags, moving
+from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, compared, moving
 from wrenchgap.learn.data.checks.torques import TORQUES, Turned
-from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.model import Model
@@ -167,9 +166,8 @@ class FeedbackCorrelation:
         count = seen.speed.shape[1]
         unit = Commands(np.zeros((count, 6)), np.zeros((count, len(vehicle.geometry()[0].tilts))), np.eye(count))
         torque = about_com(vehicle.body, nominal_wrench(vehicle, unit))[:, 3:]
-        cutoff = min(COMPARED.cutoff_hz, 0.3 / seen.dt)
-        squares = moving(seen, low_pass(seen.speed**2, seen.dt, cutoff), fast=True)
-        rates = [moving(seen, seen.omega, tau, fast=True) for tau in COMPARED.lags]
+        squares = moving(seen, compared(seen.speed**2, seen.dt), fast=True)
+        rates = at_lags(seen, seen.omega, fast=True)
         middle = len(squares) // 2
         return [
             cls(torque, s.T @ s, tuple((s.T @ w[rows], np.sum(w[rows] ** 2, axis=0)) for w in rates))
@@ -246,7 +244,7 @@ def _alike(seen: CommandsAndMotion, made: Array, scale: Array) -> float:
 def _made(vehicle: Vehicle, seen: CommandsAndMotion, tilt: Array, speed: Array) -> Array:
     """The wrench (N, 6) of other actuators, filtered as the rest."""
     wrench = about_com(vehicle.body, nominal_wrench(vehicle, Commands(np.zeros((len(speed), 6)), tilt, speed)))
-    return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
+    return compared(wrench, seen.dt)
 
 
 def _order(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array) -> NDArray[np.intp]:
@@ -280,7 +278,7 @@ def _assigned(vehicle: Vehicle, seen: CommandsAndMotion) -> NDArray[np.intp]:
     effect = about_com(vehicle.body, nominal_wrench(vehicle, alone))[:, axes]  # of a newton of each rotor
     target = moving(seen, seen.witness[:, axes], fast=fast)
     size = np.maximum(np.std(target, axis=0), 1e-12)
-    thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
+    thrust = compared(known.c_f.mean() * seen.speed**2, seen.dt)
     found: list[tuple[float, NDArray[np.intp]]] = []
     for pushed in at_lags(seen, thrust, fast=True) if fast else [moving(seen, thrust)]:
         solved = np.linalg.pinv(pushed, rcond=ROTORS.seen) @ target

@@ -70,17 +70,14 @@ class Turned:
 
 def sizes(model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Torques that are of another size than the motion needs."""
-    pushed = seen.made if seen.made is not None else seen.wrench
-    if pushed is None:
-        return
-    felt, tried = _accelerations(model, seen, pushed)
+    felt, tried = _accelerations(model, seen)
     found = [_size(felt[:, k], [made[:, k] for made in tried]) for k in range(3)]
     yield from _of_sizes(model, found, logged=seen.made is not None)
 
 
-def _accelerations(model: Model, seen: CommandsAndMotion, pushed: Array) -> tuple[Array, list[Array]]:
-    """Angular accelerations (K, 3) measured, and made by a commanded wrench (N, 6) at each of the lags."""
-    inertia = np.diag(model.vehicle.body.inertia)
+def _accelerations(model: Model, seen: CommandsAndMotion) -> tuple[Array, list[Array]]:
+    """Angular accelerations (K, 3) measured, and made by the actuators, else by the command, at each of the lags."""
+    inertia, pushed = np.diag(model.vehicle.body.inertia), seen.pushed if seen.made is None else seen.made
     felt = moving(seen, seen.measured[:, 3:], fast=True) / inertia
     return felt, [torque / inertia for torque in at_lags(seen, pushed[:, 3:], fast=True)]
 
@@ -116,10 +113,9 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
 
 def turned_imu(flight: Flight, model: Model, seen: CommandsAndMotion) -> Turned | None:
     """An IMU turned about z beyond a mounting error, where no attitude tells and all of the flight does; else None."""
-    pushed = seen.made if seen.made is not None else seen.wrench
-    if pushed is None or flight.imu is None or flight.odometry is not None:
+    if flight.imu is None or flight.odometry is not None:
         return None
-    felt, tried = _accelerations(model, seen, pushed)
+    felt, tried = _accelerations(model, seen)
     if not felt[:, :2].any():
         return None
     made = max(tried, key=lambda signal: _fits(signal, felt, _angle(signal, felt)))
@@ -163,24 +159,22 @@ def _about_z(angle: float) -> Array:
 
 def gyroscope(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Whether the rates are in deg/s, or need more torque than the rotors have; nothing where an attitude tells."""
-    pushed = seen.wrench if seen.wrench is not None else seen.made
-    asked = any(check.name == "gyroscope" for check in flight.checks or ())
-    if pushed is None or flight.imu is None or asked:
+    if flight.imu is None or any(check.name == "gyroscope" for check in flight.checks or ()):
         return
     inertia = np.asarray(np.diag(model.vehicle.body.inertia))
     whirl = cross(seen.omega, seen.omega @ model.vehicle.body.inertia.T)
     slower = (seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2  # the torques of rates in deg/s
     who = "logged actuators make it" if seen.wrench is None else "commanded wrench makes it"
-    alike = _alike(seen, slower, pushed, inertia)
+    alike = _alike(seen, slower, inertia)
     felt, less, made = (
-        rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, pushed[:, 3:])
+        rms(moving(seen, torque, fast=True) / inertia) for torque in (seen.measured[:, 3:], slower, seen.pushed[:, 3:])
     )
     sizes = felt > DEGREES / TORQUES.off * made and 1.0 / TORQUES.off < less / max(made, 1e-12) < TORQUES.off
     if seen.wrench is not None:  # a command that does not carry the weight, about, says nothing of sizes
         force = float(np.median(np.linalg.norm(flown(seen, seen.wrench[:, :3]), axis=1)))
         weights = force / (model.vehicle.body.mass * GRAVITY)
         sizes = sizes and TORQUES.carries[0] < weights < TORQUES.carries[1]
-    if sizes and alike > max(TORQUES.moves, _alike(seen, seen.measured[:, 3:], pushed, inertia)):
+    if sizes and alike > max(TORQUES.moves, _alike(seen, seen.measured[:, 3:], inertia)):
         words = f"Read in deg/s, it turns as the {who} (cosine {alike:.2f}), in rad/s far too fast"
         yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
         return
@@ -201,7 +195,7 @@ def largest_torque(vehicle: Vehicle) -> float | None:
     return float(np.sum(rotors.c_f * rotors.speed_max**2 * np.hypot(lever, rotors.kappa)))
 
 
-def _alike(seen: CommandsAndMotion, felt: Array, pushed: Array, inertia: Array) -> float:
-    """Cosine of torques (N, 3) with those of the witness, each axis by its inertia, at the likeliest lag."""
+def _alike(seen: CommandsAndMotion, felt: Array, inertia: Array) -> float:
+    """Cosine of torques (N, 3) with those commanded, each axis by its inertia, at the likeliest lag."""
     truth = moving(seen, felt, fast=True) / inertia
-    return max(cosine(truth, made / inertia) for made in at_lags(seen, pushed[:, 3:], fast=True))
+    return max(cosine(truth, made / inertia) for made in at_lags(seen, seen.pushed[:, 3:], fast=True))

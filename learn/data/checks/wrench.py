@@ -48,9 +48,7 @@ WRENCH = WrenchThresholds()
 
 def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Size of the force, of the commanded wrench or of the logged rotors."""
-    pushed = seen.wrench if seen.wrench is not None else seen.made
-    assert pushed is not None
-    sent, felt = flown(seen, pushed)[:, :3], flown(seen, seen.measured)[:, :3]
+    sent, felt = flown(seen, seen.pushed)[:, :3], flown(seen, seen.measured)[:, :3]
     along = np.sum(sent * felt, axis=1) / np.maximum(np.sum(felt**2, axis=1), 1e-12)
     ratio = max(abs(float(np.median(along))), 1e-12)  # along the measured force: chatter is no larger
     said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
