@@ -317,11 +317,15 @@ class Problem:
         return np.asarray(whole[: self.size, : self.size] + np.diag(inexact + dependence)), dependence
 
     def at_bound(self, theta: Array) -> tuple[str, ...]:
-        """Parameters that are at a plausible limit other than zero, or within half a per cent of the range of it."""
-        low, high = self.low[: self.size], self.high[: self.size]
-        margin = 5e-3 * (high - low)
-        stuck = ((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0))
+        """Names of the parameters that are `at_limit`."""
+        stuck = at_limit(theta, self.low[: self.size], self.high[: self.size])
         return tuple(f"{n}.{p.name}" for (n, p), s in zip(self.parameters, stuck, strict=True) if s)
+
+
+def at_limit(theta: Array, low: Array, high: Array) -> Mask:
+    """Which parameters are at a plausible limit other than zero, or within half a per cent of the range of it."""
+    margin = 5e-3 * (high - low)
+    return np.asarray(((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0)))
 
 
 def beyond_blocks(data: Dataset, influence: Array, within: Array) -> Array:

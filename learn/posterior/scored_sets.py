@@ -15,6 +15,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.identify.least_squares import at_limit
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
@@ -46,7 +47,7 @@ class Part:
 
 def part(column: Column, theta: Array, evidence: float, trust: float, settings: SearchSettings) -> Part:
     """What is said of a candidate at these parameters (P,), with this evidence and trust."""
-    stuck = at_limit(theta, column.low, column.high)
+    stuck = bool(at_limit(theta, column.low, column.high).any())
     size = float(np.max(np.abs(theta) / column.scale))
     enough, least = SIGNIFICANCE.least_evidence, 0.5
     if stuck:
@@ -201,12 +202,6 @@ def shares(scorer: Scorer, sets: Sequence[Keys]) -> list[float]:
     log = np.array([scorer(keys).log_probability for keys in sets])
     share = np.exp(log - log.max())
     return [float(x) for x in share / share.sum()]
-
-
-def at_limit(theta: Array, low: Array, high: Array) -> bool:
-    """Whether a parameter is at a plausible limit other than zero, or within half a per cent of the range of it."""
-    margin = 5e-3 * (high - low)
-    return bool(np.any(((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0))))
 
 
 def by_axis(scorer: Scorer, squares: Array) -> Array:

@@ -89,16 +89,15 @@ def predictors(
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
         candidates = [(model.nominal, NOMINAL), (model, name), *others]
-        base, learnt_on = next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), (None, ""))
-        if base is None:
+        below = next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), None)
+        if below is None:
             check_effects(gp, model, *(candidate for candidate, _ in candidates))
-            base, learnt_on = next(c for c in candidates if _has_effects_of(gp, c[0]))
+            below = next(c for c in candidates if _has_effects_of(gp, c[0]))
             notes.append(OtherPhysics(gp.provenance.physics))
         learnt = gp.provenance.cutoff_hz
         if learnt is not None and cutoff_hz is not None and learnt != cutoff_hz:
             notes.append(OtherFilter(learnt, cutoff_hz))
-        learnt_on = learnt_on or (name if model.effects else NOMINAL)
-        found.append(Predictor(f"{learnt_on}+GP", (base or model).wrench_model, gp))
+        found.append(Predictor(f"{below[1]}+GP", below[0].wrench_model, gp))
     return found, notes
 
 

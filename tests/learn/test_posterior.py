@@ -16,6 +16,7 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.fit import fit
+from wrenchgap.learn.identify.least_squares import at_limit
 from wrenchgap.learn.posterior.columns import Column, compatible, compatible_with, complexity, confused
 from wrenchgap.learn.posterior.columns import column as linearised_column
 from wrenchgap.learn.posterior.explain import search_dataset
@@ -25,8 +26,8 @@ from wrenchgap.learn.posterior.members import Member, Rival, fitted, with_rivals
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet, Posterior, WeighedSets, merged_by_names
 from wrenchgap.learn.posterior.relinearisation import column_beside, columns_hold
 from wrenchgap.learn.posterior.score import Scorer
-from wrenchgap.learn.posterior.scored_sets import at_limit, scored_set, weights
 from wrenchgap.learn.posterior.scored_sets import part as described_part
+from wrenchgap.learn.posterior.scored_sets import scored_set, weights
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import model_residual
 from wrenchgap.learn.posterior.spectrum import Spectrum, blocks_of_time
@@ -328,9 +329,9 @@ def test_weights_are_even_for_what_predicts_the_same_and_certain_for_what_predic
 
 def test_a_parameter_at_zero_is_at_no_limit():
     low, high = np.array([0.0, -1.0]), np.array([2.0, 1.0])
-    assert not at_limit(np.array([0.0, 0.0]), low, high)
-    assert at_limit(np.array([2.0, 0.0]), low, high)
-    assert at_limit(np.array([0.0, -0.999]), low, high)
+    assert not at_limit(np.array([0.0, 0.0]), low, high).any()
+    assert at_limit(np.array([2.0, 0.0]), low, high).any()
+    assert at_limit(np.array([0.0, -0.999]), low, high).any()
 
 
 def part(*names, size=1.0, evidence=3.0, trust=1.0, stuck=False):
