@@ -25,6 +25,11 @@ def silent(fraction: float, words: str) -> None:
     """Progress that nobody looks at."""
 
 
+def part_of(progress: Progress, start: float, stop: float, prefix: str = "") -> Progress:
+    """Progress of a part, which takes the whole from one fraction to another."""
+    return lambda fraction, words: progress(start + (stop - start) * fraction, prefix + words)
+
+
 def check_arguments(function: F) -> F:
     """The same function, which raises UsageError for an argument that does not fit its annotation."""
     signature = inspect.signature(function)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
-from wrenchgap.flight.arguments import Progress, check_arguments, silent
+from wrenchgap.flight.arguments import Progress, check_arguments, part_of, silent
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
@@ -142,7 +142,7 @@ def report(
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
         check_effects(gp, model)
-    found = explain(flights, model, names=names, validation=validation, progress=_part(tell, 0.0, 0.5))
+    found = explain(flights, model, names=names, validation=validation, progress=part_of(tell, 0.0, 0.5))
     added = add(model, found.effects, flights, fitted=found.fit)
     data = replace(dataset_of(flights, model), answering=found.answering)
     tell(0.5, "error step by step")
@@ -155,8 +155,8 @@ def report(
         unseen, comparison = unseen_staircase(validation, model, made, rest.process)
         staircases.append(unseen)
     shown = list(validation) or list(flights)
-    before = examine(shown, model, None, _part(tell, 0.65, 0.8, "given model: "))
-    after = examine(shown, added.model, None, _part(tell, 0.8, 0.95, "fitted model: ")) if found.effects else before
+    before = examine(shown, model, None, part_of(tell, 0.65, 0.8, "given model: "))
+    after = examine(shown, added.model, None, part_of(tell, 0.8, 0.95, "fitted model: ")) if found.effects else before
     others, names = ([added.model], ("given", "fitted")) if found.effects else ([], ("given",))
     ahead, not_ahead = open_loop_beside(shown, model, others, gp=gp, names=names)
     return Report(
@@ -168,15 +168,11 @@ def report(
         rest,
         before,
         after,
-        tuple(_next_flights(found, added.model, _part(tell, 0.95, 1.0, "next flight: "))),
+        tuple(_next_flights(found, added.model, part_of(tell, 0.95, 1.0, "next flight: "))),
         tuple(validation),
         ahead,
         not_ahead,
     )
-
-
-def _part(progress: Progress, start: float, stop: float, prefix: str = "") -> Progress:
-    return lambda fraction, words: progress(start + (stop - start) * fraction, prefix + words)
 
 
 def _given(flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess) -> Rest:

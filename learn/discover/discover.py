@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from wrenchgap.flight.arguments import Progress, silent
+from wrenchgap.flight.arguments import Progress, part_of, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -78,7 +78,7 @@ def discover(
     """
     tell = progress or silent
     if explanation is None:
-        part = lambda fraction, words: tell(0.6 * fraction, words)  # noqa: E731
+        part = part_of(tell, 0.0, 0.6)
         explanation = explain(flights, model, validation=validation, jobs=jobs, progress=part)
     records = spread_out(tuple(r for f in flights for r in f.records), SEARCH_SECONDS)
     data = dataset(records, model, explanation.answering)

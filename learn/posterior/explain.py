@@ -29,7 +29,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from wrenchgap.flight.arguments import Progress, silent
+from wrenchgap.flight.arguments import Progress, part_of, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
@@ -101,7 +101,7 @@ def explain(
 
     def search(data: Dataset, limits_of: Sequence[str] | None = None) -> Explanation:
         first = part * next(done)
-        told = lambda fraction, words: report(first + part * fraction, words)  # noqa: E731
+        told = part_of(report, first, first + part)
         return search_dataset(
             data, model, chosen, causes=causes, settings=settings, jobs=jobs, progress=told, limits_of=limits_of
         )
@@ -173,24 +173,20 @@ def weighed_sets(
     """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
     counts where a set leaves no disturbance which they could have answered.
     """  # noqa: D205
-
-    def between(first: float, last: float) -> Progress:
-        return lambda fraction, words: tell(first + (last - first) * fraction, words)
-
     twice = bool(on.data.answering)
-    tried = single_effects(on, names, jobs=jobs, progress=between(0.0, 0.3), twice=twice)
+    tried = single_effects(on, names, jobs=jobs, progress=part_of(tell, 0.0, 0.3), twice=twice)
     if twice:
         free = without_feedback(on)
         if may_be_disturbance_free(on, free, tried.columns):
-            again = single_effects(free, names, jobs=jobs, progress=between(0.3, 0.5), twice=True)
+            again = single_effects(free, names, jobs=jobs, progress=part_of(tell, 0.3, 0.5), twice=True)
             lines = searched(spectrum_of(free, again.columns), jobs)
             if disturbance_free(on, free, ordered(lines)[:FEW], nearly=True):
-                other = joint_search(free, lines, jobs=jobs, tell=between(0.5, 0.7))
+                other = joint_search(free, lines, jobs=jobs, tell=part_of(tell, 0.5, 0.7))
                 if disturbance_free(on, free, [one.scored for one in other.wholes]):
                     return free, again, other
         on.data.starts.clear()
     lines = searched(spectrum_of(on, tried.columns), jobs)
-    return on, tried, joint_search(on, lines, jobs=jobs, tell=between(0.7, 0.8))
+    return on, tried, joint_search(on, lines, jobs=jobs, tell=part_of(tell, 0.7, 0.8))
 
 
 @dataclass(frozen=True, repr=False)

@@ -98,7 +98,7 @@ def combined(
     ahead = None if alone else compensator(process, model, asked, lead=lead)
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
     lag = process.provenance.observer_lag
-    return Combined(model.vehicle, asked.dt, hz, ahead, lag=lag, delay=named_delay(model))
+    return Combined(model.vehicle, asked.dt, hz, ahead, lag=lag, delay=loop_of(model).named_delay)
 
 
 def all_refused(process: GaussianProcess, settings: Settings) -> bool:
@@ -120,7 +120,7 @@ def told_observer(process: GaussianProcess | None, model: Model, hz: float) -> O
     """An observer of `hz`, told the lag of the training log (without one: the named lags) and the named delay."""
     said = None if process is None else process.provenance
     lag = loop_of(model).lag if said is None or not said.loop_delay else said.observer_lag
-    return Observer(hz, lag, named_delay(model))
+    return Observer(hz, lag, loop_of(model).named_delay)
 
 
 def judged(process: GaussianProcess | None, model: Model, hz: float) -> Judged:
@@ -151,11 +151,6 @@ def no_bandwidth(process: GaussianProcess) -> str:
         f"{1e3 * said.loop_lag:.0f} ms, and no observer keeps it below {OBSERVER.most_sensitive:g}; lower the "
         "controller's gains, or fly the GP alone"
     )
-
-
-def named_delay(model: Model) -> float:
-    """Delay [s] between command and torque that has a name in the model."""
-    return sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
 
 
 def feedback(
