@@ -24,6 +24,7 @@ from wrenchgap.flight import LogError, ModelError, UsageError, so3
 from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.measurement import Record, commands_of
 from wrenchgap.learn.data.prediction import Predictor
@@ -300,8 +301,7 @@ def _wrenches(one: Predictor, stretch: RecordedStretch) -> tuple[Array, Array]:
     record, model, added = stretch.record, one.model, np.zeros((len(stretch.y), 6))
     if one.gp is not None:
         more = one.predict(record, model.vehicle.body) - replace(one, gp=None).predict(record, model.vehicle.body)
-        at_samples = [np.interp(stretch.state.time, record.time, column) for column in more.T]
-        added = about_origin(model.vehicle.body, np.stack(at_samples, axis=1))
+        added = about_origin(model.vehicle.body, interpolated(stretch.state.time, record.time, more))
     flown = about_origin(model.body, measured_wrench(model.body, stretch.motion))
     return added, flown - model.actuate(stretch.commands, stretch.state, stretch.dt)[0] - added
 

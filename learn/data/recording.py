@@ -28,6 +28,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples, Series, WrenchSeries
 from wrenchgap.flight.resample import held_mean
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn.data.measurement import Record, commands_of, derivative, felt_at_origin, low_pass
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.simulation.closed_loop import Clock
@@ -93,7 +94,7 @@ def recorded_motion(
     now, then = acceleration[:-1], acceleration[1:]
     velocity = _cumulated(0.5 * dt * (now + then))
     position = _cumulated(dt * velocity[:-1] + dt**2 / 6.0 * (2.0 * now + then))
-    at_stamps = np.stack([np.interp(stamps, time, column) for column in position.T], axis=-1)
+    at_stamps = interpolated(stamps, time, position)
     p, dp, ddp = _spline(time, stamps, odometry.position_E[inside] - at_stamps)
     specific_force = so3.rotate_inverse(attitude, acceleration + ddp + _UP)
     return RecordedMotion(

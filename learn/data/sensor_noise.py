@@ -27,6 +27,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from wrenchgap.flight.filters import hann
 from wrenchgap.flight.flight import Array, ImuSeries, Indices, Samples
 from wrenchgap.flight.resample import anti_alias
+from wrenchgap.flight.stamps import interpolated
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def _density(
 
     _, segments = _segments(count, dt)
     inside = (frequency > band[0]) & (frequency < band[1])
-    share = np.stack([np.interp(frequency[inside], f, column) for column in seen.T], axis=1)
+    share = interpolated(frequency[inside], f, seen)
     worth = segments / (1.0 + (segments - 1) / segments / 18.0)  # neighbours share 1/36 of their power
     return np.asarray(np.median(power[inside] / share, axis=0) * worth / gammaincinv(worth, 0.5))
 

@@ -30,7 +30,7 @@ import numpy as np
 from wrenchgap.flight.compared_signals import differences, odometry_motion
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
-from wrenchgap.flight.stamps import pieces
+from wrenchgap.flight.stamps import interpolated, pieces
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.measurement import Record, felt_at_origin, from_actuators
 from wrenchgap.plant.state import Motion
@@ -157,7 +157,7 @@ def _measured(flight: Flight, vehicle: Vehicle) -> Signal:
 def _between(at: Array, signal: Signal) -> Array:
     """A signal (N, C) at times (K,), increasing, straight between its samples."""
     near = slice(max(np.searchsorted(signal.time, at[0]) - 1, 0), np.searchsorted(signal.time, at[-1]) + 1)
-    return np.stack([np.interp(at, signal.time[near], column) for column in signal.values[near].T], axis=1)
+    return interpolated(at, signal.time[near], signal.values[near])
 
 
 def _motion(flight: Flight) -> tuple[Signal, Signal]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array, Flight, Gap, Indices, WrenchSeries
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn.data.measurement import from_actuators
 from wrenchgap.plant.model import Model
 
@@ -78,7 +79,7 @@ def at_stamps(time: Array, pieces: Sequence[tuple[Array, Array]]) -> Array:
             continue
         inside = (time >= knots[0]) & (time <= knots[-1])
         asked = time[inside]
-        out[inside] = np.stack([np.interp(asked, knots, column) for column in values.T], axis=1)
+        out[inside] = interpolated(asked, knots, values)
     return out
 
 

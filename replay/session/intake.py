@@ -17,6 +17,7 @@ import wrenchgap as wg
 from wrenchgap.flight import UsageError, so3, work_files
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.inspection import Channel, channels_of
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn.data.checks import usable_cutoff
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.data.read_options import ReadOptions
@@ -149,7 +150,7 @@ def recorded_alone(name: str, log: LogHealth, flight: Flight, rate_hz: float = 5
     odometry, imu, actuators = flight.odometry, flight.imu, flight.actuators
     if odometry is not None:
         place = np.nan_to_num(odometry.position_E)
-        position = np.stack([np.interp(time, odometry.time, column) for column in place.T], axis=1)
+        position = interpolated(time, odometry.time, place)
         if np.isfinite(odometry.quat_EB).all():
             quat = so3.interpolate(time, odometry.time, odometry.quat_EB)
     if imu is not None:

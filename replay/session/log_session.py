@@ -19,6 +19,7 @@ from wrenchgap.flight import LogError, so3
 from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.flight import Array, ReferenceSeries
 from wrenchgap.flight.inspection import Channel, channels_of
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
@@ -244,7 +245,7 @@ def _at(time: Array, records: Sequence[Record], values: Sequence[Array]) -> Arra
 def _reference(reference: ReferenceSeries, time: Array) -> tuple[Array, Array]:
     """Position (K, 3) and attitude (K, 4) of the reference at `time`; nan where it is not logged."""
     knots = reference.time
-    position = np.stack([np.interp(time, knots, column) for column in reference.position_E.T], axis=1)
+    position = interpolated(time, knots, reference.position_E)
     quat = so3.interpolate(time, knots, reference.quat_ED)
     missing = (time < knots[0]) | (time > knots[-1])
     for gap in reference.gaps:

@@ -8,6 +8,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.viewer.colours import PALETTE, Colour, colour_of
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
@@ -263,7 +264,7 @@ def _features(motion: Motion, step: float) -> Array:
     x = so3.rotate(motion.quat_EB, np.array([1.0, 0.0, 0.0]))
     z = so3.rotate(motion.quat_EB, np.array([0.0, 0.0, 1.0]))
     raw = np.column_stack((x, z, motion.position_E[:, 2]))
-    out = np.stack([np.interp(clock, motion.time, column) for column in raw.T], axis=1)
+    out = interpolated(clock, motion.time, raw)
     out = out - out.mean(axis=0)
     out[:, 6] /= max(float(np.abs(out[:, 6]).max()), 1e-3)
     return np.asarray(out)
