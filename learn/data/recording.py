@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.compared_signals import GRAVITY_E
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples, Series, WrenchSeries
 from wrenchgap.flight.resample import held_mean
@@ -35,7 +36,7 @@ from wrenchgap.plant.simulation.closed_loop import Clock
 from wrenchgap.plant.simulation.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.state import Commands, Motion, State
 from wrenchgap.plant.trajectory import Recorded, Reference
-from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
 
 CUTOFF_HZ = 25.0
@@ -45,9 +46,6 @@ On the multibody logs 8 Hz is not enough: 4 times as much torque is then left to
 (4.8 against 1.1 mNm rms). Wider adds noise and nothing else: from 25 to 60 Hz the disturbance's rms changes by its part
 above 10 Hz, which grows as white noise does (25 to 50 mNm), and the null run stays as it is (0.14 deg, 1.5 mm).
 """
-
-
-_UP = np.array([0.0, 0.0, GRAVITY])
 
 
 @dataclass(frozen=True)
@@ -89,14 +87,14 @@ def recorded_motion(
     omega_dot = derivative(omega, dt)
 
     felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff_hz), omega, omega_dot, imu_position_B)
-    acceleration = so3.rotate(attitude, felt) - _UP
+    acceleration = so3.rotate(attitude, felt) - GRAVITY_E
     # Exact where the acceleration is linear between samples: p += v dt + (2 a_k + a_k+1) dt^2 / 6
     now, then = acceleration[:-1], acceleration[1:]
     velocity = _cumulated(0.5 * dt * (now + then))
     position = _cumulated(dt * velocity[:-1] + dt**2 / 6.0 * (2.0 * now + then))
     at_stamps = interpolated(stamps, time, position)
     p, dp, ddp = _spline(time, stamps, odometry.position_E[inside] - at_stamps)
-    specific_force = so3.rotate_inverse(attitude, acceleration + ddp + _UP)
+    specific_force = so3.rotate_inverse(attitude, acceleration + ddp + GRAVITY_E)
     return RecordedMotion(
         State(time, position + p, attitude, velocity + dp, omega, samples.voltage),
         Motion(omega, omega_dot, specific_force),

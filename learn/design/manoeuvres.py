@@ -21,6 +21,7 @@ from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.trajectory.maneuvers import SHAKEN, Move, Shake, Shift, Swing, Tilt, Turn, Vector
+from wrenchgap.plant.trajectory.shapes import QUINTIC_PEAK
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 
@@ -46,8 +47,6 @@ MANOEUVRES = ManoeuvreSettings()
 
 
 TURN = 2.0 * np.pi
-QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
-"""Peak second derivative of a unit quintic of unit length."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ class Task:
 
 def _ramp(angle: float, length: float, acceleration: float = 1.6) -> float:
     """Time of a quintic slope to `angle` with this peak acceleration [rad/s^2], at most a third of `length`."""
-    return float(min(np.sqrt(QUINTIC_ACCELERATION * angle / acceleration), length / 3.0))
+    return float(min(np.sqrt(QUINTIC_PEAK * angle / acceleration), length / 3.0))
 
 
 def _rush(task: Task) -> Sequence[Move] | None:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.checks.motion import rms
 from wrenchgap.flight.compared_signals import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.flight.filters import angular_velocity, smooth
-from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
+from wrenchgap.flight.flight import AXES, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
@@ -274,15 +275,10 @@ def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | No
     if odometry is None or offset.seconds is None or offset.same:
         return None
     if offset.first == "gyroscope" and offset.second == "odometry attitude":
-        rate = _size(angular_velocity(odometry.time, odometry.quat_EB))
+        rate = rms(angular_velocity(odometry.time, odometry.quat_EB))
         return abs(offset.seconds) * rate if rate > TIMING.idle_rate else 0.0
     if offset.first == "accelerometer" and odometry.velocity_E is not None:
-        speed = _size(odometry.velocity_E)
-        change = _size(smooth(odometry.time, odometry.velocity_E, derivative=1))
+        speed = rms(odometry.velocity_E)
+        change = rms(smooth(odometry.time, odometry.velocity_E, derivative=1))
         return abs(offset.seconds) * change / speed if speed > TIMING.idle_speed else 0.0
     return None
-
-
-def _size(vectors: Array) -> float:
-    """Root mean square length of vectors (N, 3)."""
-    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
