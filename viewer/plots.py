@@ -11,7 +11,7 @@ from wrenchgap.viewer.colours import Colour, colour_of, line_colours
 from wrenchgap.viewer.session import Scene
 
 WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
-GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
+GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Correction", CHANNELS)
 """Tabs of the plots, in their order; a series may bring another."""
 AXES = ("x", "y", "z")
 

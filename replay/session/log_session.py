@@ -291,5 +291,5 @@ def _sigmas(time: Array, sigma: Mapping[str, Array]) -> tuple[Series, ...]:
         for kind, unit, part in (("force", "N", values[:, :3]), ("torque", "Nm", values[:, 3:])):
             known = {axis: part[:, i] for i, axis in enumerate(XYZ) if np.isfinite(part[:, i]).any()}
             if known:
-                found.append(Series(f"sigma of {name} {kind}", unit, time, known, "Compensation"))
+                found.append(Series(f"sigma of {name} {kind}", unit, time, known, "Correction"))
     return tuple(found)

@@ -358,7 +358,7 @@ def test_the_model_is_downloaded_for_an_autopilot_or_a_simulator(page, effects):
 def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
     work(effects.work)
     assert page.told == []
-    assert "EFFECT" in effects.found.content
+    assert ">MISSING<" in effects.found.content
     before = number(effects)
     follow_to(effects, effects.found.content, "com_offset")
     assert number(effects)[1] < 0.2 * before[1]
@@ -429,7 +429,7 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
     effects.searches["train"] = UNKNOWN, "tilt_hexarotor"
     effects.opened(page.scene)
-    assert "UNKNOWN" in effects.found.content
+    assert "NOT IN THE CATALOGUE" in effects.found.content
     assert "no effect of the catalogue explains" in effects.found.content
     assert "&lt;b&gt;It swings" in effects.found.content, "text from outside is no HTML"
     follow_to(effects, effects.found.content, "separate servo_lag")
@@ -466,7 +466,7 @@ def compensated(flown):
 
 def plotted(page):
     """Titles of the plots that a replay brings."""
-    return [s.title for s in page.scene.series if s.group == "Compensation" and not s.title.startswith("sigma of pred")]
+    return [s.title for s in page.scene.series if s.group == "Correction" and not s.title.startswith("sigma of pred")]
 
 
 def test_without_a_process_the_panel_says_how_to_get_one(page):

@@ -49,13 +49,13 @@ def test_a_flight_gets_plots_of_what_is_known_and_of_nothing_else():
         wrenches={"commanded": 0.0 * wrench, "measured": wrench},
         sigma={"commanded": np.where(np.isfinite(wrench), 0.1, np.nan)},
         residual_of="commanded",
-        series=(Series("beta", "", TIME, {"beta": TIME}, "Compensation"),),
+        series=(Series("beta", "", TIME, {"beta": TIME}, "Correction"),),
     )
     plots = {(p.group, p.title): p for p in plots_of(scene)}
     assert set(plots) == {
         ("Wrench", "torque x"),
         ("Residual", "torque: measured - commanded"),
-        ("Compensation", "beta"),
+        ("Correction", "beta"),
     }
     commanded, measured = plots["Wrench", "torque x"].lines
     assert commanded.sigma == pytest.approx(np.full(len(TIME), 0.1))

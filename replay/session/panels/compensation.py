@@ -39,7 +39,7 @@ AS_SET, NOTHING = "the process, as set here", "nothing changed"
 LAWS = {"disturbance observer": "observer", "INDI": "indi", "L1 adaptive": "l1"}
 """What the re-simulation flies with, and the name of each feedback on the command line."""
 
-GROUP = "Compensation"
+GROUP = "Correction"
 """Where the page shows what a replay did."""
 
 

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from wrenchgap.plant import Model
 
 VERDICTS = {
-    "effect": "this is missing",
-    "group": "one of these is missing; they are indistinguishable on this flight",
-    "unknown": "something is missing that no effect of the catalogue explains",
-    "nothing": "nothing is missing that this flight can show",
+    "effect": "missing",
+    "group": "one of several",
+    "unknown": "not in the catalogue",
+    "nothing": "nothing missing",
 }
 SAVES = "Written into the folder of --save-to, never over a file that this page did not write."
 DOWNLOADS = "Downloaded by the browser; start the page with --save-to FOLDER to write it there."
@@ -57,11 +57,6 @@ class EffectsPanel(Panel):
         self.designed: Design | None = None
         gui, connect = host.gui, host.connect
         with host.tab("Effects"):
-            self.stairs = gui.add_html("")
-            self.back = gui.add_button("Undo", color="gray", visible=False)
-            connect(self.back, lambda _: self._change(effects.undo))
-            self.again = gui.add_button("Redo", color="gray", visible=False)
-            connect(self.again, lambda _: self._change(effects.redo))
             with gui.add_folder("What is missing?"):
                 hint = "Tries every effect of the catalogue on held-out time of this flight; the page stays usable."
                 self.work = JobControls(host, "Search", self._explain, hint)
@@ -70,6 +65,11 @@ class EffectsPanel(Panel):
                 self.choice = gui.add_dropdown("by name", ("-",))
                 self.put = connect(gui.add_button("Add effect"), lambda _: self.add(self.choice.value))
                 self.lacking = gui.add_html("")
+            self.stairs = gui.add_html("")
+            self.back = gui.add_button("Undo", color="gray", visible=False)
+            connect(self.back, lambda _: self._change(effects.undo))
+            self.again = gui.add_button("Redo", color="gray", visible=False)
+            connect(self.again, lambda _: self._change(effects.redo))
             with gui.add_folder("In the model"):
                 self.inside = gui.add_html("")
                 self.sliders = EffectSliders(

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError, WrenchgapError
@@ -66,12 +66,13 @@ class LogsPanel(Panel):
             self.work.button.visible = there
             if there and made:
                 gui.add_html(markup.sentences(NEXT))
-            self.answer = gui.add_html(self._answer())
+            self.answer = gui.add_html(self._answer("lines"))
             with gui.add_folder("Another model" if made else "Model", visible=there, expand_by_default=not made):
                 self._form()
             if intake.model is not None and intake.cutoff_hz < intake.options.low_pass_hz(intake.model):
                 gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
+            gui.add_html(self._answer("rows"))
 
     def _form(self) -> None:
         """Which model, with what was said of it before; sizes only where it is made here."""
@@ -162,19 +163,16 @@ class LogsPanel(Panel):
 
         controls.start(work, self.host.replace, late, then_gone=True)
 
-    def _answer(self) -> str:
-        """What `check` says of all logs: its sentences and its table."""
+    def _answer(self, part: Literal["lines", "rows"]) -> str:
+        """What `check` says of all logs: its sentences, or its table."""
         from wrenchgap.replay.present import health  # here: the page stands before it is there
 
         found = self.intake.health
         if found is None:
             return ""
-        return html.render(
-            "check",
-            lines=[(of_page(text), look) for text, look in health.answer(found)[:-1]],
-            head=[log.name for log in found.logs],
-            rows=health.overview(found).cells,
-        )
+        if part == "lines":
+            return html.render("answer", lines=[(of_page(text), look) for text, look in health.answer(found)[:-1]])
+        return html.render("check", head=[log.name for log in found.logs], rows=health.overview(found).cells)
 
     def _sheet(self) -> str:
         """What was understood of the vehicle, drawn, and what was assumed."""
