@@ -235,6 +235,17 @@ def dataset(
     )
 
 
+def latest(records: Sequence[Record], seconds: float) -> tuple[Record, ...]:
+    """The last `seconds` of flight."""
+    out: list[Record] = []
+    missing = round(seconds / records[0].dt_kept)
+    for record in reversed(records):
+        if missing > 0:
+            out.insert(0, window(record, max(0, len(record) - missing), len(record)))
+            missing -= len(record)
+    return tuple(out)
+
+
 def spread_out(records: tuple[Record, ...], seconds: float, piece: float = 40.0) -> tuple[Record, ...]:
     """About `seconds` of flight in pieces of at most `piece` [s], evenly spread; all where there is no more."""
     step = records[0].dt_kept

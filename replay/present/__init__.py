@@ -137,9 +137,9 @@ def save_figure(result: Any, path: Path, *, force: bool = False) -> None:
     from wrenchgap.replay.present.figures import style
 
     claim({"--figure": path}, force=force)
-    figure = style.figure_of(_module(result).picture(result))
+    picture = _module(result).picture(result)
     with atomic(path) as partial:
-        figure.savefig(partial, dpi=110, format="png")
+        style.save(picture, partial)
 
 
 def save_page(result: Any, path: Path, *, force: bool) -> None:

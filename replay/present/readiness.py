@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.learn.identify.contradiction import Contradiction
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
@@ -94,10 +93,16 @@ def summary(found: Readiness) -> list[str]:
     return out if found.loops else [*out, NOT_SAID]
 
 
-def _contradiction(one: Contradiction, found: Readiness) -> str:
-    if one.effect == "command_delay":
-        return f"commands take effect {1e3 * one.change:.0f} ms later"
-    return f"{found.vehicle.called(one.parameter)} gives {share(-one.change)} less thrust"
+def _contradictions(found: Readiness) -> str:
+    """In words; a rotor by its name where it is the only one: several may stand for another one, or for a weight."""
+    late = [one for one in found.contradicted if one.effect == "command_delay"]
+    weak = [one for one in found.contradicted if one not in late]
+    said = [f"commands take effect {1e3 * one.change:.0f} ms later" for one in late]
+    if len(weak) == 1:
+        said.append(f"{found.vehicle.called(weak[0].parameter)} gives {share(-weak[0].change)} less thrust")
+    elif weak:
+        said.append(f"one or several rotors give up to {share(max(-one.change for one in weak))} less thrust")
+    return " and ".join(said)
 
 
 def _decided(found: Readiness) -> list[str]:
@@ -118,7 +123,7 @@ def _decided(found: Readiness) -> list[str]:
     out = [crashed, *out] if names else out
     if found.contradicted:
         out.append(
-            f"These flights contradict the model: {listed([_contradiction(c, found) for c in found.contradicted], 3)}. "
+            f"These flights contradict the model: {_contradictions(found)}. "
             "That is in these numbers; find out why (wrenchgap explain), and fit it, before this flight."
         )
     if found.weakened:

@@ -12,6 +12,10 @@ LEAST = 7 * 10**8
 """Bytes of address space that `compare` needs with one thread of BLAS: it passes with 0.65 GB."""
 
 
+OBEYED = ".numba_config.yaml"
+"""What numba reads of the working folder whenever it compiles."""
+
+
 def open_streams() -> None:
     """Give standard streams that are closed (`>&-`) their descriptors back, before another file takes them."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -20,11 +24,16 @@ def open_streams() -> None:
 
 
 def working_folder() -> None:
-    """Leave with one line where the working folder is gone: relative paths mean nothing then."""
+    """Leave with one line where the working folder is gone, as relative paths mean nothing then; and where it holds
+    settings of numba, which would read compiled code where they say, and run it: files beside data are data.
+    """  # noqa: D205
     try:
         Path.cwd()
+        said = f"its {OBEYED} would be obeyed; take it away, or" if os.path.lexists(OBEYED) else ""
     except OSError as error:
-        sys.stderr.write(f"wrenchgap: the working folder cannot be used: {error.strerror}; go to another one\n")
+        said = f"{error.strerror};"
+    if said:
+        sys.stderr.write(f"wrenchgap: the working folder cannot be used: {said} go to another one\n")
         sys.exit(2)
 
 

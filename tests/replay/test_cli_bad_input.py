@@ -277,6 +277,19 @@ def test_a_working_folder_that_is_gone_is_told(tmp_path):
     assert done.stderr == "wrenchgap: the working folder cannot be used: No such file or directory; go to another one\n"
 
 
+def test_settings_of_numba_in_the_working_folder_are_not_obeyed(tmp_path):
+    """They name a folder from which compiled code is unpickled."""
+    (tmp_path / ".numba_config.yaml").write_text("cache_dir: cache\n")
+    said = [sys.executable, "-P", "-c", STARTED, "compare", "a.mcap", "-m", MODEL]
+    done = subprocess.run(said, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "wrenchgap: the working folder cannot be used: its .numba_config.yaml would be obeyed; take it away, or go to "
+        "another one\n"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == [".numba_config.yaml"]
+
+
 def real(said, folder):
     """A real process, started by a shell so that it has an environment and limits of its own, and no setting of numba
     that another test's work left behind.

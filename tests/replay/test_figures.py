@@ -1,5 +1,6 @@
 """What pictures hold: panels, units, the residual itself, every peak, and legends that cover nothing."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -183,3 +184,17 @@ def test_files_are_written_without_pyplot_and_never_over_another(added, tmp_path
     assert not plt.get_fignums()
     with pytest.raises(UsageError, match="exists already"):
         save_figure(added, path)
+
+
+def test_a_figure_looks_the_same_whatever_a_matplotlibrc_says():
+    """That of the working folder is read when matplotlib is imported, and belongs to the data."""
+    picture = style.Picture((), (3.0, 2.0), lambda panel: panel.plot([0.0, 1.0]), title="one")
+
+    def saved():
+        stream = io.BytesIO()
+        style.save(picture, stream)
+        return stream.getvalue()
+
+    usual = saved()
+    with plt.rc_context({"savefig.facecolor": "red", "text.usetex": True, "font.size": 30.0}):
+        assert saved() == usual

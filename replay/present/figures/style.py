@@ -6,7 +6,8 @@ with a prefix, which the axis' label names. So whatever a user draws into the sa
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
@@ -79,6 +80,15 @@ def figure_of(picture: Picture) -> Any:
     FigureCanvasAgg(figure)
     _filled(figure, picture)
     return figure
+
+
+def save(picture: Picture, target: Path | IO[bytes], form: str = "png") -> None:
+    """Write the picture, as it looks everywhere: a matplotlibrc of the working folder is data, and is not obeyed."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        figure_of(picture).savefig(target, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None)
 
 
 def _filled(figure: Any, picture: Picture) -> Any:

@@ -56,9 +56,7 @@ class Image:
     def of(cls, picture: style.Picture, alt: str, caption: str, form: str = "png") -> Image:
         """A picture; a dense one as PNG, a sparse one as SVG, which stays sharp on paper."""
         stream = io.BytesIO()
-        style.figure_of(picture).savefig(
-            stream, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None
-        )
+        style.save(picture, stream, form)
         kind = "svg+xml" if form == "svg" else form
         return cls(data_uri(stream.getvalue(), f"image/{kind}"), alt, caption)
 
