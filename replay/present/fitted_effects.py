@@ -200,6 +200,8 @@ def _words(name: str, by: Mapping[str, Value], clearest: Sequence[str], vehicle:
             return "the IMU", f"{length} away from where it was given"
         case "mass":
             return "the vehicle", f"{size} {'heavier' if more else 'lighter'}"
+        case "tilt_scale":
+            return "the arms", f"turning {size} {'further' if more else 'less'} than commanded"
         case "thrust_scale":
             return "all thrust", f"{size} {'higher' if more else 'lower'}"
         case "drag_torque":

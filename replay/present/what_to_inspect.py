@@ -43,6 +43,7 @@ ACTIONS = {
     "imu_misalignment": "look at the IMU's mounting: has it turned?",
     "imu_lever_arm": "look at the IMU's mounting: has it moved?",
     "motor_lag": "look at motors, bearings and speed controllers: rotors follow their commands differently",
+    "tilt_scale": "command every arm to two angles and measure them (servos, gears, linkages); or the log scales them",
     "servo_lag": "look at the tilt servos, their supply voltage and their load",
     "backlash": "hold the hull and rock every arm by hand: gears and horns of the tilt servos have play",
     "arm_twist": "twist every arm by hand: one or several have become softer",
@@ -62,7 +63,7 @@ ACTIONS = {
 """What to do, by family, where an effect is of no single rotor or arm."""
 YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
 """What to look for where the motors of one turning direction work harder."""
-LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment", "command_delay")
+LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment", "command_delay", "tilt_scale")
 """Those of which a model that lacks them says that something is to be looked at."""
 NOTHING = "Nothing is established that asks for an inspection; a change smaller than those listed here would not show."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
