@@ -19,6 +19,7 @@ TRIALS: tuple[Trial, ...] = (
     hull.imu_level,
     hull.imu_bias,
     hull.zeros,
+    hull.travel,
     hull.load,
     hull.hang,
     rotors.swap,

@@ -183,6 +183,19 @@ def zeros(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     )
 
 
+@bench_test("tilt_travel", 15, ("tilt_scale",), "angle of an arm commanded by 45 deg", "0.2 deg")
+def travel(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
+    """By how much a tilting arm turns further than it is commanded by, from zero to 45 deg [rad]."""
+    return Setup(
+        "Command the tilt angles from zero to 45 deg, rotors stopped, and read with an inclinometer by how much an arm "
+        f"turned, to {np.degrees(LEVEL):.1g} deg",
+        reads(1, tilt_scale=lambda theta: theta * np.pi / 4.0),
+        LEVEL,
+        off(("an arm",), LEVEL, degrees, "as commanded"),
+        "it turns further or less",
+    )
+
+
 @bench_test("load_arm", 15, ("arm_twist",), "angle of an arm under half and one and a half hover thrusts", "0.2 deg")
 def load(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """Twist of an arm when its load changes by a hover thrust [rad], away from the stops of its play."""
