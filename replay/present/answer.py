@@ -40,16 +40,14 @@ def answer_lines(found: Explanation) -> list[Line]:
 
 def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     """Sentences before and after those on what cannot be told apart."""
-    names, by = posterior.members_in_words(found)
-    before, after = [f"{by('Explained')} {names}."], []
     grouped = {name for group in found.groups for name in group[0].split(" + ")}
     beside = [m for m in found.members if m.name not in grouped]
+    names, by = posterior.members_in_words(found, beside or found.members)
+    before, after = [f"{by('Explained')} {names}."], []
     match found.verdict:
         case Verdict.NOTHING:
             before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
         case Verdict.UNKNOWN if any(m.share > 0.0 for m in found.members):
-            if beside:
-                names, by = posterior.members_in_words(found, beside)
             said = f"{by('Partly explained')} {names}" if beside else "Part of it has more than one explanation"
             before = [f"{said}; more is missing than the catalogue can explain."]
             after = [posterior.residual_causes(found)]
@@ -61,8 +59,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
         case Verdict.GROUP:
             before = []
             if beside:
-                listed, by = posterior.members_in_words(found, beside)
-                after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {listed}."]
+                after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {names}."]
     if found.verdict is not Verdict.NOTHING and (shared := what_to_inspect.granted(found, "")):
         after.append(f"{capitalised(shared)}.")
     after += [posterior.large_residual(found), posterior.largest_residual(found)]

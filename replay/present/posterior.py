@@ -14,6 +14,7 @@ from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
@@ -247,16 +248,17 @@ def with_values(
     return f"{name} ({values}{perhaps}{own}{limit})"
 
 
-def members_in_words(found: Explanation, members: Sequence[Member] | None = None) -> tuple[str, Callable[[str], str]]:
-    """The named effects, or these of them, with their sizes, those that are firm (`Explanation.firm`) first; and
+def members_in_words(found: Explanation, members: Sequence[Member]) -> tuple[str, Callable[[str], str]]:
+    """These of the named effects, with their sizes, those that are firm (`Explanation.firm`) first; and
     what makes of a word, "Explained", how strongly it is said: "Explained by", or "Perhaps explained by".
     """  # noqa: D205
-    members = found.members if members is None else members
     sure = [m for m in members if m.name in found.firm]
     others = [m for m in members if m not in sure]
-    told = {
-        m.name: f"{with_values(found.fit, found.model, m.name, found.given)}, {confidence(found, m)}" for m in members
-    }
+    told = {}
+    for m in members:  # that a name is in nearly all sets makes it no firm one
+        doubted = m not in sure and found.confidence(m) >= DEFAULT.firm
+        how = "not established" if doubted else confidence(found, m)
+        told[m.name] = f"{with_values(found.fit, found.model, m.name, found.given)}, {how}"
     sized, less = (" and ".join(told[m.name] for m in some) for some in (sure or others, others))
     listed = f"{sized}; less sure: {less}" if sure and less else sized
     return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
