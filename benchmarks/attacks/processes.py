@@ -154,6 +154,14 @@ def in_data_folder(how: Sequence[str], *asked: str, logs: int = 1, code: int = 0
     return run
 
 
+def settings_of_numba(folder: Path) -> Outcome:
+    """`.numba_config.yaml` beside the logs, which says from where compiled code is unpickled."""
+    (name,) = flown(folder, 1)
+    (folder / ".numba_config.yaml").write_text("cache_dir: cache\n", encoding="utf-8")
+    found, said = Command(folder, *SCRIPT, "check", name).ended()
+    return Outcome(found == 2 and not (folder / "cache").exists(), said[-200:])
+
+
 EXPLAIN = ("explain", "{0}", "-m", MODEL, *ONLY, "-q")
 CHANGED = ("changed", "{0}", "--healthy", "{1}", "-m", MODEL, *ONLY, "-q")
 BATCH = ("batch", "compare", "fleet", "-m", MODEL, "-o", "rows", "--workers", "1", "-q")
@@ -372,6 +380,7 @@ ATTACKS = (
         "none runs but those that Python itself imports to find `wrenchgap`",
         in_data_folder(MODULE, *CHANGED, logs=2),
     ),
+    Attack("settings of numba in that folder", "refused in one line, nothing is compiled into it", settings_of_numba),
     Attack("the same; `batch compare`", "none of them runs", in_data_folder(SCRIPT, *BATCH), slow=True),
     Attack(
         "folders of another user in the shared folder of temporary files, named as ours, with a FIFO, a link to a file "
