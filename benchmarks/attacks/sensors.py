@@ -11,10 +11,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from benchmarks.attacks import Attack, Outcome
-from wrenchgap import changed, check, explain, load_model, open_flights, ready, save_log, simulate
+from wrenchgap import changed, load_model, open_flights, ready, save_log, simulate
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.replay.present.health import answer
 from wrenchgap.replay.readiness import Decision
 
 AREA = "Sensors that lie"
@@ -188,37 +187,6 @@ def throttle(folder: Path) -> Outcome:
     return Outcome(False, "was opened")
 
 
-def exchanged(folder: Path) -> Outcome:
-    """Two columns of the tilt angles in each other's place, beside the wrench that was commanded."""
-    flight = flown()
-    assert flight.actuators is not None
-    tilt = flight.actuators.tilt[:, [1, 0, 2, 3, 4, 5]]
-    log = save_log(replace(flight, actuators=replace(flight.actuators, tilt=tilt)), folder / "log.mcap")
-    try:
-        open_flights(log, load_model(MODEL))
-    except LogError as error:
-        return Outcome("torques unlike the commanded wrench" in str(error), f"refused: {str(error)[:160]}")
-    return Outcome(False, "was opened")
-
-
-def further(folder: Path) -> Outcome:
-    """Tilt angles logged as 0.95 of what they are."""
-    flight, model = flown(2.0 * SECONDS), load_model(MODEL)
-    assert flight.actuators is not None
-    arms = replace(flight.actuators, tilt=0.95 * flight.actuators.tilt)
-    log = save_log(replace(flight, actuators=arms, commanded=None, desired=None), folder / "log.mcap")
-    found = explain(open_flights(log, model), model, jobs=1)
-    return Outcome(found.firm == ("tilt_scale",), f"firm: {', '.join(found.firm) or 'nothing'}; {found.verdict}")
-
-
-def halved(folder: Path) -> Outcome:
-    """A log of which half is gone."""
-    path = save_log(flown(2.0 * SECONDS), folder / "log.mcap")
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    words = " ".join(text for text, _ in answer(check(path)))
-    return Outcome("cut short" in words, words[:200])
-
-
 def squared(folder: Path) -> Outcome:
     """Rotor speeds of the suspect flight as their squares, about the same hover; no commanded wrench."""
     model = load_model("crazyflie")
@@ -334,21 +302,6 @@ ATTACKS = (
         "one throttle logged as the command of all rotors of a quadrotor that turns",
         "refused: rotors",
         throttle,
-    ),
-    Attack(
-        "two columns of tilt angles exchanged, beside the commanded wrench",
-        "refused: rotors",
-        exchanged,
-    ),
-    Attack(
-        "all tilt angles logged at 0.95 of what they are",
-        "tilt_scale is firm, and nothing else",
-        further,
-    ),
-    Attack(
-        "a log of which half is gone",
-        "said in the first lines of `check`",
-        halved,
     ),
     Attack(
         "a suspect flight of `changed` whose rotor speeds were logged as their squares",

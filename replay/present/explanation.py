@@ -90,8 +90,8 @@ MOST_PLACES = 2
 MEMBERS_LEGEND = (
     "confidence: weight of the sets of effects that name it, in any of its forms, or one of its group, less "
     "what its own evidence leaves to chance   share: of the error energy that "
-    "returns without it   group: indistinguishable from it here   nearest other: and by how many standard errors "
-    "(sigma) it fits worse"
+    "returns without it   nearest other: of what these flights tell from it, and by how many standard errors (sigma) "
+    "it fits worse"
 )
 RANKING_LEGEND = (
     "* named   = indistinguishable from one that is   score: share of the error energy that is gone   F, M: change of "
@@ -111,13 +111,11 @@ def members(found: Explanation) -> Table:
     """The effects that were named: confidence, size, and what comes nearest in their place."""
     rows = []
     for m in found.members:
-        places = ["" if len(r.members) == 1 else f", for {r.place}" for r in m.alike]
-        group = ", ".join(f"{r.name} ({share(r.weight)}{p})" for r, p in zip(m.alike, places, strict=True))
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
-        sure = certainty(found.confidence(m))
-        rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far))
-    return table("named", ("effect", "confidence", "share", "t", "group", "nearest other"), rows, texts=(-2, -1))
+        sure = "not established" if posterior.is_doubted(found, m) else certainty(found.confidence(m))
+        rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", far))
+    return table("named", ("effect", "confidence", "share", "t", "nearest other"), rows, texts=(-1,))
 
 
 def ranking(found: Explanation, most: int = 10) -> Table:

@@ -255,13 +255,17 @@ def members_in_words(found: Explanation, members: Sequence[Member]) -> tuple[str
     sure = [m for m in members if m.name in found.firm]
     others = [m for m in members if m not in sure]
     told = {}
-    for m in members:  # that a name is in nearly all sets makes it no firm one
-        doubted = m not in sure and found.confidence(m) >= DEFAULT.firm
-        how = "not established" if doubted else confidence(found, m)
+    for m in members:
+        how = "not established" if is_doubted(found, m) else confidence(found, m)
         told[m.name] = f"{with_values(found.fit, found.model, m.name, found.given)}, {how}"
     sized, less = (" and ".join(told[m.name] for m in some) for some in (sure or others, others))
     listed = f"{sized}; less sure: {less}" if sure and less else sized
     return listed, lambda word: f"{word} by" if sure else f"Perhaps {word.lower()} by"
+
+
+def is_doubted(found: Explanation, member: Member) -> bool:
+    """Whether a name is in nearly all sets and not firm all the same, for another reason than what it is like."""
+    return found.confidence(member) >= DEFAULT.firm and not member.alike and member.name not in found.firm
 
 
 def confidence(found: Explanation, member: Member) -> str:

@@ -567,8 +567,20 @@ def test_table_of_members_fits_a_terminal(which, request):
         (line,) = [line for line in text.splitlines() if line.split()[:1] == [member.name]]
         assert f"{100 * found.confidence(member):.0f} %" in line
         assert share(member.share) in line
-        for other in member.alike:
-            assert f"{other.name} ({share(other.weight)})" in line
+
+
+def test_a_name_that_is_not_firm_has_no_confidence_in_answer_or_table(named):
+    """In most sets, but all that speaks for it is on axes that are open: it has a size, and is not established."""
+    forces = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0], dtype=bool)
+    member = replace(named.members[0], by_axis=np.where(forces, 0.0, 10.0))
+    found = replace(named, members=(member,), verdict=Verdict.UNKNOWN, open=~forces)
+    assert found.firm == ()
+    assert answer(found)[0].startswith("Perhaps partly explained by com_offset")
+    out = io.StringIO()
+    Console(file=out, width=100, color_system=None).print(members(found))
+    for text in (answer(found)[0], out.getvalue()):
+        assert "not established" in text
+        assert "98 %" not in text
 
 
 def test_json_has_no_keys_but_those_of_its_schema(named):

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.check import Check, Level
+from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
@@ -43,9 +43,6 @@ class RotorThresholds:
     fits: float = 0.8
     """Cosine with the witness that another reading must reach. With the motion, in which there is more than the rotors
     made, it is `TORQUES.moves`: real hovers have 0.66 to 0.89."""
-    unlike: float = 0.5
-    """Cosine with a commanded wrench below which the actuators are not those that were sent: more of their torque is
-    another one than the commanded."""
     better: float = 0.25
     """By how much its cosine must exceed that of the reading as stated."""
     commanded: float = 1e-5
@@ -115,8 +112,7 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
     if found[what] < fits or not (found[what] > stated + ROTORS.better or _explained(stated, found[what])):
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
         if seen.wrench is not None:
-            level: Level = "bad" if stated < ROTORS.unlike else "warn"
-            yield Check("rotors", level, f"{words}: check order, spin, c_f and tilt signs, or saturation.")
+            yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
         else:
             yield from _order_by_feedback(flight, model.vehicle, seen)
         return

@@ -82,13 +82,13 @@ def figure_of(picture: Picture) -> Any:
     return figure
 
 
-def save(picture: Picture, target: Path | IO[bytes], form: str = "png") -> None:
+def save(picture: Picture, partial: Path | IO[bytes], form: str = "png") -> None:
     """Write the picture, as it looks everywhere: a matplotlibrc of the working folder is data, and is not obeyed."""
     import matplotlib
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        figure_of(picture).savefig(target, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None)
+        figure_of(picture).savefig(partial, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None)
 
 
 def _filled(figure: Any, picture: Picture) -> Any:
