@@ -254,7 +254,10 @@ def rate_check(name: str, flight: Flight, pair: tuple[Array, Array], parts: tupl
         mend = option(flight, f"{vector}*{factor(1.0 / slope)}", *parts)
         return Check(name, "bad", f"{said}: another unit or scale", mend)
     high = ratio / alike if alike else np.inf
-    if 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor or rms(truth) <= 2.0 * ATTITUDE.still_rate:
+    alike_within_noise = 1.0 / ATTITUDE.rate_factor < slope < ATTITUDE.rate_factor or (
+        alike > 0.5 and slope < 1.0 < high
+    )
+    if alike_within_noise or rms(truth) <= 2.0 * ATTITUDE.still_rate:
         between = f"{slope:.2f}" if alike > 0.995 else f"{slope:.2f} to {high:.2f}, by the noise of either"
         return Check(name, "ok", f"It agrees with the attitude's rate (factor {between}).")
     if slope <= 0.0 or ratio == 0.0:  # the second: so small that its square is none

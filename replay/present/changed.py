@@ -162,13 +162,14 @@ def _verdict(found: Changed) -> str:
         )
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
-    said, sure = [], bool(found.firm or others)
+    unclear = what_to_inspect.unclear(found)
+    said, sure = [], bool(found.firm or (others and not unclear))
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
         words = name if first is None else in_words(found, first)
         said.append(f"{words}, confidence {share(found.confidence(name))}" if sure else words)
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
-    firm = "" if found.firm else what_to_inspect.unclear(found) or " No single effect is firm."
+    firm = "" if found.firm else unclear or " No single effect is firm."
     apart = " and ".join(found.differing())
     mean = f" Suspect flights differ in {apart}, of which this is the mean: give each alone." if apart else ""
     return f"{'Changed' if sure else 'Perhaps changed'}: {' and '.join(said)}.{alike}{firm}{mean}"

@@ -84,12 +84,16 @@ def findings(result: Any, depth: int = 3) -> Iterator[Finding | TimeLeftOut]:
             yield from findings(inside, depth - 1)
 
 
-def warnings(found: Iterable[object], several: int = 3) -> list[str]:
-    """What a user should know before any number, as sentences; one of more than `several` flights once for all."""
+def warnings(found: Iterable[object], several: int = 3, *, brief: bool = False) -> list[str]:
+    """What a user should know before any number, as sentences; one of more than `several` flights once for all. The
+    `brief` ones leave out what a check says after its first sentence.
+    """  # noqa: D205
     by_name: dict[str, dict[str, str]] = {}
     for note in found:
         if isinstance(note, Finding) and note.check.level != "ok":
-            by_name.setdefault(note.check.name, {}).setdefault(f"{note.flight}: {_words(note.check)}", note.flight)
+            by_name.setdefault(note.check.name, {}).setdefault(
+                f"{note.flight}: {_words(note.check, brief)}", note.flight
+            )
     out = []
     for name, said in by_name.items():
         flights = list(dict.fromkeys(said.values()))
@@ -100,9 +104,11 @@ def warnings(found: Iterable[object], several: int = 3) -> list[str]:
     return out
 
 
-def _words(check: Check) -> str:
+def _words(check: Check, brief: bool) -> str:
     if check.level == "bad":
         return f"{check.words.rstrip('. ')} (accepted)"
+    if brief and not check.mend:
+        return f"{check.words.partition('. ')[0].rstrip('.')}."
     return f"{check.words.rstrip('. ')}. Read it with {check.mend}" if check.mend else check.words
 
 
@@ -138,7 +144,7 @@ def banner(result: Any, *, details: bool = True) -> list[Line]:
     found = findings_to_tell(result)
     some = [n for n in found if isinstance(n, Finding) and n.check.name in MISSING and n.check.level == "warn"]
     some = [] if details else [n for n in some if not n.check.mend]
-    said = warnings(n for n in found if n not in some)
+    said = warnings((n for n in found if n not in some), brief=not details)
     names = ", ".join(dict.fromkeys(n.check.name for n in some))
     said += [f"{names}: samples are missing or left out (--details)"] if names else []
     return [Line(f"check: {text}", "yellow") for text in said]

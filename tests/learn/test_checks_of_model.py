@@ -100,6 +100,13 @@ def test_what_is_too_slow_for_the_filter(rate, sent, cutoff, level):
         assert rates(flight_of(rate, sent), float(found.mend.split()[1]))[0].level == "ok"
 
 
+def test_an_imu_below_one_hertz_is_asked_for_the_unit_of_its_times():
+    """No cut-off mends it: milliseconds that are read as seconds make 0.25 Hz of 250."""
+    (found,) = rates(flight_of(0.25, 0.25), 8.0)
+    assert (found.level, found.mend) == ("bad", None)
+    assert found.words.endswith("or are its times in another unit, ms or us?")
+
+
 def test_actuators_that_are_slower_than_the_wrench_are_asked_too():
     log = flight_of(250.0, 250.0, lambda count: np.full((count, 4), 1500.0))
     slow = replace(

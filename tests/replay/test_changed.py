@@ -116,6 +116,11 @@ def test_of_one_healthy_flight_a_change_has_to_be_larger(logs, moved, monkeypatc
         assert words.startswith("Changed: " if firm else "Perhaps changed: ")
         assert ("1 healthy flight does not say how much flights differ" in words) is not bool(firm)
         assert ("confidence" in words) is bool(firm)
+        first, *rest = again.classes
+        like = replace(first, sets=(first.sets[0], replace(first.sets[0], names=("payload",))))
+        words = presented.summary(replace(again, classes=(like, *rest)))
+        assert "Indistinguishable on these flights: payload" in words
+        assert words.startswith("Changed: " if firm else "Perhaps changed: ")
 
 
 def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved):

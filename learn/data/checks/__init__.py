@@ -82,6 +82,8 @@ def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True) -> tuple[Che
         f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {needed:g}: "
         "what is faster is folded into what is slower, and no filter takes it out again; log it faster next time"
     )
+    if rate < 1.0:  # Hz: what is left of a motion then is no flight
+        return (Check("rate", "bad", f"{words}; or are its times in another unit, ms or us?"),)
     return (Check("rate", "bad", words, f"--cutoff {usable_cutoff(rate):g}"),)
 
 
