@@ -4,10 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.learn.changed.places import towards
+from wrenchgap.learn.identify.contradiction import Contradiction
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
+from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import capitalised, entries, label, listed, number, quantity, share
+from wrenchgap.replay.present.numbers import capitalised, entries, label, listed, number, quantity, share, size_in_words
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
@@ -95,13 +98,22 @@ def summary(found: Readiness) -> list[str]:
 
 def _contradictions(found: Readiness) -> str:
     """In words; a rotor by its name where it is the only one: several may stand for another one, or for a weight."""
-    late = [one for one in found.contradicted if one.effect == "command_delay"]
-    weak = [one for one in found.contradicted if one not in late]
-    said = [f"commands take effect {1e3 * one.change:.0f} ms later" for one in late]
+    by_effect: dict[str, list[Contradiction]] = {}
+    for one in found.contradicted:
+        by_effect.setdefault(one.effect, []).append(one)
+    weak = by_effect.get("rotor_thrust", [])
+    changes = {effect: {one.parameter: one.change for one in ones} for effect, ones in by_effect.items()}
+    said = [f"commands take effect {1e3 * one.change:.0f} ms later" for one in by_effect.get("command_delay", [])]
     if len(weak) == 1:
         said.append(f"{found.vehicle.called(weak[0].parameter)} gives {share(-weak[0].change)} less thrust")
     elif weak:
         said.append(f"one or several rotors give up to {share(max(-one.change for one in weak))} less thrust")
+    if off := changes.get("com_offset"):
+        far = size_in_words(float(np.hypot(off.get("x", 0.0), off.get("y", 0.0))), "m")
+        side = towards(found.vehicle, off.get("x", 0.0), off.get("y", 0.0))
+        said.append(f"the centre of mass is off by {far} towards the {side}, or propellers are weak there")
+    causes = what_to_inspect.causes_of_constant(changes.get("constant_wrench", {}), found.vehicle)
+    said += [f"there is {cause}" for cause in causes]
     return " and ".join(said)
 
 
