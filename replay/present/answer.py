@@ -7,6 +7,9 @@ from wrenchgap.replay.present.notes import too_short
 from wrenchgap.replay.present.numbers import capitalised
 from wrenchgap.replay.present.tables import Line
 
+MOST_PLACES = 2
+"""Sentences on what to inspect that belong to the answer."""
+
 
 def short(found: Explanation) -> list[str]:
     """A warning where hardly any flight was left to judge by."""
@@ -15,8 +18,13 @@ def short(found: Explanation) -> list[str]:
 
 
 def summary(found: Explanation) -> str:
-    """The verdict in plain words, and what speaks for it and against it."""
-    return " ".join([*answer(found), *evidence(found)])
+    """The verdict in plain words with what to inspect, and what speaks for it and against it."""
+    return " ".join([in_full(found), *evidence(found)])
+
+
+def in_full(found: Explanation) -> str:
+    """The verdict in plain words, with what to inspect."""
+    return " ".join([*answer(found), *what_to_inspect.of_explanation(found)[:MOST_PLACES]])
 
 
 def answer(found: Explanation) -> list[str]:

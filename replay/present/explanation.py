@@ -11,7 +11,7 @@ from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
 from wrenchgap.replay.present.addition import apart, granted_thrust
-from wrenchgap.replay.present.answer import answer_lines, evidence, short, summary
+from wrenchgap.replay.present.answer import MOST_PLACES, answer_lines, evidence, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import doubted_mass, not_tried_json, not_tried_lines, of_flights
@@ -85,8 +85,6 @@ def what_next(
 
 WITH_A_HEALTHY_FLIGHT = ("rotor_thrust", "com_offset", "constant_wrench")
 """What a healthy flight tells from a trim that every vehicle has."""
-MOST_PLACES = 2
-"""Sentences on what to inspect that belong to the answer."""
 MEMBERS_LEGEND = (
     "confidence: weight of the sets of effects that name it, in any of its forms, or one of its group, less "
     "what its own evidence leaves to chance   share: of the error energy that "

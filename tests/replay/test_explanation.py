@@ -26,7 +26,7 @@ from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
-from wrenchgap.replay.present.answer import answer, answer_lines, short, summary
+from wrenchgap.replay.present.answer import answer, answer_lines, in_full, short, summary
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import brief, members, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
@@ -101,6 +101,9 @@ def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, 
     assert "wrench: a centre of mass 12 mm towards the back (" in words
     assert "a yaw bias of" in words
     assert "2 deg off the rotors' plane" in words
+    found = replace(named, members=(member,), fit=fitted)
+    assert words in to_json(found)["summary"]  # as on the page and in the report
+    assert words in in_full(found)
     monkeypatch.setattr(type(named), "confidence", lambda *_: 0.48)
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
     assert words.startswith("What would make such a constant wrench: a centre of mass 12 mm")

@@ -390,6 +390,7 @@ GROUPS = (("servo_lag", "command_delay"),)
 UNKNOWN = SimpleNamespace(
     verdict=Verdict.UNKNOWN,
     effects=(),
+    firm=(),
     members=(),
     ranking=(),
     untried=(),

@@ -67,7 +67,7 @@ def page(report: Report, repetition: Repetition) -> str:
             date=repetition.date,
             vehicle=report.model.vehicle.name,
             verdict=str(found.verdict),
-            summary=" ".join(answer.answer(found)) + law,
+            summary=answer.in_full(found) + law,
             evidence=answer.evidence(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
             already=fitted_effects.already_in(report.model),

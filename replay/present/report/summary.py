@@ -62,7 +62,7 @@ def designed(found: Design) -> str:
 def parts(report: Report) -> list[Part]:
     """The verdict, and by how much the error is reduced."""
     return [
-        Line(" ".join(answer.answer(report.explanation)), "bold"),
+        Line(answer.in_full(report.explanation), "bold"),
         *(Line(text) for text in (fitted_effects.already_in(report.model),) if text),
         *(Line(staircase.sentence(case)) for case in report.staircases),
     ]

@@ -142,7 +142,7 @@ class EffectsPanel(Panel):
         return html.render(
             "search",
             found=found,
-            summary=" ".join(answer.answer(found)),
+            summary=answer.in_full(found),
             evidence=answer.evidence(found),
             values=values,
             open=explanation.open_in_words(found),
