@@ -100,11 +100,14 @@ class Intake:
         return min(self.options.low_pass_hz(self.model), max(usable_cutoff(slowest), LEAST_CUTOFF))
 
     def session(self, report: Report, first: MakePanel | None = None) -> Session:
-        """What the page shows now: flights for the model, or what the logs hold; `first` is a tab before all others."""
+        """What the page shows now, what was dropped last first: flights for the model, or what the logs hold.
+
+        `first` is a tab before all others.
+        """
         if self.model is None or not self.logs:
             return BareSession(self, first)
         report(0.0, "opening the flights")
-        flights = open_flights(self.logs, self.model, self.options.changed(cutoff_hz=self.cutoff_hz))
+        flights = open_flights(self.logs[::-1], self.model, self.options.changed(cutoff_hz=self.cutoff_hz))
         how: Any = {"folder": self.save_to, "budget": self.options.budget, "first": first, "saved": self.saved}
         return LogSession(flights, self.model, **how)
 
@@ -113,7 +116,7 @@ class BareSession:
     """Implements `viewer.session.Session` for logs without a model: attitude, path, commands, what the IMU measured."""
 
     def __init__(self, intake: Intake, first: MakePanel | None = None) -> None:
-        seen = () if intake.health is None else intake.health.logs
+        seen = () if intake.health is None else intake.health.logs[::-1]
         names = [log.name for log in seen]
         told_apart = [n if names.count(n) == 1 else f"{n} ({k})" for k, n in enumerate(names, 1)]
         self._logs = dict(zip(told_apart, seen, strict=True))

@@ -61,6 +61,7 @@ def test_the_form_makes_the_model_of_a_px4_log_and_a_second_log_joins(folder):
     assert any("kappa" in words or "radius" in words for words in intake.sheet.assumed)
     assert not session.working.saved, "no file has it"
     both = intake.with_file(folder / "flight2.ulg", quiet).session(quiet)
+    assert both.flights[0] == "flight2", "what was dropped last is shown, and is the suspect of `changed`"
     assert not both.working.saved
     assert len(both.flights) == 2
     assert both.comparisons is not None, "two flights can be compared"
