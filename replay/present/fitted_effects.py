@@ -73,9 +73,8 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     if not found:
         return ""
     one = found[0]
-    clause, arms = _clause(one), model.vehicle.arms
-    sideways = one.subject == "the centre of mass" and "towards" in one.is_so
-    if sideways and arms is not None and not arms.tilts.any():  # in hover the same
+    clause = _clause(one)
+    if one.subject == "the centre of mass" and "towards" in one.is_so:  # `calibrate`, which asks, tries no rotors
         clause += ", or propellers are weak there"
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 

@@ -180,16 +180,18 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
             "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "
             f"battery away from there.{earlier}{drift}"
         )
+    others = [m.deviation for m in motors.motors if m.rotor not in (hard.rotor, *hard.alike)]
+    said_of_one = (
+        f"{said}, the others are within {share(max(others, default=0.0) - min(others, default=0.0))} of each other"
+    )
     if motors.shape is Shape.ONE and hard.alike:
         names = " and ".join(one.name for one in (hard.rotor, *hard.alike))
         return (
-            f"{said}, the others are even. One command drives both, so that the log does not show which of {names} is "
+            f"{said_of_one}. One command drives both, so that the log does not show which of {names} is "
             "weak: inspect both propellers, then motors and ESCs."
         )
     if motors.shape is Shape.ONE:
-        return (
-            f"{said}, the others are even. Inspect the propeller of {hard.rotor.name}, then its motor and ESC.{earlier}"
-        )
+        return f"{said_of_one}. Inspect the propeller of {hard.rotor.name}, then its motor and ESC.{earlier}"
     if motors.shape is Shape.UNKNOWN:
         return f"{said}. {told} whether a weight, a yaw bias or a propeller makes it."
     least = min(motors.motors, key=lambda m: m.deviation)
