@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn.changed.places import towards
-from wrenchgap.learn.identify.contradiction import Contradiction
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.figures import style
@@ -98,16 +97,15 @@ def summary(found: Readiness) -> list[str]:
 
 def _contradictions(found: Readiness) -> str:
     """In words; a rotor by its name where it is the only one: several may stand for another one, or for a weight."""
-    by_effect: dict[str, list[Contradiction]] = {}
+    changes: dict[str, dict[str, float]] = {}
     for one in found.contradicted:
-        by_effect.setdefault(one.effect, []).append(one)
-    weak = by_effect.get("rotor_thrust", [])
-    changes = {effect: {one.parameter: one.change for one in ones} for effect, ones in by_effect.items()}
-    said = [f"commands take effect {1e3 * one.change:.0f} ms later" for one in by_effect.get("command_delay", [])]
-    if len(weak) == 1:
-        said.append(f"{found.vehicle.called(weak[0].parameter)} gives {share(-weak[0].change)} less thrust")
-    elif weak:
-        said.append(f"one or several rotors give up to {share(max(-one.change for one in weak))} less thrust")
+        changes.setdefault(one.effect, {})[one.parameter] = one.change
+    said = [f"commands take effect {1e3 * late:.0f} ms later" for late in changes.get("command_delay", {}).values()]
+    weak = changes.get("rotor_thrust", {})
+    if len(weak) > 1:
+        said.append(f"one or several rotors give up to {share(-min(weak.values()))} less thrust")
+    else:
+        said += [f"{found.vehicle.called(name)} gives {share(-change)} less thrust" for name, change in weak.items()]
     if off := changes.get("com_offset"):
         far = size_in_words(float(np.hypot(off.get("x", 0.0), off.get("y", 0.0))), "m")
         side = towards(found.vehicle, off.get("x", 0.0), off.get("y", 0.0))
