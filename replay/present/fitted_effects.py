@@ -76,6 +76,8 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
     clause = _clause(one)
     if one.subject == "the centre of mass" and "towards" in one.is_so:  # `calibrate`, which asks, tries no rotors
         clause += ", or propellers are weak there"
+    elif one.subject == "what is commanded":  # the same for motion that is slow beside it
+        clause += ", or the motors are slower by as much"
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
 
 
