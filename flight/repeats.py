@@ -85,7 +85,9 @@ def sketch(flight: Flight) -> Sketch:
 
 
 def signature(flight: Flight) -> NDArray[np.int64]:
-    """The smallest hashes of the samples of an IMU, `SKETCH.fleet` at most, to find a flight again among many logs."""
+    """The smallest hashes (up to `SKETCH.fleet`,) of the IMU's samples, or the commands' without one, to find a flight
+    again among many logs.
+    """  # noqa: D205
     found = sketch(flight).hashes
     return next(iter(found.values()), np.empty(0, dtype=np.uint64))[: SKETCH.fleet].view(np.int64)
 

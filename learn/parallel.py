@@ -48,7 +48,10 @@ DIED = (
 
 
 def cores() -> int:
-    """Cores that may be used: affinity, a container's limit, WRENCHGAP_CORES; UsageError where that is no number."""
+    """Cores that this process may use: affinity, the limit of a container and WRENCHGAP_CORES count.
+
+    Raises UsageError where that is no number of cores.
+    """
     found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if asked := os.environ.get(CORES, ""):
         if not re.fullmatch(r"[1-9][0-9]{0,5}", asked):

@@ -89,7 +89,10 @@ class OpenLoop(Result):
 
 @dataclass(frozen=True)
 class RecordedStretch:
-    """N samples, `dt` [s] apart: states `y` (N, 13), commands from each on, recorded `motion`, `record` for models."""
+    """N samples of a flight, `dt` [s] apart: states `y` (N, 13), commands over the period from each sample on.
+
+    `motion` is the recorded one, `record` the same stretch as models are compared on it.
+    """
 
     y: Array
     state: State

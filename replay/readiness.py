@@ -259,7 +259,9 @@ def _left(record: Record, model: Model) -> Left:
 def _authorities(
     model: Model, needed: Demand, plain: Demand, voltage: float | None
 ) -> tuple[tuple[Authority, ...], Array]:
-    """Of every rotor, to full command at this voltage, and arm, weakest first; what of that each draw needs (D,)."""
+    """Of every rotor, up to full command at this voltage, and arm, the weakest first; and what of the weakest each draw
+    needs (D,).
+    """  # noqa: D205
     arms, rotors = model.vehicle.geometry()
     full = rotors.speed_max if model.command is None else model.command.full_speed(voltage, model.vehicle)
     of_full, pushes = (rotors.speed_max / full) ** 2, _pushes(model, needed)

@@ -65,7 +65,10 @@ class Rest:
 
 @dataclass(frozen=True)
 class NextFlight:
-    """Indistinguishable effects, and the flight that separates them or `why_not`: an error, empty without a search."""
+    """Effects that are indistinguishable on these logs, and the flight that separates them.
+
+    Without `design`: `why_not` is the error that the search for one ended with, empty where none was searched.
+    """
 
     names: tuple[str, ...]
     design: Design | None

@@ -146,7 +146,10 @@ def is_possible(control: Any, value: Any) -> bool:
 
 
 class Inbox:
-    """Messages of one client; `control` finds a control by id, or None; `drops`, by button's id, get their uploads."""
+    """The messages of one client. `control` finds a control by its id, None where there is none.
+
+    `drops` (`viewer.file_drop.FileDrop`, by the id of their button) get the files that are uploaded to them.
+    """
 
     def __init__(
         self,

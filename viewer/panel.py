@@ -129,7 +129,10 @@ class JobControls:
         *,
         then_gone: bool = False,
     ) -> None:
-        """Start the job, cancelling one that runs (its result: `on_late`); `then_gone`: `on_done` removes these."""
+        """Start the job in the background; one that runs is cancelled, `on_late` gets what it had made by then.
+
+        With `then_gone`, `on_done` removes these controls, which show the end of the job before it.
+        """
         if self.host.crowded:
             raise UsageError("earlier work is still ending; try again in a moment")
         self.cancel()

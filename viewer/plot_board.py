@@ -182,7 +182,10 @@ class Board:
         )
 
     def _data(self, plot: Plot) -> tuple[tuple[Array, ...], dict[str, Any], Any]:
-        """Columns of a chart, its fixed scales (uPlot would stumble over a nan), its axes, all in the shown unit."""
+        """Columns of a chart, its scales for the range shown, which is fixed: uPlot would stumble over a nan; its axes.
+
+        All of them in the plot's shown unit.
+        """
         rows: list[Array] = []
         for line in plot.lines:
             rows.append(line.values)

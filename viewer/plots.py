@@ -143,7 +143,10 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
 
 
 def limits(values: Array, floor: float = 0.0) -> tuple[float, float]:
-    """Range of an axis: all finite values with a margin, `floor`, 1e-6 [unit] and 1e-9 of the values high at least."""
+    """Range of an axis: all finite values with a margin, about their middle.
+
+    At least `floor`, 1e-6 [unit] and 1e-9 of the values high: below that a curve is rounding noise.
+    """
     finite = values[np.isfinite(values)]
     if not finite.size:
         return -1.0, 1.0

@@ -74,7 +74,10 @@ def acknowledge(server: Any, button: str, transfer: str, done: int, size: int) -
 
 
 def free_port(host: str, port: int, tries: int = 20) -> int:
-    """`port`, or a free one of the next `tries`, any for 0: viser waits for ever on a taken one. UsageError: none."""
+    """`port`, or the next of `tries` ports that is free; any free one for 0. Raises UsageError without one.
+
+    Asked beforehand, because viser waits for ever on an address that cannot be had.
+    """
     reason = ""
     for candidate in [port] if port == 0 else range(port, min(port + tries, 65536)):
         try:
@@ -90,7 +93,10 @@ def free_port(host: str, port: int, tries: int = 20) -> int:
 
 @cache
 def own_scripts() -> tuple[str, ...]:
-    """Both scripts of viser's page, loader and client, as CSP sources: no other runs. UsageError: another page."""
+    """The two scripts of viser's page as CSP sources: the loader that is seen, and the client that it unpacks.
+
+    No other script runs on the page then, whatever a name in a log holds. Raises UsageError for another kind of page.
+    """
     page = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
     found = re.search(r'<script data-p="([^"]+)" data-ss="(\d+)" data-cs="(\d+)">(.*?)</script>', page, re.DOTALL)
     if found is None or page.count("<script") != 1:

@@ -163,7 +163,10 @@ class Scale:
 
 
 def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
-    """On a flight, of a vehicle of `size` [m]: weight 1.7 sizes, largest torque (99 %) 1.4, a rotor's share 0.5."""
+    """Scale for a vehicle of `size` [m] on a flight.
+
+    The weight is 1.7 sizes, the largest torque (99th percentile) 1.4 sizes, a rotor's share of the weight half a size.
+    """
     weight = vehicle.body.mass * GRAVITY
     torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in scene.wrenches.values()]
     largest = max((float(np.percentile(t, 99.0)) for t in torques if t.size), default=0.0)
@@ -172,7 +175,10 @@ def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
 
 
 def component_arrows(vector: Array, spread: float) -> Array:
-    """A vector (3,) as arrows (3, 2, 3) along x, y, z, moved aside by `spread` [m], as several wrenches share axes."""
+    """A vector (3,) as a frame: three arrows (3, 2, 3) along x, y and z, moved aside by `spread` [m].
+
+    The spread keeps the frames of several wrenches, whose arrows lie along the same axes, side by side.
+    """
     aside = spread * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     return np.stack((aside, aside + np.diag(vector)), axis=1)
 

@@ -34,7 +34,9 @@ WHITE = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 0.99])
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """Posterior of L signals of `count` means: weights (L, T, R) of times and shares; constant, variance, q there."""
+    """The posterior of L signals: weights (L, T, R) of times and shares, and there the constant, its variance over v
+    and q. `count` means were seen.
+    """  # noqa: D205
 
     weights: Array
     constant: Array

@@ -58,7 +58,9 @@ def refuse_other_vehicle(one: OpenFlight, others: Sequence[OpenFlight], kind: st
 
 
 def thrust_gain(flight: OpenFlight) -> float | None:
-    """Commanded over measured force along z, by standard deviation; None where they do not go together above noise."""
+    """Standard deviation of the commanded force along z over that of the measured one; None where they do not follow
+    each other above noise.
+    """  # noqa: D205
     commanded, measured = (
         np.concatenate([part - part.mean() for part in parts])
         for parts in zip(*((r.commanded[:, 2], r.measured[:, 2]) for r in flight.records), strict=True)

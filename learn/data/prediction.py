@@ -30,7 +30,10 @@ T = TypeVar("T")
 
 
 def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
-    """The wrench (K, 6) that a model predicts, filtered as the measurement; `body` where that was made with another."""
+    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement.
+
+    `body` is that of the nominal processing, where the measurement was made with another than the model's vehicle has.
+    """
     return Evaluator(record)(model, body)
 
 

@@ -51,7 +51,10 @@ TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class Limits:
-    """Free `room` (x, y, z) [m] around home, floor at z = 0, for every part; tilt [rad] of body z; speed [m/s]."""
+    """What a flight must keep: `room`, tilt [rad] of body z, and speed [m/s].
+
+    The free room (x, y, z) [m] is around home with its floor at z = 0; every part of the vehicle must stay in it.
+    """
 
     room: Vector = (4.0, 4.0, 3.0)
     tilt: float = float(np.radians(60.0))
@@ -149,7 +152,10 @@ class Task:
     def shake(
         self, size: float, angle_deg: float, low: float, high: float, axes: tuple[str, ...] = (), ramp: float = 1.0
     ) -> Shake:
-        """Broadband motion of `axes` (all), `low` to `high` [Hz]; `size` [m], `angle_deg`; azimuths are phases."""
+        """Broadband motion of `axes` (default all) from `low` to `high` [Hz]; `size` [m], `angle_deg` at full vigour.
+
+        Another azimuth means other phases.
+        """
         known = axes or (SHAKEN if self.room.tilts else ("x", "y", "z", "yaw"))
         size, angle = self.vigour * size, self.vigour * np.radians(angle_deg)
         seed = round(float(np.degrees(self.azimuth))) % 360

@@ -147,7 +147,10 @@ class Separability:
 
 
 def nuisances(also: Sequence[str] | None, names: Sequence[str], base: Model) -> tuple[str, ...]:
-    """Effects fitted along with a group: `also`, or `NUISANCE` but no lag beside a lag; none of group or model."""
+    """Effects that are fitted along with a group `names`: `also`, or `NUISANCE` but no lag beside a lag.
+
+    What is in the group or in the model is none.
+    """
     hidden = LAGS if set(names) & set(LAGS) else ()
     chosen = [a for a in NUISANCE if a not in hidden] if also is None else also
     return tuple(a for a in chosen if a not in names and base.effect(a) is None)
@@ -274,7 +277,10 @@ def visibility(left: Array, noise: Array) -> float:
 
 
 def expected_separation(data: Dataset, left: Array, sensor: Array) -> float:
-    """Expected separation for `left` (K, 6) in `data.noise`, of which `sensor` (6,) is the sensors'; see the module."""
+    """Expected separation for a difference `left` (K, 6) in what `data.noise` says; see the module's docstring.
+
+    `sensor` (6,) is the part of it that is sensor noise.
+    """
     known = data.measured_axes
     left, sensor, noise = left[:, known], sensor[known], data.noise[known] ** 2
     scale = np.sqrt(noise * (noise + np.mean(left**2, axis=0)))

@@ -31,7 +31,10 @@ NO_ARMS = "no arm of this vehicle tilts, or no tilt commands are known"
 
 @dataclass(frozen=True)
 class Quantity:
-    """`values` (K,) in `unit` of K samples, NaN without a meaning; `circular`: an angle [deg] that wraps at +-180."""
+    """One number for each of K samples, `values` (K,) in `unit`; not a number where it has no meaning.
+
+    A `circular` quantity is an angle in degrees that wraps at +-180.
+    """
 
     name: str
     label: str

@@ -165,7 +165,10 @@ def _left(data: Dataset, inputs: Array, levers: list[Array], target: Array, f: f
 
 
 def answer(inputs: Array, dt: float, f: float, zeta: float) -> Array:
-    """H u and dH u / dt (K, 2n) of inputs (K, n), from rest, by the bilinear transform s = 2 / dt (z - 1) / (z + 1)."""
+    """H u and dH u / dt (K, 2n) of inputs (K, n) every dt [s], from rest at the first sample.
+
+    The bilinear transform s = c (z - 1) / (z + 1), c = 2 / dt, of w^2 and of w s over s^2 + 2 zeta w s + w^2.
+    """
     from scipy.signal import lfilter  # here: others need not wait for it
 
     w, c = 2 * np.pi * f, 2.0 / dt

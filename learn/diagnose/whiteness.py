@@ -111,7 +111,10 @@ class Whiteness:
     crosscorrelation: tuple[CrossCorrelation, ...]
 
     def strongest(self, axis: str) -> CrossCorrelation | None:
-        """The largest correlation of an axis with an input, of those outside their bands first; None: none moves."""
+        """The largest correlation of this axis with an input among those outside their bands, or else of all.
+
+        None where no input moves enough.
+        """
         own = [c for c in self.crosscorrelation if c.axis == axis]
         return max(own, key=lambda c: (c.outside, abs(c.peak)), default=None)
 

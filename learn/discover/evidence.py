@@ -193,7 +193,10 @@ def _slices(atoms: Sequence[Atom]) -> tuple[slice, ...]:
 
 
 def surrogate_residuals(data: Dataset, left: Array, count: int, seed: int) -> Array:
-    """Residuals (K, 6, count) of chance: even ones shifted in time, odd ones of random phase, all axes alike."""
+    """Residuals (K, 6, count) that have nothing to do with the flights: the even ones shifted, the odd of random phase.
+
+    All axes of a flight are shifted alike and turned by the same phases, so that they go together as they did.
+    """
     rng = np.random.default_rng(seed)
     out = np.empty((*left.shape, count))
     known = data.by_record(np.nan_to_num(left))

@@ -51,7 +51,9 @@ RATE = Unit(s=-1.0)
 
 @dataclass(frozen=True)
 class Quantity:
-    """One line: `code`, the value of a name; `cause`, what a law that uses it depends on, or else a log's needs."""
+    """One line: `code`, the value of a name. `cause` says in words what a law that uses it depends on; the others say
+    what a log must have.
+    """  # noqa: D205
 
     code: str
     cause: str = ""

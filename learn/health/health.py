@@ -33,7 +33,10 @@ from wrenchgap.plant.model import Model
 
 @dataclass(frozen=True)
 class Rate:
-    """A role and its topic: messages a second, gaps, the longest and that in flight [s], time of the `last` [s]."""
+    """A role and the topic that plays it: messages a second, gaps, the longest of them, and that in flight [s].
+
+    `last` is the time of its last message [s].
+    """
 
     role: str
     topic: str

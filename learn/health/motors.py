@@ -207,7 +207,10 @@ def _alike(rotors: tuple[RotorPlace, ...], thrusts: Array) -> Mask:
 def _shape(
     rotors: tuple[RotorPlace, ...], deviation: Array, alike: Mask
 ) -> tuple[Shape, tuple[float, float] | None, float | None]:
-    """What deviations (R,) balance, where thrust is centred, the excess by turning; `alike` (R, R) count as one."""
+    """What deviations (R,) balance, where the thrust is centred, and the excess by turning direction.
+
+    `alike` (R, R) are the rotors that count as one.
+    """
     places = _places(rotors)
     if places is None:
         even = np.abs(deviation).max() < MOTORS.uneven
@@ -227,7 +230,10 @@ def _shape(
 
 
 def _places(rotors: tuple[RotorPlace, ...]) -> Array | None:
-    """Places and turning directions (R, 3); None: unknown, fewer than three, or such as no vehicle could hover with."""
+    """Places and turning directions (R, 3); None where they are not all known, or of fewer than three rotors.
+
+    Nor where no vehicle could hover with them: then they are not those of this vehicle.
+    """
     places = [(rotor.x, rotor.y, rotor.spin) for rotor in rotors]
     known = np.array([place for place in places if None not in place], dtype=float)
     whole = len(known) == len(rotors) > 2

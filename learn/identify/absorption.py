@@ -127,7 +127,10 @@ class _Guard:
         return float(paired_t(by_block(self.block, ((worse**2 - better**2) * self.weights**2).sum(axis=1))))
 
     def compare(self, name: str, fitted: Fit, given: Array, left: Array, clear: float = 0.5) -> tuple[Absorbed, Array]:
-        """One effect, named from a share of `clear` on, and what it leaves of the correction (K, L)."""
+        """One effect, and what of the correction it does not reproduce (K, L).
+
+        It is named from a share of `clear` of the correction on that it reproduces.
+        """
         before, after = given[:, self.rows], left[:, self.rows]
         change = before - after
         rest = self.correction - change

@@ -71,7 +71,9 @@ def trim_of(model: Model, far: float = 5.0) -> Trim:
 
 
 def twist_of_axes(model: Model) -> float:
-    """Standard deviation [Nm] about z, in hover, of thrust axes off by the model's tolerance: delta r m g / sqrt(n)."""
+    """Standard deviation [Nm] of the torque about z of rotors whose thrust axes are off by the model's tolerance, each
+    by itself: in hover delta r m g / sqrt(n).
+    """  # noqa: D205
     vehicle = model.vehicle
     if not vehicle.tolerances.thrust_axis or vehicle.arms is None or vehicle.rotors is None:
         return 0.0
@@ -81,7 +83,9 @@ def twist_of_axes(model: Model) -> float:
 
 
 def unsure_thrust(model: Model, names: Sequence[str] = ()) -> float:
-    """Relative standard deviation of all thrust by the model file; zero where model or `names` have thrust_scale."""
+    """Standard deviation of the thrust of all rotors, relative to it, where the model file gives one and no flight has
+    told better: neither the model nor `names` have thrust_scale.
+    """  # noqa: D205
     named = "thrust_scale" in (*names, *(e.name for e in model.effects))
     return 0.0 if named else model.vehicle.tolerances.thrust or 0.0
 
@@ -121,7 +125,9 @@ def between_flights(data: Dataset, left: Array, model: Model, different: float =
 
 
 def scatter_between(means: Array, usual: Array, noise: Array | float = 0.0) -> Array:
-    """Standard deviation (6,) [N, Nm] between flights of means (F, 6), of variance `noise` (6,); `usual` is typical."""
+    """Standard deviation (6,) [N, Nm] between flights, of their means (F, 6), which have the variance `noise` (6,)
+    themselves; `usual` (6,) is the typical one.
+    """  # noqa: D205
     count = len(means)
     spread = np.sum((means - means.mean(axis=0)) ** 2, axis=0)
     more = np.maximum(spread - (count - 1) * np.asarray(noise), 0.0)
@@ -187,7 +193,9 @@ def granted_trims(
 
 
 def means_of_flights(data: Dataset, left: Array) -> tuple[Array, Array]:
-    """Means (F, 6) over each flight's blocks of what is left (K, 6), and the variance (6,) they have within flights."""
+    """Means (F, 6) over the blocks of time of each flight, of what is left (K, 6), and the variance (6,) that such a
+    mean has from what wanders within a flight: the mean over flights.
+    """  # noqa: D205
     blocks, flight = means_by(data.block, left), data.flight[np.unique(data.block, return_index=True)[1]]
     each = [blocks[flight == f] for f in range(int(flight.max()) + 1)]
     variances = [own.var(axis=0) / max(len(own) - 1, 1) for own in each]

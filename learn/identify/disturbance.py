@@ -45,7 +45,10 @@ from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrenc
 
 @dataclass(frozen=True)
 class DisturbanceSize:
-    """Per axis (6,) [N, Nm]: mean, rms, rms above `fast_hz` [Hz], where it is noise, largest; rms of the pull."""
+    """Of a disturbance, per axis (6,) [N, Nm]: mean, rms, rms above `fast_hz`, largest; rms of the pull.
+
+    Above `fast_hz` [Hz] a disturbance is noise rather than motion.
+    """
 
     mean: Array
     rms: Array
@@ -157,7 +160,10 @@ def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array |
 
 
 def _pull(body: Body, target: State, now: State, pull_hz: float = 1.0) -> Array:
-    """Wrenches (N, 6) towards `target`, the module's last equations: critically damped at `pull_hz` [Hz]."""
+    """Wrenches (N, 6) towards the recorded motion `target`: the last equations of the module.
+
+    `pull_hz` [Hz] is the natural frequency, critically damped.
+    """
     w = 2.0 * np.pi * pull_hz
     ahead = w**2 * (target.position_E - now.position_E) + 2.0 * w * (target.velocity_E - now.velocity_E)
     turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB), target.quat_EB))

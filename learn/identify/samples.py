@@ -59,7 +59,10 @@ def lagged(signal: Array, tau: float | Array, dt: float) -> Array:
 
 
 def lags(stretches: Sequence[Stretch], looks: Mask) -> Array:
-    """Time constants (6,) [s] that held-out time supports, zero where unmeasured; `looks` (6,) are usable commands."""
+    """Time constants (6,) [s] of the lag that held-out time supports; `looks` (6,) are the usable command components.
+
+    Zero on outputs that were not measured.
+    """
     errors = np.stack([held_out(stretches, looks, tau) for tau in LAG.taus])
     count = errors.shape[1]
     block = CALIBRATION.block(count)

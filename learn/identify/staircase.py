@@ -51,7 +51,11 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Stair:
-    """A step: rms (6,) [N, Nm]; `beside`: no step but worth comparing; `learnt_here`: a process of this very time."""
+    """One step: rms (6,) [N, Nm]; `name` of the effect or of the given model.
+
+    `beside` is true for what is no step of the staircase but worth comparing, `learnt_here` for a process that was
+    learnt on this very time.
+    """
 
     kind: Kind
     name: str
@@ -108,7 +112,10 @@ def _made(basis: Basis, data: Dataset, stairs: Sequence[Stair]) -> Staircase:
 
 @dataclass(frozen=True)
 class Steps:
-    """Fits of no effect, the first, the first two, ...; `left` (K, 6) of each on blocks of time not fitted."""
+    """The fits behind the stairs: of no effect, of the first, of the first two, ... all together.
+
+    `left` (K, 6) of each is the residual on blocks of time that were not fitted.
+    """
 
     names: tuple[str, ...]
     fits: tuple[Fit, ...]

@@ -12,8 +12,8 @@ within all segments allows,
     t = (m_2 - m_1) / (s sqrt(1/n_1 + 1/n_2)),        s^2 = max(RSS / (n - K - 1), mean e_i^2),
 
 on n - K - 1 degrees of freedom. Because its place was sought, p is multiplied by the number of places (Bonferroni), and
-by the number of parameters that are looked at together; steps count below `COURSE.significant`. A slope likewise, on n
-- 2. A segment has two flights at least: one flight by itself is an outlier, no step.
+by the number of parameters that are looked at together; steps count below `COURSE.significant`. A slope likewise,
+with n - 2 degrees of freedom. A segment has two flights at least: one flight by itself is an outlier, no step.
 
 What neither steps nor drifts may come and go. Flights lie apart by the generalised test of Rosner (Technometrics 25,
 1983) for up to (n - 1) / 2 outliers, which takes the farthest one away and tests it against the others, their standard

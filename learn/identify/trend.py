@@ -256,7 +256,10 @@ def trend_of(
 
 
 def flight_values(flight: OpenFlight, model: Model, names: Sequence[str] = ()) -> FlightValues:
-    """What `trend` asks of each flight, of one: its own commands tell what answers the motion. Raises as `trend`."""
+    """What `trend` asks of each of its flights, of one flight: what answers the motion is seen to by its own commands.
+
+    Raises as `trend`.
+    """
     chosen, alike, _ = _effects([flight], model, names)
     return _values(flight, alike, chosen, unfollowed_axes([timing_of(flight, model)]))
 

@@ -178,7 +178,9 @@ class Injections:
         return (size, ()) if abs(size) <= most else (math.nan, ())
 
     def tried(self, size: float, *, rivals_wanted: bool = False) -> tuple[tuple[str, ...], float]:
-        """Effects that could make the same, if `rivals_wanted`; the standard deviation of its fit, NaN if not firm."""
+        """Effects that could make what this size makes, if `rivals_wanted`; the standard deviation of a fit of it, NaN
+        where it would not have been firm.
+        """  # noqa: D205
         secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
         space = self.search.space
         row = int(space.parameters[self.key][self.index])
@@ -225,7 +227,9 @@ class Injections:
         return tuple(n for k in keys for n in self.search.space.columns[k].names)
 
     def not_needed(self, scorer: Scorer, silent: Mask) -> list[str]:
-        """Members without which blocks are left no worse, beyond chance; the effect, if its evidence is on `silent`."""
+        """Members without which blocks of time are left no worse, beyond chance; the effect itself where its evidence
+        is on `silent` axes.
+        """  # noqa: D205
         space, out = scorer.spectrum, []
         with_it = by_axis(scorer, scorer(self.own).left)
         better = space.combined(scorer(self.own).weights) ** 2

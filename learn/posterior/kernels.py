@@ -124,7 +124,10 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
 
 @njit(cache=True, nogil=True)
 def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
-    """Least 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 in limits (active set: Nocedal and Wright, 16.5)."""
+    """Where 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 is least within the limits: an active-set method.
+
+    Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
+    """
     H, g, lower, upper = scaled(A, scale), b * scale, low / scale, high / scale
     x, free, push = np.zeros(len(scale)), np.ones(len(scale), dtype=np.bool_), g
     for _ in range(40):

@@ -130,7 +130,9 @@ def posterior(
     settings: SearchSettings,
     causes: Sequence[Check] = (),
 ) -> Posterior:
-    """Sets and classes with what would settle which is true; of `causes` those of which something stands in a set."""
+    """Of these sets and classes, with what would settle which is true: those of `causes` of which something stands in
+    them for effects that were fitted.
+    """  # noqa: D205
 
     def checks(some: Sequence[NamedSet]) -> tuple[Check, ...]:
         standing = {name for s in some for name, _ in s.stands_for}
@@ -184,7 +186,9 @@ class WeighedSets:
         return self.each(lambda sets: one_per_names(map(shorter, sets)))
 
     def at(self, changes: Mapping[str, Array]) -> WeighedSets:
-        """The same with the best set's values as fitted at last, for bench checks: `changes` (P,) by effect."""
+        """The same with the best set's values as they were fitted at last, so that a bench check reads what the answer
+        says: `changes` (P,) by effect, of what the model has.
+        """  # noqa: D205
         best = self.best
         if not set(best.names) <= set(changes):
             return self

@@ -217,7 +217,9 @@ def weights(sets: Sequence[ScoredSet]) -> Array:
 
 
 def bootstrapped(likelihood: Array, prior: Array, draws: int = 1000, seed: int = 0) -> Array:
-    """Mean weights (S,) over `draws` Dirichlet weights of the blocks; log `likelihood` (S, B), `prior` (S,)."""
+    """Weights (S,): Dirichlet weights of the blocks (or flights), the share of every set, and the mean of so many
+    draws. `likelihood` (S, B) and `prior` (S,) are logarithms.
+    """  # noqa: D205
     blocks = likelihood.shape[1]
     drawn = np.random.default_rng(seed).dirichlet(np.ones(blocks), draws) * blocks
     log = drawn @ likelihood.T + prior

@@ -118,7 +118,9 @@ class SubsetSearch:
                 self.score((*(k for k in rest if all(k in self.others[n] for n in new)), *new))
 
     def promising(self, keys: Keys, among: Collection[str] | None = None) -> list[str]:
-        """What would take most off what a set leaves, of all or `among`, to second order and without bounds."""
+        """What would take most off what a set leaves, of all others or those `among` them, to second order and without
+        bounds.
+        """  # noqa: D205
         space = self.space
         wanted = [n for n in (space.columns if among is None else among) if n not in keys]
         others = {n: space.rows(n) for n in wanted}

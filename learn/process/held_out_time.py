@@ -117,7 +117,9 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Support:
-    """Of held-out time: gain (L,), share (L,) of energy explained, reduction of rms and 95 % interval (L, 3)."""
+    """What held-out time supports: gain (L,), share (L,) of the residual's energy that is explained with it, and the
+    reduction of the residual's rms with the ends of its 95 % interval (L, 3).
+    """  # noqa: D205
 
     gain: Array
     share: Array

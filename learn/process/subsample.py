@@ -61,7 +61,10 @@ def subsample(
 
 
 def thin(length: int, count: int, seed: int) -> Indices:
-    """At most `count` of 0 ... length-1, drawn from equal stretches: even spacing could alias with a trajectory."""
+    """At most `count` indices of 0 ... length-1: one drawn from each of `count` equal stretches.
+
+    Drawn, not evenly spaced, so that a periodic trajectory cannot alias with the spacing.
+    """
     if length <= count:
         return np.arange(length)
     edges = -(-np.arange(count + 1) * length // count)
@@ -214,7 +217,9 @@ class Kernel:
     noise_variance: float
 
     def __call__(self, a: Array, b: Array, out: Array | None = None) -> Array:
-        """k(a, b) (N, M), into `out` if given: -1/2 |p - q|^2 as one product, with own squares beside p and q."""
+        """k(a, b) (N, M), into `out` where it is given: -1/2 |p - q|^2 as one product, of p and q with their own
+        squares beside them.
+        """  # noqa: D205
         p, q = a / self.lengthscales, b / self.lengthscales
         left = np.column_stack((p, -0.5 * np.sum(p * p, axis=1), np.ones(len(p))))
         right = np.column_stack((q, np.ones(len(q)), -0.5 * np.sum(q * q, axis=1)))

@@ -149,7 +149,10 @@ class Run:
         return found
 
     def note_input(self, path: Path, role: str) -> None:
-        """Note a file that went in. UsageError where an output would replace it; a model may be its own --output."""
+        """Note a file that went into the result.
+
+        Raises UsageError where an output would replace it; a model may be its own --output.
+        """
         from wrenchgap.replay.present.documents import sha256
 
         for option, output in self._outputs.items():

@@ -98,7 +98,10 @@ def _printed(some: Any, width: int = 132) -> str:
 
 
 def parts(result: Any, *, details: bool = True, **how: Any) -> Any:
-    """The parts of a printed result, `how` as its module has it; without `details` the answer and its one table."""
+    """The lines and tables of a printed result, with options of its module: the answer, what its checks say, tables.
+
+    Without `details` the answer and its one table, where there is more than that.
+    """
     from wrenchgap.replay.present.notes import banner
     from wrenchgap.replay.present.tables import Line
 
@@ -131,7 +134,10 @@ def plot(result: Any, axes: Any = None) -> Any:
 
 
 def save_figure(result: Any, path: Path, *, force: bool = False) -> None:
-    """Write a picture as PNG, all or nothing, no window. UsageError: exists without `force`, or cannot be written."""
+    """Write a result's picture as PNG, all of it or nothing, without a window.
+
+    Raises UsageError for a file that exists (unless `force`) or that cannot be written.
+    """
     from wrenchgap.flight.atomic import atomic
     from wrenchgap.replay.present.documents import claim
     from wrenchgap.replay.present.figures import style

@@ -51,7 +51,10 @@ WITHOUT_TILT = (
 
 
 def design_command(names: Sequence[str], model: str, paths: Sequence[str], options: str = "") -> str:
-    """The command that designs a flight to separate `names`, for logs at `paths`; `options`, after a space: to read."""
+    """The command that designs a flight to separate `names`, for the logs at `paths`.
+
+    `options` say how to read them, with a space before them.
+    """
     line = ["wrenchgap", "design", *names, "-m", model, *(["--from", *paths] if paths else [])]
     return f"{shlex.join(line)}{options} -o separate.toml"
 

@@ -132,7 +132,9 @@ def which_flights(found: Explanation) -> str:
 
 
 def together(effects: Sequence[ModelEffect], vehicle: Vehicle) -> str:
-    """What one or two effects say together as a clause, with values; of others, or without own words, the names."""
+    """What one or two effects say together as a clause, with their values; of more, or of two without words of their
+    own, the names alone.
+    """  # noqa: D205
     found = [_in_words(one, vehicle, stds=True) for one in effects]
     wordless = any(one.is_so in ("", DIFFERENT) for one in found)
     if len(effects) > 2 or (len(effects) == 2 and wordless):

@@ -239,7 +239,11 @@ EXPECTED = ((95.0, "within_95", "o", "1.96 sigma"), (99.7, "within_3_sigma", "s"
 
 
 def picture(learnt: Learnt) -> style.Picture:
-    """Axes (R, 3), of training and unseen flights: errors of forces, torques, and shares within predicted intervals."""
+    """One or two rows of three panels.
+
+    Axes are (R, 3): a row for the training flights and, where there are some, one for unseen flights; forces, torques,
+    and the share of samples within the predicted intervals, before and after calibration.
+    """
     rows = len(_tested(learnt))
     title = f"Gaussian process of {len(learnt.gp.inputs)} points for {', '.join(learnt.gp.outputs)}, "
     title += f"on top of {learnt.gp.provenance.physics}"

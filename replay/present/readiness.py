@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.learn.changed.places import towards
+from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.replay.loop_margins import GAIN, GO, PHASE, Gains, LoopMargins
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import capitalised, entries, label, listed, number, quantity, share, size_in_words
+from wrenchgap.replay.present.numbers import capitalised, entries, label, listed, number, quantity, share
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 from wrenchgap.replay.readiness import ROOM, Decision, Readiness
 
@@ -106,12 +106,11 @@ def _contradictions(found: Readiness) -> str:
         said.append(f"one or several rotors give up to {share(-min(weak.values()))} less thrust")
     else:
         said += [f"{found.vehicle.called(name)} gives {share(-change)} less thrust" for name, change in weak.items()]
-    if off := changes.get("com_offset"):
-        far = size_in_words(float(np.hypot(off.get("x", 0.0), off.get("y", 0.0))), "m")
-        side = towards(found.vehicle, off.get("x", 0.0), off.get("y", 0.0))
-        said.append(f"the centre of mass is off by {far} towards the {side}, or propellers are weak there")
-    causes = what_to_inspect.causes_of_constant(changes.get("constant_wrench", {}), found.vehicle)
-    said += [f"there is {cause}" for cause in causes]
+    constant = changes.get("constant_wrench", {})
+    if off := changes.get("com_offset"):  # its torque in hover
+        weight = found.vehicle.body.mass * GRAVITY
+        constant = {"torque_x": -off.get("y", 0.0) * weight, "torque_y": off.get("x", 0.0) * weight}
+    said += [f"there is {cause}" for cause in what_to_inspect.causes_of_constant(constant, found.vehicle)]
     return " and ".join(said)
 
 

@@ -147,7 +147,10 @@ def _draw(found: Trend, axes: Any) -> None:
 
 
 def _panel(panel: Any, p: ParameterTrend, factor: float = 1.0, unit: str = "") -> None:
-    """Values, times `factor` in `unit`, with intervals over the level with its scatter; every step with its size."""
+    """Values with intervals over the level with the scatter about it; every step a line with its size.
+
+    Multiplied with `factor`, which gives them the `unit`.
+    """
     flight = np.arange(1, len(p.values) + 1)
     ends = [0, *(step.flight for step in p.course.steps), len(flight)]
     for first, last in pairwise(ends):

@@ -107,7 +107,10 @@ def warnings(found: FlightTiming) -> list[str]:
 
 
 def in_short(flights: Sequence[FlightTiming], *, of_topics: bool = False) -> list[str]:
-    """The first warning of all flights and how many more there are; `of_topics`: none of the response to commands."""
+    """Warnings of all flights in one sentence: the first of them, and how many more there are.
+
+    `of_topics` leaves out what is said of the response to commands, of which `explain` has the effects.
+    """
     told = [w for one in flights for w in one.warnings]
     said = [_warning(w) for w in told if not (of_topics and isinstance(w, OF_RESPONSES))]
     return [f"{said[0]}{f' ({len(said) - 1} more: --details)' if len(said) > 1 else ''}"] if said else []

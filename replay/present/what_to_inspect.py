@@ -108,7 +108,10 @@ def sentences(found: Changed) -> list[str]:
 
 
 def of_explanation(found: Explanation) -> list[str]:
-    """What to inspect after `explain`: firm effects that are defects or loads; the weakest rotor, the worst servo."""
+    """What to inspect after `explain`: where a firm effect is a defect or a load, which no drag and no lag is.
+
+    Of rotors the weakest, of servos the one that is off most.
+    """
     vehicle, out = found.model.vehicle, []
     for name in found.firm:
         values, had = found.changes(name), name in found.given

@@ -114,7 +114,10 @@ class LogSession:
         return channels_of(found.path, found, self._budget)
 
     def report(self, flight: str, progress: Report) -> str:
-        """The HTML report of the current model, tested on all other flights, in minutes; a GP only of that model."""
+        """The HTML report: the current model fitted on the flight, tested on all others. Takes minutes.
+
+        A GP belongs to the model that it was learnt on, and is left out once that has changed.
+        """
         from wrenchgap.replay.present.report import Repetition, page
 
         working, model, one = self.working, self.model, self.working.flight(flight)
@@ -209,7 +212,10 @@ def recorded(one: OpenFlight, vehicle: Vehicle, rate_hz: float = 50.0) -> Scene:
 
 
 def _floors(vehicle: Vehicle) -> dict[str, float]:
-    """Least ranges of plots [N], [Nm]: 0.1 % of the weight, and times the farthest rotor's arm or gyration radius."""
+    """The least range of plots of forces [N] and torques [Nm]: 0.1 % of the weight, and of weight times arm.
+
+    The arm is that of the farthest rotor, for a vehicle without rotors its radius of gyration.
+    """
     body = vehicle.body
     weight = body.mass * GRAVITY
     arm = float(np.sqrt(np.trace(body.inertia) / body.mass))

@@ -25,7 +25,10 @@ def file_name(name: str) -> str:
 
 
 class SaveFolder:
-    """A folder in which the page replaces what it wrote, else only with `force`. UsageError: none, or not writable."""
+    """A folder into which a page writes. What lies there is replaced where the page wrote it, else only with `force`.
+
+    Raises UsageError for what is no folder, or one that cannot be written to.
+    """
 
     def __init__(self, folder: Path, *, force: bool = False) -> None:
         if not folder.is_dir():

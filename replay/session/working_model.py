@@ -41,7 +41,10 @@ class Revision:
 
 
 class WorkingModel:
-    """Open flights, a model that changes (`saved`: a file has it as opened), a GP learnt on the model as opened."""
+    """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened.
+
+    `saved` says whether a file has the model as it is opened.
+    """
 
     def __init__(
         self, flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess | None, *, saved: bool = True
@@ -83,7 +86,10 @@ class WorkingModel:
         return self.model is self._saved
 
     def change(self, revision: Revision, *, instead: bool = False, depth: int = 200) -> None:
-        """Make another model current, `instead` of the last change where that was a part; `depth` can be undone."""
+        """Make another model the current one; `instead` of the last change where that was a part of this one.
+
+        So many changes as `depth` can be undone.
+        """
         with self.lock:
             if instead and len(self.revisions) > 1:
                 self.revisions.pop()

@@ -125,7 +125,10 @@ def png(render: NDArray[Any], rows: Sequence[tuple[str, Colour]], words: Sequenc
 
 
 def table(plots: Sequence[Plot], start: float, stop: float) -> str:
-    """Plots between two times as CSV: a row per time of any line, empty cells elsewhere; heads: title, line, unit."""
+    """The lines of some plots between two times as CSV, at the times at which they are known.
+
+    One row per time of any line; a cell is empty where its line has no sample then. Headers are title, line, unit.
+    """
     columns: list[tuple[str, Array, Array]] = []
     for plot in plots:
         rows = (plot.time >= start) & (plot.time <= stop)

@@ -145,7 +145,11 @@ def rock(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
 
 @bench_test("imu_level", 10, ("imu_misalignment",), "IMU still, in six positions", "0.2 deg")
 def imu_level(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
-    """How far the IMU is turned against the frame (3,) [rad]: half the difference of opposite positions has no bias."""
+    """How far the IMU is turned against the frame (3,) [rad].
+
+    A bias keeps its sign when the vehicle is turned over, gravity does not, so half the difference of opposite
+    positions is free of it.
+    """
     return Setup(
         "Read the still accelerometer with the frame level, upside down and on its four sides; half the difference of "
         f"opposite positions is the IMU's misalignment, to {np.degrees(LEVEL):.1g} deg",

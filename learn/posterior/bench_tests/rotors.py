@@ -41,7 +41,10 @@ def at_rest(count: int, height: float = 0.0) -> State:
 
 
 def thrust_ratio(vehicle: Vehicle, name: str, theta: Array, tilt: Array, speed: Array, height: float = 0.0) -> Array:
-    """Thrusts (N, R) with the effect over those without, O at `height` [m]; `tilt` (N, A) [rad], `speed` [rad/s]."""
+    """Thrusts (N, R) with the effect over those without, of a vehicle that is held with O at `height` [m].
+
+    `tilt` (N, A) [rad], `speed` (N, R) [rad/s].
+    """
     effect = find(name)
     assert isinstance(effect, ThrustEffect)
     _, rotors = vehicle.geometry()

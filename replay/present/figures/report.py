@@ -117,7 +117,10 @@ ROLE_COLOURS = {"healthy": "0.55", "odd": "tab:orange", "suspect": "tab:red"}
 
 
 def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
-    """Parts to mark with a few words on each, none where nothing changed; where the centre of mass moved (3,) [m]."""
+    """Parts of the vehicle to mark, with a few words on each, and where the centre of mass moved (3,) [m], if it did.
+
+    Of nothing that changed nothing is marked.
+    """
     marks: dict[str, str] = {}
     moved_B: Array | None = None
     if found.verdict is Verdict.NOTHING:

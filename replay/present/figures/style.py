@@ -51,7 +51,10 @@ class Picture:
 
 
 def plot(picture: Picture, axes: Any = None) -> Any:
-    """Draw into `axes`, or in a new figure of pyplot; returns the axes. UsageError for axes of another shape."""
+    """Draw into `axes`, in a new figure of pyplot where there are none; returns the axes.
+
+    Raises UsageError for axes of another shape.
+    """
     if axes is None:
         import matplotlib.pyplot as plt
 
@@ -182,7 +185,10 @@ def over_time(panels: Any, name: str = "time") -> None:
 
 
 def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
-    """Above a panel, `above` lines higher, where it covers no curve; also for `others` of its colours, names once."""
+    """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once.
+
+    It is for `others` as well, which have the same colours.
+    """
     once: dict[str, Any] = {}
     for one in (panel, *others):
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):

@@ -131,7 +131,10 @@ def _rotors(panel: Any, vehicle: Vehicle, marks: Mapping[str, str]) -> None:
 
 
 def turns(vehicle: Vehicle) -> Array:
-    """How each rotor turns seen from above (R,): +1 counter-clockwise, -1 clockwise; `spin` is about the thrust."""
+    """How each rotor turns as seen from above (R,): +1 counter-clockwise, -1 clockwise.
+
+    `spin` is about the thrust, which may point down.
+    """
     arms, rotors = vehicle.geometry()
     return np.asarray(rotors.spin * np.where(arms.normal_B[rotors.arm, 2] < 0.0, -1.0, 1.0))
 

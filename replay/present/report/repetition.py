@@ -24,7 +24,10 @@ FITTED = "fitted.toml"
 
 @dataclass(frozen=True)
 class Repetition:
-    """All that is needed to repeat a report: `inputs` as role, path, SHA-256; `fitted_model` as text with history."""
+    """Everything that is needed to repeat a report.
+
+    `inputs` are role, path and SHA-256 of each file, `fitted_model` is the text of the model file, with history.
+    """
 
     date: str
     commands: tuple[str, ...]

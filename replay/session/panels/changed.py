@@ -201,7 +201,10 @@ def _change_in_words(size: Size) -> str:
 
 
 def _cells(mean: Array, beyond: Array, shown: Sequence[int]) -> list[dict[str, str]]:
-    """Signed means (6,) that are shown, coloured by `beyond` (6,), in what healthy flights differ by; 6 is darkest."""
+    """Signed means (6,) on the axes that are shown, in the colours of their distance from the healthy flights.
+
+    `beyond` (6,) is that distance in what healthy flights differ by; six times that is darkest.
+    """
     out = []
     for k in shown:
         back, front = html.heat(float(np.clip(np.nan_to_num(beyond[k]) / 6.0, -1.0, 1.0)))

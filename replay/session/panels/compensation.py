@@ -106,7 +106,10 @@ class SessionCompensation:
     def refly(
         self, flight: str, start: float, duration: float, report: Report, feedback: str | None = None
     ) -> Counterfactual:
-        """Re-simulate (a part of) a flight: compensated if that is on, or with `feedback` ("indi=8") in its place."""
+        """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off.
+
+        With `feedback` in its place where that is a text such as "indi=8" (`compensators.feedback`).
+        """
         from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
         from wrenchgap.replay.compensation import compensators
         from wrenchgap.replay.counterfactual.change import Change
