@@ -20,6 +20,7 @@ from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.row_kernels import runs
 from wrenchgap.flight.unmeasured import Why, sentence, zero_axes
 from wrenchgap.learn.data.checks import against_model, rates
+from wrenchgap.learn.data.checks.frame import frame
 from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
 from wrenchgap.learn.data.measurement import Record, commands_of, measured_axes, names_of, prepare
@@ -129,7 +130,7 @@ def opened(
     phases = phases_of(known, vehicle, cutoff_hz, phase_names(keep, "keep"))
     asked.longest = max(map(len, stretches))
     give_back(asked.longest)
-    asked.pass_(against_model(played, model, _flown(stretches, phases)))
+    asked.pass_((*frame(played, model.vehicle), *against_model(played, model, _flown(stretches, phases))))
     parts, left_out = _parts(kept_within(stretches, between, found), stretches, phases, vehicle, known)
     flown, records, short = [], [], []
     of_flight: dict[str, Any] = {"has_imu": played.imu is not None, "command_period": widest_spacing([played])}

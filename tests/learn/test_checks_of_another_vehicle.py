@@ -7,6 +7,8 @@ import pytest
 
 import wrenchgap as wg
 from benchmarks.meaning.flying import QUAD, fly
+from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.errors import LogError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
 
@@ -117,3 +119,40 @@ def test_of_rotors_that_stand_still_no_factor_is_proposed(bare, size):
     (check,) = [c for c in found if c.level == "bad"]
     assert check.mend is None
     assert "the logged rotors stand still" in check.words
+
+
+X_CLOCKWISE = {"FRAME_CLASS": 1, "FRAME_TYPE": 14}
+"""ArduPilot's: motors 1 to 4 from the front right on, clockwise seen from above, as the Crazyflie's are."""
+PX4_CLOCKWISE = {"CA_ROTOR_COUNT": 4} | {
+    f"CA_ROTOR{k}_P{axis}": value
+    for k, place in enumerate([(1.0, 0.4), (-1.0, 0.4), (-1.0, -0.4), (1.0, -0.4)])  # forward, right
+    for axis, value in zip("XY", place, strict=True)
+}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "level"),
+    [
+        (X_CLOCKWISE, "ok"),
+        (PX4_CLOCKWISE, "ok"),
+        (X_CLOCKWISE | {"FRAME_TYPE": 1}, "bad"),  # motor 2 at the back left
+        (X_CLOCKWISE | {"FRAME_TYPE": 0}, "bad"),  # a plus
+        (PX4_CLOCKWISE | {"CA_ROTOR0_PY": -0.4, "CA_ROTOR3_PY": 0.4}, "bad"),
+    ],
+)
+def test_a_model_whose_motors_are_elsewhere_than_the_parameters_say_is_asked_about(parameters, level):
+    model = wg.load_model("crazyflie")
+    flight = wg.simulate(model, "multi_axis", duration=6.0, excitation=1.0, seed=5)
+    flight = replace(flight, autopilot=Autopilot("of a test", parameters=parameters))
+    (check,) = of_name(flight, model, "frame")
+    assert check.level == level
+    if level == "bad":
+        with pytest.raises(LogError, match="--accept frame"):
+            open_flight(flight, model)
+
+
+def test_parameters_that_say_no_place_or_of_another_number_of_motors_are_no_frame():
+    model = wg.load_model("crazyflie")
+    flight = wg.simulate(model, "multi_axis", duration=6.0, excitation=1.0, seed=5)
+    for parameters in ({}, {"FRAME_CLASS": 2, "FRAME_TYPE": 1}, {"FRAME_CLASS": 17, "FRAME_TYPE": 1}):
+        assert of_name(replace(flight, autopilot=Autopilot("of a test", parameters=parameters)), model, "frame") == []

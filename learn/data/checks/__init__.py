@@ -5,6 +5,7 @@
                 against the commanded wrench
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
+    frame       places of the rotors against the autopilot's parameters
     torques     torques by axis: inertia, arms, kappa; an IMU turned about z, in deg/s, or beyond what the rotors can do
 
 What the log says by itself is asked in `flight.checks`.
