@@ -41,6 +41,7 @@ NAMES: dict[str, str] = {
     "weight": "the force that carries the vehicle against its weight",
     "actuation": "the wrench that the model makes of the logged actuators against the commanded one",
     "actuators": "how many rotors and tilting arms",
+    "frame": "where the rotors are against the parameters of the autopilot",
     "rotors": "order and spin of the rotors, and the sign of tilt, against the motion or the commanded wrench",
     "inertia": "the inertia against mass and arms",
     "kappa": "the drag torque per thrust against the rotor's radius",

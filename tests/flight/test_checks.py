@@ -308,6 +308,16 @@ def test_every_check_has_its_row_in_the_page():
     assert [name for name in NAMES if f"`{name}`" not in page] == []
 
 
+def test_every_check_that_is_made_can_be_accepted_by_its_name():
+    root = Path(__file__).parents[2]
+    texts = (
+        path.read_text(encoding="utf-8") for top in ("flight", "learn", "replay") for path in (root / top).rglob("*.py")
+    )
+    made = {name for text in texts for name in re.findall(r'\bCheck\(\s*"([a-z-]+)"', text)}
+    assert len(made) > 30
+    assert made - set(NAMES) == set()
+
+
 def test_a_slow_odometry_is_no_opposite_gyroscope():
     """1 Hz: differences of the attitude are aliases of the motion."""
     for rate in (1.0, 2.0, 4.0):

@@ -149,6 +149,7 @@ def test_a_model_whose_motors_are_elsewhere_than_the_parameters_say_is_asked_abo
     if level == "bad":
         with pytest.raises(LogError, match="--accept frame"):
             open_flight(flight, model)
+        assert open_flight(flight, model, accept=["frame"]).records
 
 
 def test_parameters_that_say_no_place_or_of_another_number_of_motors_are_no_frame():
