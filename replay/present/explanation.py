@@ -61,25 +61,30 @@ def what_next(
     `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
     space before them.
     """
+    if posterior.is_nothing_missing(found):
+        return []
+    unknown = found.verdict is Verdict.UNKNOWN
+    if unknown and short(found) and not found.effects:
+        return [Line("next: give a longer flight")]
     designs = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
-    changed = f"wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}"
-    moved = found.verdict is Verdict.GROUP or any(n in WITH_A_HEALTHY_FLIGHT for n in found.effects)
-    out = [f"with an earlier flight, or one of a healthy vehicle of the same kind: {changed}"] * moved + designs
-    thrust, also = [], ""
-    if found.fit.thrust.size and found.effects:  # granted to `explain`; a model that is to fly has it
-        thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)
-        also = f" (with the scale of all thrust, which the model knows to {known})"
-    add = f"wrenchgap add {' '.join([*found.effects, *thrust])} -m {model} --from {logs} -o fitted.toml"
-    if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
-        out.append("next: give a longer flight")
-    elif found.verdict is Verdict.UNKNOWN:
-        out.append(f"no name of the catalogue is all of it; next: wrenchgap discover {logs} -m {model} -o law.py")
-        out += [f"the named effects can be added all the same{also}: {add}"] if found.effects else []
-    elif found.effects:
-        out.append(f"next{also}: {add}")
-    elif not posterior.is_nothing_missing(found):
-        out.append(f"next: {changed}")
+    firm = [name for name in found.effects if name in found.firm]
+    sure, out = bool(firm) and not unknown, []
+    if not sure or any(name in WITH_A_HEALTHY_FLIGHT for name in found.effects):
+        first = "" if sure else "next, "
+        changed = f"wrenchgap changed {logs} --healthy HEALTHY_LOG -m {model}"
+        out.append(f"{first}with an earlier flight, or one of a healthy vehicle of the same kind: {changed}")
+    out += designs
+    if unknown:
+        out.append(f"no name of the catalogue is all of it; its law: wrenchgap discover {logs} -m {model} -o law.py")
+    if found.effects:
+        first = "next" if sure else f"what is {'named' if firm else 'not established'} can be added all the same"
+        thrust, also = [], ""
+        if found.fit.thrust.size:  # granted to `explain`; a model that is to fly has it
+            thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)
+            also = f" (with the scale of all thrust, which the model knows to {known})"
+        names = " ".join([*(firm or found.effects), *thrust])
+        out.append(f"{first}{also}: wrenchgap add {names} -m {model} --from {logs} -o fitted.toml")
     return [Line(text) for text in out]
 
 

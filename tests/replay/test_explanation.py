@@ -313,7 +313,8 @@ def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
 def test_where_nothing_is_established_a_healthy_flight_is_to_be_compared_with(nothing):
     open_one = replace(nothing, open=np.ones(6, dtype=bool))
     (line,) = what_next(open_one, NAME, ["a.mcap"], " --cutoff 7")
-    assert line.text == f"next: wrenchgap changed a.mcap --cutoff 7 --healthy HEALTHY_LOG -m {NAME}"
+    assert line.text.startswith("next, with an earlier flight")
+    assert line.text.endswith(f": wrenchgap changed a.mcap --cutoff 7 --healthy HEALTHY_LOG -m {NAME}")
 
 
 def test_where_nothing_is_established_what_takes_off_much_is_told_as_such(nothing, named):
@@ -540,12 +541,23 @@ def test_the_flight_that_separates_is_designed_for_the_logs_as_they_were_read(gr
     assert add[-8:] == ["--from", "a.mcap", "--cutoff", "7", "--shift", "imu=0.1", "-o", "fitted.toml"]
 
 
-def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named, nothing):
-    _, look, add = commands(what_next(swinging(named), NAME, ["a.mcap"]))
+def test_what_is_unknown_is_compared_with_a_healthy_flight_before_anything_is_added(named, nothing):
+    lines = what_next(swinging(named), NAME, ["a.mcap"])
+    healthy, look, add = commands(lines)
+    assert healthy[0] == "changed"
     assert look[:2] == ["discover", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
-    (only,) = commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), NAME, ["a.mcap"]))
+    assert [line.text.startswith("next") for line in lines] == [True, False, False]
+    healthy, only = commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), NAME, ["a.mcap"]))
+    assert healthy[0] == "changed"
     assert only[0] == "discover"
+
+
+def test_what_is_not_established_is_no_next_step(grouped):
+    lines = what_next(grouped, NAME, ["a.mcap"])
+    assert grouped.firm == ()
+    assert [line.text.startswith("next") for line in lines] == [True, False, False]
+    assert lines[-1].text.startswith("what is not established can be added all the same")
 
 
 def test_what_could_not_be_tried_is_listed_by_reason(named):
