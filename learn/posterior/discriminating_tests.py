@@ -292,6 +292,10 @@ def _flight(group: Group, found: Sequence[_Explanation]) -> Check:
     names = dict.fromkeys(n for e in members for n in e.effects if not all(n in other.effects for other in members))
     effects = catalogue()
     excited = [f"{n}: {effects[n].excited_by.replace(';', ',')}" for n in names if n in effects]
-    command = f" what `wrenchgap design {' '.join(names)}` writes, if such a flight exists" if len(names) > 1 else ""
+    command = (
+        f" what `wrenchgap design {' '.join(names)} -m MODEL -o flight.toml` writes, if such a flight exists"
+        if len(names) > 1
+        else ""
+    )
     what = f"Fly{command or ' again'}; what excites the differences: {'; '.join(excited) or ', '.join(names)}."
     return Check("flight", what, tuple((e.effects,) for e in members), "flight")
