@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.autopilot import Autopilot
-from wrenchgap.flight.errors import LogError, ModelError
+from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import ActuatorSeries, Array, Flight, Mask
 from wrenchgap.flight.formats.standard_topics import are_pulses
+from wrenchgap.learn.data.checks.frame import motors_of
 from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.drafts import ardupilot, px4
-from wrenchgap.plant.drafts.draft import RotorDraft
 from wrenchgap.plant.model import Model
 
 
@@ -121,21 +121,10 @@ def rotors_of(flight: Flight, model: Model | None = None) -> tuple[RotorPlace, .
         places = [tuple(map(float, arms.position_B[arm] - model.vehicle.body.com_B)) for arm in rotors.arm]
         known = list(zip(names, places, np.sign(rotors.spin).astype(int).tolist(), strict=True))
     else:
-        known = [(r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in _drafts(flight)]
+        known = [
+            (r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in motors_of(flight.autopilot)
+        ]
     reach = max((float(np.hypot(place[0], place[1])) for _, place, _ in known), default=0.0)
     if len(known) != count or not 0.0 < reach < np.inf:
         return unknown
     return tuple(RotorPlace(name, p[0] / reach, p[1] / reach, int(spin) or None) for name, p, spin in known)
-
-
-def _drafts(flight: Flight) -> tuple[RotorDraft, ...]:
-    """Rotors by the parameters of the autopilot, one unit from the middle where these name a frame without a size."""
-    autopilot = flight.autopilot
-    if autopilot is None:
-        return ()
-    try:
-        if autopilot.name == "ArduPilot":
-            return ardupilot.rotors_from(autopilot.parameters, 1.0, flight.path.name, autopilot.frame)
-        return px4.rotors_of(autopilot.parameters, flight.path.name, arm=1.0)
-    except ModelError:  # a frame that is not in the table
-        return ()

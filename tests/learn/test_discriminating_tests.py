@@ -439,7 +439,9 @@ def test_checks_are_numbered_lines_and_json(checks):
     head, first, last = words.settle_lines(found)
     assert "cheapest first" in head.text
     assert first.text == f"  1. on the bench: {found[0].what}"
-    assert last.text.startswith("  2. in flight: Fly what `wrenchgap design mass thrust_scale -m MODEL -o flight.toml` writes")
+    assert last.text.startswith(
+        "  2. in flight: Fly what `wrenchgap design mass thrust_scale -m MODEL -o flight.toml` writes"
+    )
     assert words.settle_json(found)[0] == {
         "kind": "bench",
         "what": found[0].what,
