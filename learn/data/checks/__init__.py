@@ -26,10 +26,10 @@ from wrenchgap.learn.data.checks.vehicle import vehicle_checks
 from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
-SAID = (
+SAID = {
     *("force-unit", "torque-unit", "wrench-frame", "rotors", "weight", "rotor-speed-unit", "inertia", "kappa"),
     *("gyroscope", "body-frame"),
-)
+}
 """Checks of numbers that make torques of another size or about other axes, which then is no news."""
 
 
@@ -53,7 +53,8 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
             found += turned_wrench if turned is None else [turned.check]
             found += rotors(flight, model, seen)
         units = (check for check in flight.checks or () if check.level == "bad")
-        if not any(check.level != "ok" and check.name in SAID for check in (*found, *units)):
+        doubted = (c.name for c in (*found, *units) if c.level == "bad" or (c.level == "warn" and c.name != "inertia"))
+        if SAID.isdisjoint(doubted):  # that an inertia looks small says nothing of the torques
             found += sizes(model, seen)
     return tuple(found)
 

@@ -22,6 +22,7 @@ from wrenchgap.flight.checks.motion import AXES_SEARCH, cosine, rms, rotation_wo
 from wrenchgap.flight.checks.remedies import option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
 from wrenchgap.learn.data.checks.commands_and_motion import CommandsAndMotion, at_lags, flown, moving
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross
@@ -101,14 +102,18 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
     if set(off) == {2} and fixed and logged:
         yield Check("kappa", "warn", f"{words}: correct vehicle.rotor.kappa, or the inertia about z, in the model")
         return
-    known = [s for s in sizes if s is not None]
+    known, moments = [s for s in sizes if s is not None], np.diag(vehicle.body.inertia)
+    by_log = ", ".join("?" if s is None else f"{s * J:.3g}" for s, J in zip(sizes, moments, strict=True))
     if len(known) == 3 and max(known) < TORQUES.together * min(known):
-        hint = "correct vehicle.inertia, or the unit of the torques"
+        hint = "or the unit of the torques"
     elif 2 not in off:
-        hint = "correct the inertia about x and y, or the arms' length, in the model"
+        hint = "or the arms' length"
     else:
-        hint = "correct vehicle.inertia (its order is xx, yy, zz), the arms' length or kappa in the model"
-    yield Check("inertia", "warn", f"{words}: {hint}")
+        hint = "the arms' length or kappa"
+    can_be = find("inertia").parameters(vehicle)[:3]  # xx, yy, zz; beyond them the effect does not reach
+    fits = all(can_be[k].low < (s - 1.0) * moments[k] < can_be[k].high for k, s in off.items())
+    words = f"{words}; by this log the moments of inertia are {by_log} kg m^2"
+    yield Check("inertia", "warn" if fits else "bad", f"{words}: correct vehicle.inertia, {hint}, in the model")
 
 
 def turned_imu(flight: Flight, model: Model, seen: CommandsAndMotion) -> Turned | None:
