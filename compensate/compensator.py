@@ -28,7 +28,7 @@ from wrenchgap.compensate.reach import Reach, reach_of
 from wrenchgap.compensate.tables import IMPLAUSIBLE, looked_at, state_row
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.arguments import check_types
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
@@ -382,11 +382,22 @@ def largest_correction(model: KnowsItsData, factor: float = 3.0) -> Array:
 
 
 def _bounds(model: MismatchModel | Follows, settings: Settings, reach: Reach | None) -> Array:
-    """Largest absolute correction (6,), zero where the model has no output."""
+    """Largest absolute correction (6,), zero where the model has no output.
+
+    Raises FitError for a process that has seen more than this vehicle can make.
+    """
     rows = output_indices(model.outputs)
     bound = np.zeros(len(AXES))
     if isinstance(model, KnowsItsData):
         bound[rows] = largest_correction(model)
+        if reach is not None:
+            for name, seen, most in zip(model.outputs, model.mismatch_max, reach.authority[rows], strict=True):
+                if not seen <= most:
+                    raise FitError(
+                        f"compensate: the process has seen a mismatch of {seen:.3g} on {name}, and the vehicle makes "
+                        f"{most:.3g} at most: its file is damaged or of another vehicle; learn it again"
+                    )
+            bound[rows] = np.minimum(bound[rows], reach.authority[rows])
     else:
         bound[rows] = np.inf if reach is None else reach.correction_max[rows]
     if settings.correction_max is not None:

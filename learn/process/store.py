@@ -1,13 +1,16 @@
 """Fitted Gaussian processes on disk: one zip of plain arrays and JSON, no pickle.
 
-    gp.json         format, version, output names, settings, provenance
+    gp.json         format, version, output names, settings, provenance, SHA-256 of all of it
     NAME.npy        one per array field of `GaussianProcess`
 
-The same GP always gives the same bytes. `numpy.load` opens the arrays too.
+The same GP always gives the same bytes. `numpy.load` opens the arrays too. The SHA-256 tells a file that was damaged or
+changed by hand, and no file that was made to deceive.
 """
 
+import hashlib
 import json
 import zipfile
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +25,7 @@ from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, Gaussi
 from wrenchgap.plant.reader import Integer, Names, Table, Text, expected, read
 
 FORMAT = "wrenchgap Gaussian process"
-VERSION = 4
+VERSION = 5
 READABLE = range(1, VERSION + 1)
 METADATA = "gp.json"
 LARGEST_METADATA = 2**22
@@ -47,7 +50,9 @@ def load(path: Path | str) -> GaussianProcess:
         with zipfile.ZipFile(path) as archive:
             check_sizes(archive, {METADATA: LARGEST_METADATA})
             metadata = _metadata(archive, path)
-            arrays = {Path(n).stem: numbers(archive, n) for n in archive.namelist() if n.endswith(".npy")}
+            stored_arrays = [n for n in archive.namelist() if n.endswith(".npy")]
+            arrays = {Path(n).stem: numbers(archive, n) for n in stored_arrays}
+            whole = _sha256(metadata, {n: archive.read(n) for n in stored_arrays})
     except FileNotFoundError:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
@@ -58,12 +63,15 @@ def load(path: Path | str) -> GaussianProcess:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             stored = read(StoredProcess, metadata, error=FitError)
             lists = {name: tuple(stored.settings.get(name, ())) for name in ("inputs", "blind")}
-            return GaussianProcess(
+            made = GaussianProcess(
                 outputs=stored.outputs,
                 settings=FitSettings(**{**stored.settings, **lists}),
                 provenance=_provenance(stored.provenance, stored.format_version, len(stored.outputs)),
                 **arrays,
             )
+            if stored.format_version >= 5 and stored.sha256 != whole:
+                raise FitError("its parts are not those that its SHA-256 is of")
+            return made
     except (FitError, ModelError, UsageError) as error:
         raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
@@ -78,16 +86,27 @@ def _bytes(gp: GaussianProcess) -> bytes:
         "settings": asdict(gp.settings),
         "provenance": asdict(gp.provenance),
     }
-    parts = {METADATA: json.dumps(metadata, indent=1, sort_keys=True).encode()}
+    parts = {}
     for name in gp.array_shapes():
         buffer = BytesIO()
         np.save(buffer, getattr(gp, name).astype("<f8"), allow_pickle=False)
         parts[f"{name}.npy"] = buffer.getvalue()
+    metadata["sha256"] = _sha256(metadata, parts)
+    parts = {METADATA: json.dumps(metadata, indent=1, sort_keys=True).encode(), **parts}
     whole = BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         for name, content in parts.items():
             archive.writestr(zipfile.ZipInfo(name), content)
     return whole.getvalue()
+
+
+def _sha256(metadata: Mapping[str, Any], arrays: Mapping[str, bytes]) -> str:
+    """Of what is in gp.json without the sum itself, and of the arrays by their names."""
+    said = {key: value for key, value in metadata.items() if key != "sha256"}
+    found = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
+    for name in sorted(arrays):
+        found.update(name.encode() + b"\0" + hashlib.sha256(arrays[name]).digest())
+    return found.hexdigest()
 
 
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
@@ -115,6 +134,7 @@ class StoredProcess(Table):
     outputs: Names
     settings: Parts
     provenance: Parts
+    sha256: Text = ""
 
 
 def _provenance(entries: dict[str, Any], version: int, outputs: int) -> Provenance:

@@ -234,7 +234,8 @@ def caveats(process: GaussianProcess, model: Model, flight: Flight | None = None
     found: list[ProcessCaveat] = [LearnWarned(warning) for warning in source.warnings]
     refused = tuple(v for v in source.verdicts if v.output in process.refused)
     found += [Refused(refused)] if refused else []
-    if process.settings.mean == "physics" and content_hash(model) != source.model_hash:
+    learnt_on = [model] if process.settings.mean == "physics" else [model, model.nominal]
+    if source.model_hash not in map(content_hash, learnt_on):
         found.append(OtherVersion(model.name, source.physics))
     if flight is not None and flight.content_hash in [log.sha256 for log in source.logs]:
         found.append(LearntFromThisFlight(flight.name))

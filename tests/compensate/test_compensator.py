@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from wrenchgap.compensate import Compensator, Settings
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import LinearMismatch
+from wrenchgap.plant.model_file import load as load_model
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 HOVER = np.array([0.0, 0.0, 39.0, 0.0, 0.0, 0.0])
@@ -143,6 +144,18 @@ def test_default_bounds_come_from_the_data(gp):
     wider = Compensator(weak, Settings(correction_max=(9, 9, 9, 0.05, 9, 9))).step(near(5))
     assert abs(wider.optimum[3]) <= 0.05 + 1e-12
     assert np.abs(wider.optimum[4:]).max() > 0.03
+
+
+def test_a_correction_stays_within_what_the_vehicle_makes(gp):
+    """Three times what was seen may be more than its rotors have; what was seen cannot be."""
+    vehicle = load_model("tilt_hexarotor").vehicle
+    most = Compensator(gp, vehicle=vehicle).reach.authority[3:]
+    half = Compensator(replace(gp, mismatch_max=0.5 * most), vehicle=vehicle)
+    np.testing.assert_allclose(half.correction_max[3:], most)
+    tenth = Compensator(replace(gp, mismatch_max=0.1 * most), vehicle=vehicle)
+    np.testing.assert_allclose(tenth.correction_max[3:], 0.3 * most)
+    with pytest.raises(FitError, match="its file is damaged or of another vehicle"):
+        Compensator(replace(gp, mismatch_max=1.1 * most), vehicle=vehicle)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])

@@ -202,6 +202,14 @@ def test_what_a_part_claims_is_not_believed(path):
     refused(path, "not a stored GP, or a damaged one")
 
 
+def test_parts_that_were_changed_are_told_by_their_sha256(gp, path):
+    part(path, "residuals.npy", saved(gp.residuals * np.nextafter(1.0, 2.0)))
+    refused(path, "its parts are not those that its SHA-256 is of; the file is damaged")
+    save(gp, path, force=True)
+    rewritten(path, with_metadata(outputs=list(reversed(gp.outputs))))
+    refused(path, "its parts are not those that its SHA-256 is of")
+
+
 def test_a_header_whose_keys_are_not_all_text_is_damage(path):
     head = b"{'descr': '<f8', b'fortran_order': False, 'shape': (15, 6), }"
     head += b" " * (-(len(head) + 11) % 64) + b"\n"
