@@ -157,6 +157,21 @@ def test_a_change_without_any_parameter_offers_no_exchange(moved):
     assert presented.what_next(bare, ["a"], "m")[0].text.startswith("next: mend it")
 
 
+@pytest.mark.parametrize(("healthy", "suspect", "asked"), [(12.0, 5.0, True), (5.0, 12.0, False), (6.0, 5.0, False)])
+def test_healthy_flights_that_are_farther_from_the_model_may_be_the_suspect_ones(moved, healthy, suspect, asked):
+    """Mean torques, in what flights differ by: twice as far, the right way round, and alike."""
+    far = {"healthy": healthy, "suspect": suspect}
+    rows = tuple(replace(r, mean=np.array([0, 0, 0, 0, far[r.role], 0]) * moved.scatter) for r in moved.rows)
+    assert {r.role for r in rows} == {"healthy", "suspect"}
+    found = replace(moved, rows=rows)
+    assert (what_to_inspect.exchanged(found) != "") == asked
+    (line,) = presented.what_next(found, ["a"], "m")
+    assert line.text.startswith("next, if the sides were exchanged: ") == asked
+    chance = tuple(replace(p, scatter=10.0 * abs(p.change)) for p in found.parameters)
+    open_one = replace(found, firm=(), parameters=chance)
+    assert ("are the two sides exchanged?" in presented.summary(open_one)) == asked
+
+
 def test_a_constant_change_without_a_name_says_its_axis_and_what_to_inspect(moved):
     """A yaw torque that was nil, at 8 standard deviations; beside it a force that is chance."""
     axes = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
