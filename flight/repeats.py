@@ -94,18 +94,23 @@ def signature(flight: Flight) -> NDArray[np.int64]:
 
 def row_hashes(columns: Sequence[Array]) -> Hashes:
     """The smallest `SKETCH.kept` hashes of the distinct rows of arrays (N, C) side by side, ascending."""
+    hashes = every_row_hash(columns)
+    some = min(len(hashes), 4 * SKETCH.kept)
+    if some < len(hashes):  # hours of log need not be sorted
+        fewer = np.unique(np.partition(hashes, some)[:some])
+        hashes = hashes if len(fewer) < SKETCH.kept else fewer
+    return np.unique(hashes)[: SKETCH.kept]
+
+
+def every_row_hash(columns: Sequence[Array]) -> Hashes:
+    """A hash (N,) of each row of arrays (N, C) side by side, of the first five digits of its numbers."""
     total: Hashes = np.zeros(len(columns[0]), dtype=np.uint64)
     half = np.uint32(1 << (SKETCH.dropped_bits - 1))
     for column in (column for values in columns for column in values.T):
         bits = (column.astype(np.float32) + np.float32(0.0)).view(np.uint32)  # -0.0 is 0.0
         total *= ODD
         total += (bits + half) >> np.uint32(SKETCH.dropped_bits)
-    hashes = _mixed(total)
-    some = min(len(hashes), 4 * SKETCH.kept)
-    if some < len(hashes):  # hours of log need not be sorted
-        fewer = np.unique(np.partition(hashes, some)[:some])
-        hashes = hashes if len(fewer) < SKETCH.kept else fewer
-    return np.unique(hashes)[: SKETCH.kept]
+    return _mixed(total)
 
 
 def _mixed(numbers: Hashes) -> Hashes:

@@ -10,6 +10,7 @@
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     masking     samples that cannot be true
+    repeated    a part of the recording that stands in it twice
     motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
 Each check looks at one way in which real logs are wrong, and says what mends it (docs/checks.md). What needs the
@@ -28,6 +29,7 @@ from wrenchgap.flight.checks import (
     gyroscope_scale,
     late_sensors,
     odometry,
+    repeated,
     wrench,
 )
 from wrenchgap.flight.checks.masking import masked
@@ -48,6 +50,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.stamps,
     channels.dropped,
     channels.damaged,
+    repeated.repeated,
 )
 AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,

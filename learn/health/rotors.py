@@ -121,9 +121,7 @@ def rotors_of(flight: Flight, model: Model | None = None) -> tuple[RotorPlace, .
         places = [tuple(map(float, arms.position_B[arm] - model.vehicle.body.com_B)) for arm in rotors.arm]
         known = list(zip(names, places, np.sign(rotors.spin).astype(int).tolist(), strict=True))
     else:
-        known = [
-            (r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in motors_of(flight.autopilot)
-        ]
+        known = [(r.name, r.position_B.value, 0 if r.spin.assumed else r.spin.value) for r in motors_of(flight)]
     reach = max((float(np.hypot(place[0], place[1])) for _, place, _ in known), default=0.0)
     if len(known) != count or not 0.0 < reach < np.inf:
         return unknown

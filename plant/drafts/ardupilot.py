@@ -53,6 +53,8 @@ FRAMES: dict[str, Frame] = {
     "octa_plus": ((0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-90, -1), (90, -1)),
     "octa_x": ((22.5, -1), (-157.5, -1), (67.5, 1), (157.5, 1), (-22.5, 1), (-112.5, 1), (-67.5, -1), (112.5, -1)),
 }
+CRAZYFLIE_FRAME = "quad_cw_x"
+"""The frame with the order and the turning directions of the Crazyflie's motors."""
 CLASSES: dict[float, str] = {1: "quad", 2: "hexa", 3: "octa"}
 TYPES: dict[float, str] = {0: "plus", 1: "x", 3: "h", 12: "bf_x", 13: "dji_x", 14: "cw_x", 18: "bf_x_reversed"}
 """ArduPilot's FRAME_CLASS and FRAME_TYPE."""

@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats.headers import CRAZYFLIE
 from wrenchgap.plant.drafts import ardupilot, drone_models, px4, rotorpy, sdf
 from wrenchgap.plant.drafts import mjcf_urdf as compiled
-from wrenchgap.plant.drafts.ardupilot import FRAMES, rotors_of
+from wrenchgap.plant.drafts.ardupilot import CRAZYFLIE_FRAME, FRAMES, rotors_of
 from wrenchgap.plant.drafts.draft import CommandDraft, Draft, Sourced
 from wrenchgap.plant.drafts.thrust_curve_fit import with_fitted_thrust
 from wrenchgap.plant.reader import BOUNDS
@@ -263,8 +263,6 @@ def beside(source: Path | None) -> list[Path]:
     return sorted(path for path in compiled.files_of(source) if path.is_file())
 
 
-CRAZYFLIE_FRAME = "quad_cw_x"
-"""The frame with the order and the turning directions of the Crazyflie's motors."""
 Ask = Callable[[str, type, str | None, Sequence[str]], str]
 """Asks a question: words, kind (float or str), default (None: an answer is needed, "": it may stay open), choices."""
 WAYS = {"ccw": 1, "cw": -1}

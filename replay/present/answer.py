@@ -81,4 +81,4 @@ def evidence(found: Explanation) -> list[str]:
         said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
     else:
         said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, posterior.answered(found), *granted_thrust(found.fit, found.model)) if text]
+    return [text for text in (*said, *granted_thrust(found.fit, found.model)) if text]

@@ -93,7 +93,8 @@ def nothing_missing(found: Explanation) -> str:
     stays above all that noise, commands and their answers may have made.
     """  # noqa: D205
     if is_nothing_missing(found):
-        return f"Nothing is missing that these logs can show{what_to_inspect.granted(found, ', but ')}."
+        of = "of the catalogue " if answered(found) else ""
+        return f"Nothing {of}is missing that these logs can show{what_to_inspect.granted(found, ', but ')}."
     none, likeliest = _likeliest(found)
     if likeliest is None:
         return f"Nothing is established{what_to_inspect.granted(found, '; ')}."
@@ -164,9 +165,10 @@ def largest_residual(found: Explanation) -> str:
     axis = _worst_axis(found)
     size, times = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms", found.rms_after[axis] / found.noise[axis]
     said = f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})"
-    if not found.members or found.verdict is Verdict.UNKNOWN or times <= found.posterior.settings.structure:
+    if times <= found.posterior.settings.structure or found.verdict is Verdict.UNKNOWN:
         return f"{said}."
-    return f"{said}, {times:.0f} times the noise: gusts, slowly logged commands, or something that is not named."
+    why = "gusts, slowly logged commands, or something that is not named" if found.members else answered(found)
+    return f"{said}, {times:.0f} times the noise: {why}." if why else f"{said}."
 
 
 def answered(found: Explanation) -> str:
@@ -176,8 +178,8 @@ def answered(found: Explanation) -> str:
     if not closed or found.rms_after[axis] <= found.posterior.settings.structure * found.noise[axis]:
         return ""
     return (
-        f"What remains on {AXES[axis]} may be gusts that the commands answered, or what slowly logged commands do not "
-        "say."
+        "gusts that the commands answered, slowly logged commands, or a number of the model (inertia, order of rotors, "
+        "units)"
     )
 
 

@@ -18,7 +18,7 @@ from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, size_in_words, unit_of
+from wrenchgap.replay.present.numbers import AXIS_HEADS, direction, number, quantity, share, size_in_words, unit_of
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def of_explanation(found: Explanation) -> list[str]:
         if name in PARTS and values:
             sizes = {n: -v if name == "rotor_thrust" else abs(v) for n, v in values.items()}
             one = max(sizes, key=lambda n: sizes[n])
-            out += [f"Inspect {vehicle.called(one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
+            out += [f"Inspect {located(vehicle, one)}: {PARTS[name]}."] if sizes[one] > 0.0 else []
         elif name in LOADS:
             is_so = "has moved since the model was fitted" if had else "is off"
             out.append(f"{_of_whole(name, values, vehicle, is_so)}.")
@@ -138,6 +138,26 @@ def of_explanation(found: Explanation) -> list[str]:
         causes = causes_of_constant(by, vehicle, trim(logs))
         out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
     return out
+
+
+def located(vehicle: Vehicle, part: str, *also: str) -> str:
+    """A rotor or an arm by its name, where it is as seen from the centre of mass, and what else is said of it.
+
+    Such as "M4 (front left, lower rotor)".
+    """
+    kind, _, number = part.partition("_")
+    if vehicle.arms is None or vehicle.rotors is None or kind not in ("arm", "rotor"):
+        return " ".join([vehicle.called(part), *(f"({words})" for words in also)])
+    on_arm = vehicle.rotors.arm
+    arm = int(number) if kind == "arm" else int(on_arm[int(number)])
+    x, y = vehicle.arms.position_B[arm, :2] - vehicle.body.com_B[:2]
+    side = direction(float(np.degrees(np.arctan2(y, x))))
+    said = [] if side in vehicle.called(part).replace("_", " ") else [side]
+    if kind == "rotor" and np.count_nonzero(on_arm == arm) > 1:
+        height = vehicle.rotors.offset[on_arm == arm]
+        said.append(f"{'upper' if vehicle.rotors.offset[int(number)] == height.max() else 'lower'} rotor")
+    more = ", ".join([*said, *also])
+    return f"{vehicle.called(part)} ({more})" if more else vehicle.called(part)
 
 
 def granted(found: Explanation, begins: str) -> str:
@@ -232,7 +252,9 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
             if places[0].probability >= INSPECTION.sure
             else [p for p in places if p.probability >= INSPECTION.likely]
         )
-        which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
+        shares = [() if len(likely) == 1 else (share(p.probability),) for p in likely]
+        vehicle = found.model.vehicle
+        which = " or ".join(located(vehicle, p.parameter, *own) for p, own in zip(likely, shares, strict=True))
         if _is_stronger(listed):
             return REGAINED.format(which, PARTS[name])
         return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"

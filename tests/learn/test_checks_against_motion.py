@@ -60,6 +60,16 @@ def test_every_spin_turned_over_is_seen_in_the_yaw(flown):
     assert "spin" in flags["rotors"].words
 
 
+def test_a_model_whose_arms_are_one_place_on_is_seen_with_its_spins(flown):
+    """The rotors keep their spins: of alternating ones every spin at its place is then the other."""
+    model, flight = flown
+    places = np.roll(model.vehicle.arms.position_B, 1, axis=0)
+    turned = replace(model, vehicle=replace(model.vehicle, arms=replace(model.vehicle.arms, position_B=places)))
+    flags = found(alone(flight), turned)
+    assert ("rotors" in flags) == excited(flight)
+    assert not excited(flight) or "every spin turned over" in flags["rotors"].words
+
+
 def test_a_gyroscope_in_degrees_is_found_without_an_attitude(flown):
     model, flight = flown
     imu = replace(flight.imu, omega_B=DEGREES * flight.imu.omega_B)

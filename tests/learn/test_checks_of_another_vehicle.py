@@ -157,3 +157,27 @@ def test_parameters_that_say_no_place_or_of_another_number_of_motors_are_no_fram
     flight = wg.simulate(model, "multi_axis", duration=6.0, excitation=1.0, seed=5)
     for parameters in ({}, {"FRAME_CLASS": 2, "FRAME_TYPE": 1}, {"FRAME_CLASS": 17, "FRAME_TYPE": 1}):
         assert of_name(replace(flight, autopilot=Autopilot("of a test", parameters=parameters)), model, "frame") == []
+
+
+def test_the_crazyflie_counts_its_motors_as_its_firmware_does():
+    """M1 at the front right, then clockwise: a model with motors 1 and 2 exchanged is another one."""
+    model = wg.load_model("crazyflie")
+    flight = replace(wg.simulate(model, "multi_axis", duration=6.0, excitation=1.0, seed=5), firmware="Crazyflie")
+    (check,) = of_name(flight, model, "frame")
+    assert check.level == "ok"
+    places = model.vehicle.arms.position_B[[1, 0, 2, 3]]
+    other = replace(model, vehicle=replace(model.vehicle, arms=replace(model.vehicle.arms, position_B=places)))
+    (check,) = of_name(flight, other, "frame")
+    assert check.level == "bad"
+    assert "90 deg from where the log has motor 1" in check.words
+
+
+def test_of_a_small_vehicle_that_flies_gently_another_wrench_is_seen_too():
+    """Its torques are a thousandth of a large one's: what h(u) and W_cmd may differ by goes with weight and arm."""
+    model = wg.load_model("crazyflie")
+    flight = wg.simulate(model, "hover", duration=20.0, excitation=1.0, seed=5)
+    assert [c.level for c in of_name(flight, model, "actuation")] == ["ok"]
+    torque = flight.commanded.wrench_B[::-1, 3:]
+    wrench = np.hstack([flight.commanded.wrench_B[:, :3], torque])
+    other = replace(flight, commanded=replace(flight.commanded, wrench_B=wrench), checks=None)
+    assert [c.level for c in of_name(other, model, "actuation")] == ["bad"]

@@ -249,13 +249,14 @@ def rotor(found, *odds):
 
 def test_a_rotor_is_called_by_its_name(moved):
     found = rotor(moved, 0.97, 0.02)
-    assert what_to_inspect.sentences(found)[0].startswith("Inspect M3: its propeller")
+    assert what_to_inspect.sentences(found)[0].startswith("Inspect M3 (front left, upper rotor): its propeller")
     assert "rotor_thrust of M3 by -12.0 +- 1.1 %" in presented.summary(found)
     assert list(drawn.vehicle_marks(found)[0]) == ["rotor_2"]
 
 
 def test_where_it_is_open_which_rotor_all_likely_ones_are_named(moved):
-    assert what_to_inspect.sentences(rotor(moved, 0.6, 0.38, 0.02))[0].startswith("Inspect M3 (60 %) or M4 (38 %): ")
+    (said, *_) = what_to_inspect.sentences(rotor(moved, 0.6, 0.38, 0.02))
+    assert said.startswith("Inspect M3 (front left, upper rotor, 60 %) or M4 (front left, lower rotor, 38 %): ")
 
 
 def test_significance_is_over_scatter_and_deviation_together():
@@ -349,3 +350,13 @@ def test_the_page_begins_with_what_the_checks_warn_of(moved):
 
 def test_footnotes_are_separated():
     assert "   " not in presented.SIZES_LEGEND + presented.ALONE_LEGEND
+
+
+def test_a_part_is_told_with_its_place_unless_its_name_says_it():
+    """Forward is x, left is y: the second arm of six is 60 deg to the left of the front."""
+    vehicle = MODEL.vehicle
+    assert what_to_inspect.located(vehicle, "rotor_2") == "M3 (front left, upper rotor)"
+    assert what_to_inspect.located(vehicle, "arm_3") == "arm_3 (back)"
+    assert what_to_inspect.located(vehicle, "x") == "x"
+    named = replace(vehicle, arm_names=tuple(f"arm {k} at the back" for k in range(6)))
+    assert what_to_inspect.located(named, "arm_3") == "arm 3 at the back"

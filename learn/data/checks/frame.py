@@ -2,22 +2,23 @@
 
 import numpy as np
 
-from wrenchgap.flight.autopilot import Autopilot
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.formats.headers import CRAZYFLIE
 from wrenchgap.plant.drafts import ardupilot, px4
+from wrenchgap.plant.drafts.ardupilot import CRAZYFLIE_FRAME
 from wrenchgap.plant.drafts.draft import RotorDraft
 from wrenchgap.plant.vehicle import Vehicle
 
 
 def frame(flight: Flight, vehicle: Vehicle, limit_deg: float = 30.0) -> list[Check]:
-    """A check `frame` where the log and the model both say in which directions motors 1, 2, ... are.
+    """A check `frame` where the log (its autopilot) and the model both say in which directions motors 1, 2, ... are.
 
     Directions are compared, seen from the middle of the rotors; a frame has no lengths. `limit_deg`: a plus frame is
     45 deg from an X, motors of an octocopter are 45 deg apart, and a frame stretched to 1 : 3 is 27 deg from its X.
     """
-    motors = motors_of(flight.autopilot)
+    motors = motors_of(flight)
     if not motors or vehicle.rotors is None or len(vehicle.rotors) != len(motors):
         return []
     arms, rotors = vehicle.geometry()
@@ -27,14 +28,19 @@ def frame(flight: Flight, vehicle: Vehicle, limit_deg: float = 30.0) -> list[Che
     worst = int(np.argmax(np.nan_to_num(apart.round(3))))
     source = motors[worst].position_B.source.partition(";")[0]
     if not apart[worst] > limit_deg:
-        return [Check("frame", "ok", f"Rotors are where the log's parameters have them ({source}).")]
+        return [Check("frame", "ok", f"Rotors are where the log has its motors ({source}).")]
     words = f"{vehicle.rotor_name(worst)} of {vehicle.name} is {apart[worst]:.0f} deg from where the log has motor"
     ask = "correct the frame, or the order of the rotors, in the model"
     return [Check("frame", "bad", f"{words} {worst + 1} ({source}): {ask}")]
 
 
-def motors_of(autopilot: Autopilot | None) -> tuple[RotorDraft, ...]:
-    """Rotors by the parameters of an autopilot, the farthest one unit from the middle; empty where these name none."""
+def motors_of(flight: Flight) -> tuple[RotorDraft, ...]:
+    """Rotors by the parameters of the log's autopilot, the farthest one unit from the middle; those of the Crazyflie's
+    firmware; empty where nothing names them.
+    """  # noqa: D205
+    if flight.firmware == CRAZYFLIE:
+        return ardupilot.rotors_of(CRAZYFLIE_FRAME, 1.0, f"as the firmware of the {CRAZYFLIE} counts")
+    autopilot = flight.autopilot
     if autopilot is None:
         return ()
     try:

@@ -96,16 +96,11 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
         yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
         yield from _yaw(seen, name)
         return
-    order = _order(model.vehicle, seen, scale)
-    _, known = model.vehicle.geometry()
-    backwards = replace(model.vehicle, rotors=replace(known, spin=-known.spin))
-    readings = {
-        "spin": _made(backwards, seen, seen.tilt, seen.speed),
-        "tilt": _made(model.vehicle, seen, -seen.tilt, seen.speed),
-        "order": _made(model.vehicle, seen, seen.tilt, seen.speed[:, order]),
-    }
+    order, readings = _readings(model.vehicle, seen, scale)
     found = {what: _alike(seen, made, scale) for what, made in readings.items()}
-    what = max(found, key=lambda k: found[k])
+    what = max(("spin", "tilt", "order"), key=lambda k: found[k])
+    if _explained(found[what], found["order and spin"]):  # two mistakes only where they say much more than one
+        what = "order and spin"
     if turned is not None and _explained(found[what], turned.whole):
         yield turned.check
         return
@@ -123,10 +118,28 @@ def rotors(flight: Flight, model: Model, seen: CommandsAndMotion, turned: Turned
     elif what == "tilt":
         words += f"the sign of tilt turned by {found[what]:.2f}"
         yield Check("rotors", "bad", words, option(flight, "*-1", "tilt"))
+    elif what == "order and spin":
+        words += f"the rotors in another order and every spin turned over by {found[what]:.2f}"
+        yield Check("rotors", "bad", f"{words}: correct the places of the rotors in the model file")
     else:
         words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
         words += "" if seen.wrench is not None else ", unless it is the IMU that is turned about z"
         yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
+
+
+def _readings(vehicle: Vehicle, seen: CommandsAndMotion, scale: Array) -> tuple[NDArray[np.intp], dict[str, Array]]:
+    """The likeliest order of the columns, and the wrenches (N, 6) by what may be wrong with the model."""
+    assert seen.tilt is not None
+    assert seen.speed is not None
+    _, known = vehicle.geometry()
+    backwards = replace(vehicle, rotors=replace(known, spin=-known.spin))
+    order = _order(vehicle, seen, scale)
+    return order, {
+        "spin": _made(backwards, seen, seen.tilt, seen.speed),
+        "tilt": _made(vehicle, seen, -seen.tilt, seen.speed),
+        "order": _made(vehicle, seen, seen.tilt, seen.speed[:, order]),
+        "order and spin": _made(backwards, seen, seen.tilt, seen.speed[:, _order(backwards, seen, scale)]),
+    }
 
 
 def _order_by_feedback(flight: Flight, vehicle: Vehicle, seen: CommandsAndMotion) -> Iterator[Check]:

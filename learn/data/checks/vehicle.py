@@ -141,9 +141,10 @@ class RecordThresholds:
     """Of the weight: rms force by which h(u) and a commanded wrench differ beyond what a vehicle and its model do."""
     factor: tuple[float, float] = (0.5, 2.0)
     """On h(u) that a wrong c_f may explain: the thrust's unit and the weight are asked elsewhere."""
-    torque: float = 0.005
-    """Of the weight [m]: torque by which they may differ in any case, as by half a centimetre. Two exchanged columns of
-    tilt make 0.012 and more, what a simulator logs 1e-8: twice or half of this tells them apart as well."""
+    torque: float = 0.002
+    """Of the weight at the rotors' distance: torque by which they may differ in any case, as by a centre of mass that
+    is off by so much of the arm. Two exchanged columns of tilt make 0.04 and more, a model whose rotors are one place
+    on 0.004 in a gentle flight, what a simulator logs 1e-4: half of this tells them apart as well, twice just so."""
     odd_rotor: float = 0.04
     """Share of its thrust by which one rotor's logged speed may be off: 2 % of speed, as coarse throttle steps are."""
     unexplained: float = 0.1
@@ -246,7 +247,8 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known
         ask = f"correct the scale of {rotor} in the log or its c_f in the model; else it is found to be weak or strong"
         return [Check("actuation", "bad", f"{words}: {says}: {ask}")]
     unlike, varies = (float(np.linalg.norm(w[:, 3:].std(axis=0))) for w in (made - logged, logged))
-    if not known and unlike > max(varies, RECORDS.torque * weight):
+    reach = float(np.max(length(vehicle.geometry()[0].position_B)))
+    if not known and unlike > max(varies, RECORDS.torque * weight * reach):
         ask = "columns of the log are exchanged, or arms, tilt signs and order of rotors of the model are others"
         return [Check("actuation", "bad", f"{words}, which varies more than all of the commanded torque: {ask}")]
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
