@@ -68,6 +68,29 @@ class PhysicsMismatch:
         self.outputs, self.lead = outputs, lead
         self.late = any(isinstance(one.effect, CommandEffect) for one in kept)
         output_indices(outputs)
+        self._check_hover()
+
+    def _check_hover(self, least: float = 0.2) -> None:
+        """Raise UsageError where a hover command lifts less than the share `least` of the weight.
+
+        No vehicle flies so: rotors have twice the weight in thrust, rarely five times. A correction by such effects
+        would multiply every command, or turn its sign.
+        """
+        vehicle, still = self.model.vehicle, np.zeros((1, 3))
+        effects = tuple(one for one in self.model.effects if not one.effect.needs_voltage)
+        weight = vehicle.body.mass * GRAVITY
+        hover = np.array([[0.0, 0.0, weight, 0.0, 0.0, 0.0]])
+        high = np.array([[0.0, 0.0, 1000.0]])  # out of ground effect
+        level = State(np.zeros(1), high, np.array([[1.0, 0.0, 0.0, 0.0]]), still, still)
+        commands = Commands(hover)
+        if vehicle.has_rotors:
+            commands = Allocation(vehicle).allocate(about_origin(vehicle.body, hover))[0]
+        share = float(WrenchModel(vehicle, effects).wrench(commands, level)[0, 2]) / weight
+        if not share > least:
+            raise UsageError(
+                f"compensate: with its effects {vehicle.name} makes {share:.2g} of its weight when told to hover, and "
+                "could not fly: correct thrust_scale, rotor_thrust and the like, or remove them"
+            )
 
     def periods_ahead(self, dt: float) -> float:
         """Periods of `dt` [s] after which the mismatch of a command counts: those of the lead, or one."""

@@ -346,3 +346,16 @@ def test_misuse_gets_one_line():
     ):
         with pytest.raises((UsageError, ModelError), match=words):
             attempt()
+
+
+@pytest.mark.parametrize(
+    "effects", [{"thrust_scale": [-1.5]}, {"thrust_scale": [-0.9]}, {"rotor_thrust": [-0.95] * 12}]
+)
+def test_effects_with_which_nothing_flies_are_no_compensation(effects):
+    """A hover command that lifts (1 + s) of the weight: nothing, less than nothing, or a twentieth."""
+    with pytest.raises(UsageError, match="could not fly"):
+        physics(effects)
+
+
+def test_one_dead_rotor_of_twelve_is_a_compensation_still():
+    assert np.isfinite(alone(physics({"rotor_thrust": [-1.0] + [0.0] * 11})).step(HOVER, REST).wrench_cmd).all()
