@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.compensate.lbfgs import linearisation
+from wrenchgap.compensate.reach import check_hover
 from wrenchgap.compensate.tables import STATE
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -59,38 +60,15 @@ class PhysicsMismatch:
         if lead is not None and not 0 < lead <= HORIZON_MAX:
             raise UsageError(f"compensate: lead is {lead} s, expected a positive number of {HORIZON_MAX:g} at most")
         kept = tuple(e for e in model.effects if not isinstance(e.effect, SensorEffect))
-        for one in kept:
-            if one.name == "command_delay" and not one.theta[0] <= HORIZON_MAX:
-                raise UsageError(
-                    f"compensate: command_delay is {one.theta[0]:g} s, expected {HORIZON_MAX:g} at most; remove it"
-                )
+        for delay in (one.theta[0] for one in kept if one.name == "command_delay"):
+            if not delay <= HORIZON_MAX:
+                words = f"command_delay is {delay:g} s, expected {HORIZON_MAX:g} at most"
+                raise UsageError(f"compensate: {words}; remove it")
         self.model = WrenchModel(model.vehicle, kept)
         self.outputs, self.lead = outputs, lead
         self.late = any(isinstance(one.effect, CommandEffect) for one in kept)
         output_indices(outputs)
-        self._check_hover()
-
-    def _check_hover(self, least: float = 0.2) -> None:
-        """Raise UsageError where a hover command lifts less than the share `least` of the weight.
-
-        No vehicle flies so: rotors have twice the weight in thrust, rarely five times. A correction by such effects
-        would multiply every command, or turn its sign.
-        """
-        vehicle, still = self.model.vehicle, np.zeros((1, 3))
-        effects = tuple(one for one in self.model.effects if not one.effect.needs_voltage)
-        weight = vehicle.body.mass * GRAVITY
-        hover = np.array([[0.0, 0.0, weight, 0.0, 0.0, 0.0]])
-        high = np.array([[0.0, 0.0, 1000.0]])  # out of ground effect
-        level = State(np.zeros(1), high, np.array([[1.0, 0.0, 0.0, 0.0]]), still, still)
-        commands = Commands(hover)
-        if vehicle.has_rotors:
-            commands = Allocation(vehicle).allocate(about_origin(vehicle.body, hover))[0]
-        share = float(WrenchModel(vehicle, effects).wrench(commands, level)[0, 2]) / weight
-        if not share > least:
-            raise UsageError(
-                f"compensate: with its effects {vehicle.name} makes {share:.2g} of its weight when told to hover, and "
-                "could not fly: correct thrust_scale, rotor_thrust and the like, or remove them"
-            )
+        check_hover(self.model)
 
     def periods_ahead(self, dt: float) -> float:
         """Periods of `dt` [s] after which the mismatch of a command counts: those of the lead, or one."""

@@ -31,11 +31,12 @@ import numpy as np
 
 from wrenchgap.compensate import kernels
 from wrenchgap.compensate.tables import Observed, ReachRoom, ReachTable
-from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.plant.wrench_model import about_origin
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin
 
 THRUST_TO_WEIGHT = 20.0
 """Of a vehicle whose rotors are not known: more than racing quadrotors have, so that no flight meets it."""
@@ -178,3 +179,26 @@ def no_reach() -> Reach:
     """Of a vehicle that is not known: every wrench is inside."""
     none, ones = np.zeros(0), np.ones(len(AXES))
     return Reach(ReachTable(np.zeros((0, 6)), none, none, none, none, none, ones, 0.0 * ones, np.eye(6)))
+
+
+def check_hover(model: WrenchModel, least: float = 0.2) -> None:
+    """Raise UsageError where a hover command lifts less than the share `least` of the weight.
+
+    No vehicle flies so: rotors have twice the weight in thrust, rarely five times. A correction by such effects would
+    multiply every command, or turn its sign.
+    """
+    vehicle, still = model.vehicle, np.zeros((1, 3))
+    effects = tuple(one for one in model.effects if not one.effect.needs_voltage)
+    weight = vehicle.body.mass * GRAVITY
+    hover = np.array([[0.0, 0.0, weight, 0.0, 0.0, 0.0]])
+    high = np.array([[0.0, 0.0, 1000.0]])  # out of ground effect
+    level = State(np.zeros(1), high, np.array([[1.0, 0.0, 0.0, 0.0]]), still, still)
+    commands = Commands(hover)
+    if vehicle.has_rotors:
+        commands = Allocation(vehicle).allocate(about_origin(vehicle.body, hover))[0]
+    share = float(WrenchModel(vehicle, effects).wrench(commands, level)[0, 2]) / weight
+    if not share > least:
+        raise UsageError(
+            f"compensate: with its effects {vehicle.name} makes {share:.2g} of its weight when told to hover, and "
+            "could not fly: correct thrust_scale, rotor_thrust and the like, or remove them"
+        )

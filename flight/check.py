@@ -42,6 +42,7 @@ NAMES: dict[str, str] = {
     "weight": "the force that carries the vehicle against its weight",
     "actuation": "the wrench that the model makes of the logged actuators against the commanded one",
     "actuators": "how many rotors and tilting arms",
+    "motion": "whether the vehicle moved when its motors were commanded to move it",
     "frame": "where the rotors are against the parameters of the autopilot",
     "rotors": "order and spin of the rotors, and the sign of tilt, against the motion or the commanded wrench",
     "inertia": "the inertia against mass and arms",

@@ -51,11 +51,13 @@ def rotor(place: RotorPlace) -> str:
     """A rotor by its place and its name: "front right (M1)"."""
     if place.x is None or place.y is None:
         return place.name
-    return f"{_direction(place.x, place.y)} ({place.name})"
+    return f"{direction(float(np.degrees(np.arctan2(place.y, place.x))))} ({place.name})"
 
 
-def _direction(x: float, y: float) -> str:
-    return direction(float(np.degrees(np.arctan2(y, x))))
+NO_FLIGHT = {
+    NoPhases.POWER: "The motors never ran, or only idled: this log holds no flight. Give another log.",
+    NoPhases.BENCH: "The motors ran, and neither gyroscope nor accelerometer went with them: this log is of a bench.",
+}
 
 
 def _flight(log: LogHealth) -> Iterator[Statement]:
@@ -71,9 +73,8 @@ def _flight(log: LogHealth) -> Iterator[Statement]:
             why = "; a log alone does not tell why: `wrenchgap view` shows the seconds before" * (name == "crash")
             words = f"{events[0].title} at {at:.1f} s from the log's start{more}: {events[0].why}{after}; {todo}{why}."
             yield Statement("bad" if name == "crash" else "warn", name, f"{name} at {at:.1f} s", words)
-    if log.phases.lack is NoPhases.POWER:
-        words = "The motors never ran, or only idled: this log holds no flight. Give another log."
-        yield Statement("warn", "flight", "no flight", words)
+    if log.phases.lack in NO_FLIGHT:
+        yield Statement("warn", "flight", "no flight", NO_FLIGHT[log.phases.lack])
     elif log.phases.phases and not log.phases.seconds(*AIRBORNE):
         words = "It never left the ground in this log, as far as thrust and motion tell."
         yield Statement("warn", "flight", "no flight", words)
@@ -174,7 +175,7 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
     )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
-        where = _direction(*motors.centre)
+        where = direction(float(np.degrees(np.arctan2(*motors.centre[::-1]))))
         return (
             f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
             "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "

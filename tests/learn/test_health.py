@@ -12,7 +12,7 @@ from wrenchgap.flight.formats.reader import Table
 from wrenchgap.learn.data.phases.phase import Phase
 from wrenchgap.learn.health.autopilot_messages import Recorded
 from wrenchgap.learn.health.motors import Shape, motors_of
-from wrenchgap.learn.health.phases import FlightPhases, phases_of
+from wrenchgap.learn.health.phases import FlightPhases, NoPhases, phases_of
 from wrenchgap.learn.health.rotors import RotorPlace, Thrusts, thrusts_of
 from wrenchgap.learn.health.vibration import VIBRATION, vibration_of
 
@@ -174,6 +174,18 @@ def test_what_a_model_tells_of_crashes_is_taken_over():
     phases = phases_of(flight, thrusts_of(flight), told)
     assert phases.named("crash") == told[:1]
     assert phases.seconds("moving", "crash") == pytest.approx(18.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("turns", "bench"), [(0.0, True), (0.02, False)])
+def test_motors_that_run_on_a_bench_are_no_flight(turns, bench):
+    """20 s in which the thrust changes by a tenth, and the IMU reads its noise; with a slow turn it may fly."""
+    rng, time = np.random.default_rng(4), np.arange(0.0, 20.0, 0.01)
+    felt = rng.normal((0.0, 0.0, 9.81), 0.05, (len(time), 3))
+    omega = rng.normal(0.0, 1e-3, (len(time), 3)) + turns * np.sin(0.5 * time)[:, None]
+    speeds = 100.0 * np.sqrt(1.0 + 0.1 * np.sin(0.7 * time))[:, None] * np.ones(4)
+    flight = Flight("log", Path("log"), "", 0, imu=ImuSeries("/imu", time, omega, felt))
+    flight = replace(flight, actuators=ActuatorSeries("/speeds", time, np.zeros((len(time), 0)), speeds))
+    assert (phases_of(flight, thrusts_of(flight)).lack is NoPhases.BENCH) == bench
 
 
 def test_without_a_level_hover_the_balance_is_not_known():

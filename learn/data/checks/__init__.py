@@ -5,6 +5,7 @@
                 against the commanded wrench
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
+    bench       motors that turned, and a vehicle that did not move
     frame       places of the rotors against the autopilot's parameters
     torques     torques by axis: inertia, arms, kappa; an IMU turned about z, in deg/s, or beyond what the rotors can do
 
@@ -19,6 +20,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.channels import sensors_held_for
 from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
+from wrenchgap.learn.data.checks.bench import bench
 from wrenchgap.learn.data.checks.commands_and_motion import commands_and_motion
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.torques import gyroscope, sizes, turned_imu
@@ -37,6 +39,8 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*vehicle_checks(model)]
     seen = commands_and_motion(stretches, model.vehicle)
+    if seen is not None and (stood := bench(seen)):
+        return (*found, *stood)
     if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
         found += gyroscope(flight, model, seen)
     if any(check.name == "gyroscope" for check in found):
