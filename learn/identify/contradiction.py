@@ -24,6 +24,8 @@ from wrenchgap.plant.model import Model
 
 DELAY, ROTORS, ALL = "command_delay", "rotor_thrust", "thrust_scale"
 PLACE, CONSTANT = "com_offset", "constant_wrench"
+ABOUT_LEVEL = {3, 4}
+"""Axes on which the attitude loops turn the vehicle."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,8 @@ class ContradictionThresholds:
     """Delay [s]: a tenth of a good phase margin (60 deg) at a crossover of 10 rad/s."""
     weak: float = 0.1
     """Share of a rotor's thrust that is gone: three times what sound propellers differ by."""
+    beyond: float = 2.0
+    """Times its tolerance by which the thrust of all rotors must be less, where the model knows it no better."""
     trims: float = 3.0
     """A constant torque, or its lever arm, in standard deviations of what flights of such vehicles differ by."""
     clear: float = 3.0
@@ -64,12 +68,13 @@ THRESHOLDS = ContradictionThresholds()
 def as_flown(flights: Sequence[OpenFlight], model: Model) -> tuple[Model, tuple[Contradiction, ...]]:
     """The model with what these flights show of delay, thrusts and trim, and where that contradicts it."""
     records = tuple(r for f in flights for r in f.records)
-    names = [name for name in (DELAY, ALL) if not inapplicable(name, model, records)]
+    answering = answering_axes([timing_of(f, model) for f in flights])
+    both = [ALL] if set(answering) >= ABOUT_LEVEL else [DELAY, ALL]  # else a delay is the phase of the controller
+    names = [name for name in both if not inapplicable(name, model, records)]
     either = [name for name in (ROTORS, PLACE, CONSTANT) if not inapplicable(name, model, records)]
     untested = any(inapplicable(e.name, model, records) for e in model.effects)  # of what the model has
     if not either or untested:
         return model, ()
-    answering = answering_axes([timing_of(f, model) for f in flights])
     for some in (latest(records, THRESHOLDS.recent), spread_out(records, THRESHOLDS.seconds)):
         data = dataset(some, model, answering)
         try:
@@ -96,6 +101,7 @@ def _contradictions(found: Fit, model: Model) -> tuple[Contradiction, ...]:
         change = float(value - model.theta(effect)[at])
         worse, least = {
             DELAY: (change, THRESHOLDS.late),
+            ALL: (-change, max(THRESHOLDS.weak, THRESHOLDS.beyond * (model.vehicle.tolerances.thrust or 0.0))),
             ROTORS: (-change, THRESHOLDS.weak),
         }.get(effect, (abs(change), THRESHOLDS.trims * usual.get(parameter.name, np.inf)))
         if worse > max(least, THRESHOLDS.clear * float(std)):

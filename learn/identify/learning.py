@@ -69,7 +69,8 @@ class Learnt(Result):
     `real_min` (3,): 1st percentile, median and maximum, along the training commands, of the smallest real part of the
     eigenvalues of I + dmu/dW; `margin`: the stability margin there. `alternatives` are other inputs and the other
     inference on held-out time; `absorption` is which effect of the catalogue the process reproduces. Both None where
-    nobody asked.
+    nobody asked. `wrench_computed`: a log has no commanded wrench in newtons: it is what the model makes of its
+    actuators.
     """
 
     gp: GaussianProcess
@@ -81,11 +82,14 @@ class Learnt(Result):
     margin: Margin
     alternatives: Alternatives | None = None
     absorption: Absorption | None = None
+    wrench_computed: bool = False
 
     @property
     def cautions(self) -> tuple[Caution, ...]:
         """What a user should know before trusting the correction."""
         found = []
+        if self.wrench_computed:
+            found.append(Caution(CautionKind.ALLOCATED))
         if self.real_min[0] < CAUTION.nearly_singular:
             found.append(Caution(CautionKind.NEARLY_SINGULAR, eigenvalue=float(self.real_min[0])))
         if self.validation is not None:
@@ -225,6 +229,7 @@ def learn_process(
         compare(validation, model, found) if validation else None,
         np.array([np.percentile(real, 1), np.median(real), real.max()]),
         made.margin,
+        wrench_computed=any(f.flight.commanded is None or f.flight.commanded.unit != "N" for f in flights),
     )
     return replace(learnt, gp=_judged(learnt))
 

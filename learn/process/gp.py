@@ -62,6 +62,7 @@ class CautionKind(StrEnum):
     NEARLY_SINGULAR = "nearly singular"  # of I + dmu/dW on the training flights
     WORSE = "worse"  # on unseen flights the process makes the error of `axes` larger
     NOT_WORTH_IT = "not worth it"  # on unseen flights something simpler does as well on `axes`
+    ALLOCATED = "allocated"  # the commanded wrench is what the model makes of the logged actuators
     SAID = "said"  # `text` of a file that an older version wrote
 
 

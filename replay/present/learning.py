@@ -100,6 +100,12 @@ def caution(found: Caution) -> str:
                 "without acceleration the mismatch is minus the command, and the GP has learnt just that; train "
                 "on a flight with excitation on all axes, or add effects first."
             )
+        case CautionKind.ALLOCATED:
+            return (
+                "No commanded wrench is logged: it was made of the logged actuators by this model's places, c_f, kappa "
+                "and centre of mass. The correction is right where the autopilot allocates with the same numbers, and "
+                "harms elsewhere: log the commanded wrench, or compare these numbers with the autopilot's."
+            )
         case CautionKind.WORSE:
             listed = ", ".join(f"{axis} (rms {before:.2g} to {after:.2g})" for axis, before, after in rows)
             return f"on unseen flights the GP increases the error: {listed}; leave these out with --outputs."

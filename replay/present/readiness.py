@@ -101,6 +101,8 @@ def _contradictions(found: Readiness) -> str:
     for one in found.contradicted:
         changes.setdefault(one.effect, {})[one.parameter] = one.change
     said = [f"commands take effect {1e3 * late:.0f} ms later" for late in changes.get("command_delay", {}).values()]
+    less = changes.get("thrust_scale", {}).values()
+    said += [f"all thrust is {share(-change)} less, or the vehicle heavier" for change in less]
     weak = changes.get("rotor_thrust", {})
     if len(weak) > 1:
         said.append(f"one or several rotors give up to {share(-min(weak.values()))} less thrust")

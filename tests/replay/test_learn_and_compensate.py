@@ -106,6 +106,16 @@ def test_counterfactual_flies_with_the_physics_in_the_compensation(files, on_phy
     assert any(caution(on_physics.gp.provenance.warnings[0]) in note for note in result["notes"])
 
 
+def test_a_wrench_that_the_model_itself_made_is_told(logs, on_physics):
+    """Without a commanded wrench, what the autopilot allocates with is not known."""
+    assert CautionKind.ALLOCATED not in {c.kind for c in on_physics.cautions}
+    alone = replace(flight.load(logs.train), commanded=None, desired=None)
+    learnt = learn_process([opened(alone, MODEL)], MODEL, TORQUE, QUICK)
+    (one,) = (c for c in learnt.cautions if c.kind is CautionKind.ALLOCATED)
+    assert one in learnt.gp.provenance.warnings
+    assert caution(one).startswith("No commanded wrench is logged")
+
+
 def test_another_version_of_the_physics_is_told(on_physics):
     other = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
     assert OtherVersion(other.name, on_physics.gp.provenance.physics) in compensating.caveats(on_physics.gp, other)

@@ -28,6 +28,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.diagnose.disturbance_process import Left
 from wrenchgap.learn.diagnose.flown_controller import flown_by_autopilot, flown_by_controller
+from wrenchgap.learn.identify import contradiction
 from wrenchgap.learn.identify.contradiction import as_flown
 from wrenchgap.plant import model_file
 from wrenchgap.plant.command_curve import CommandCurve, Polynomial
@@ -105,6 +106,29 @@ def test_flights_that_contradict_the_model_are_no_plain_go(ready):
     assert any("M3 gives 2" in text for text in to_json(found)["summary"])
     assert found.decision is not Decision.GO
     assert ready.contradicted == ()
+
+
+def test_thrust_that_all_rotors_lack_is_no_plain_go():
+    """T is 0.85 of c_f Omega^2, as in thin air; unless the model knows c_f no better than that."""
+    model = wg.load_model("tilt_hexarotor")
+    flown = wg.simulate(model, "multi_axis", duration=15, seed=4, excitation=1, hide=["thrust_scale=scale:-0.15"])
+    flights = wg.open_flights(flown, model)
+    found = wg.ready(flights, model, "hover")
+    (one,) = found.contradicted
+    assert (one.effect, one.change) == ("thrust_scale", pytest.approx(-0.15, abs=0.01))
+    assert found.decision is not Decision.GO
+    assert any("all thrust is 15 % less, or the vehicle heavier" in text for text in to_json(found)["summary"])
+    unsure = replace(model.vehicle.tolerances, thrust=0.1)
+    assert as_flown(flights, replace(model, vehicle=replace(model.vehicle, tolerances=unsure)))[1] == ()
+
+
+def test_a_delay_is_not_said_where_commands_answer_the_motion(monkeypatch):
+    """What is fitted there is the phase of the controller."""
+    late = Case("late", excited=0.3, seed=5, seconds=12.0, drag=0.0, delay=0.06, blades=(0.95, 1.0, 1.0, 1.0))
+    flights, model = wg.open_flights(fly([late]), MODEL), weak(loss=0.05)
+    assert [one.effect for one in as_flown(flights, model)[1]] == ["command_delay"]
+    monkeypatch.setattr(contradiction, "answering_axes", lambda timing: (3, 4, 5))
+    assert as_flown(flights, model)[1] == ()
 
 
 def test_what_flights_end_with_is_what_flies_again():
