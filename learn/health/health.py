@@ -51,7 +51,8 @@ class Rate:
 class LogHealth:
     """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases.
 
-    `contradictions` are the bad checks of the log against the model that was given, which was then not used. `follows`
+    `contradictions` are the bad checks of the log against the model that was given, which was then not used; `doubts`
+    are those of its weight that are to be looked at, where it was used. `follows`
     says whether the motion follows the commands about x or y, None without a model that tells it.
     """
 
@@ -66,6 +67,7 @@ class LogHealth:
     answers: tuple[Answer, ...] = ()
     settings: tuple[Setting, ...] = ()
     contradictions: tuple[Check, ...] = ()
+    doubts: tuple[Check, ...] = ()
     follows: bool | None = None
     modes: tuple[FlightMode, ...] = ()
     messages: tuple[LoggedMessage, ...] = ()
@@ -139,12 +141,13 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
     seen = inspected(replace(log, tables=tables), assignment, absent, accepted_names(options.accept))
     recorded = Recorded({} if log.autopilot is None else log.tables, seen.start_ns)
     found = LogHealth(seen, log.autopilot, FlightPhases(lack=NoPhases.COMMANDS))  # where no topic plays a role
-    against, opened = _against(seen.flight, model, options)
+    against, doubts, opened = _against(seen.flight, model, options)
     if seen.flight is not None:
         found = _of_flight(found, seen.flight, recorded, None if against else model, opened)
     return replace(
         found,
         settings=settings_of(log.autopilot, found.answers, names),
+        doubts=doubts,
         contradictions=against if found.phases.seconds(*AIRBORNE) else (),  # without a flight, which is said, none fits
         modes=modes_of(recorded),
         messages=messages_of(recorded, found.phases),
@@ -153,13 +156,17 @@ def examined(path: Path, model: Model | None, options: ReadOptions) -> LogHealth
 
 def _against(
     flight: Flight | None, model: Model | None, options: ReadOptions
-) -> tuple[tuple[Check, ...], OpenFlight | None]:
-    """Bad checks of a flight against a model, but for the rate, which is the log's own; and the flight if it fits."""
+) -> tuple[tuple[Check, ...], tuple[Check, ...], OpenFlight | None]:
+    """Checks of a flight against a model, and the flight if it fits.
+
+    Bad ones, but for the rate, which is the log's own; where there are none, what is to be looked at of the weight.
+    """
     if flight is None or model is None:
-        return (), None
+        return (), (), None
     found, opened = checks_against(flight, model, options)
     bad = tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
-    return bad, None if bad else opened
+    doubts = tuple(c for c in found if c.level == "warn" and c.name == "weight")
+    return (bad, (), None) if bad else ((), doubts, opened)
 
 
 def _of_flight(

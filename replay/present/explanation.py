@@ -117,6 +117,9 @@ def members(found: Explanation) -> Table:
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
         sure = "not established" if posterior.is_doubted(found, m) else certainty(found.confidence(m))
+        if m.alike:
+            own = sum(one.weight for one in found.posterior.sets if m.name in one.names)
+            sure = f"{share(own)}, {sure} with what is like it"
         rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", far))
     return table("named", ("effect", "confidence", "share", "t", "nearest other"), rows, texts=(-1,))
 

@@ -101,6 +101,7 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         said = check.words.removeprefix(f"{log.name}: ").rstrip(".? ")
         words = f"The model does not fit this log, which is judged without it ({check.name}: {said})."
         yield Statement("bad", "log", f"model {check.name}", words)
+    yield from (Statement("warn", "weight", "weight", f"{c.words.rstrip('. ')}.") for c in log.doubts)
     for check in log.inspection.checks:
         if check.level == "bad" and (check.accepted or check.name == "roles"):
             words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."

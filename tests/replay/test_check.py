@@ -531,6 +531,18 @@ def test_inspect_ends_with_the_next_command(hover, run):
     assert next_command(wrong) == f"wrenchgap inspect {hover} --topic imu=/imu:g"
 
 
+@pytest.mark.parametrize(("share", "tolerance", "told"), [(1.25, 0.15, True), (1.25, 0.3, False), (1.02, None, False)])
+def test_a_vehicle_that_weighs_more_than_the_model_is_said_first(hover, share, tolerance, told):
+    """Beyond what the model knows its thrust to: thrust and weight are one number in a hover."""
+    model = wg.load_model("crazyflie")
+    body = replace(model.vehicle.body, mass=model.vehicle.body.mass / share)
+    known = replace(model.vehicle.tolerances, thrust=tolerance)
+    found = wg.check(hover, model=replace(model, vehicle=replace(model.vehicle, body=body, tolerances=known)))
+    assert ("weight" in said(found)) == told
+    if told:
+        assert "(1.250): check the mass; the model knows its thrust to 15 %" in said(found)["weight"].words
+
+
 def test_a_log_whose_name_is_an_option_is_none_in_the_next_command(hover, run, tmp_path):
     """pathlib takes the ./ off that a careful user typed: pasted, the command would have run the file own.py."""
     log = tmp_path / "--effects=own.py"

@@ -206,10 +206,10 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
         median = float(np.median(length(np.concatenate([getattr(r, name)[:, :3] for r in records]))))
         share = median / weight
         words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({share:.3f})"
-        if 0.95 < share < 1.05:
+        unsure = model.vehicle.tolerances.thrust if name == "commanded" else None
+        if abs(share - 1.0) < max(0.05, unsure or 0.0):
             found.append(Check("weight", "ok", f"{words}."))
         elif 0.7 < share < 1.3:
-            unsure = model.vehicle.tolerances.thrust
             other = (
                 f"; the model knows its thrust to {100.0 * unsure:.2g} %"
                 if unsure
