@@ -11,12 +11,22 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class ParameterChange:
+    """A parameter that was set to another value while the log was written; `time_ns` on the log's clock."""
+
+    name: str
+    time_ns: int
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
 class Autopilot:
     """The autopilot that wrote a log; texts are empty where it does not say.
 
     `name` is "PX4" or "ArduPilot", `frame` what it calls its vehicle, `serial` the number of its processor. `dropouts`
     are gaps (PX4), or blocks (ArduPilot), that the logger lost, `lost` their length in all [s], None where it is not
-    logged.
+    logged. `parameters` have the last values, `changes` are those made on the way, in order of time.
     """
 
     name: str
@@ -27,6 +37,7 @@ class Autopilot:
     dropouts: int = 0
     lost: float | None = None
     serial: str = ""
+    changes: tuple[ParameterChange, ...] = ()
 
 
 OF_VEHICLE = {"name": "autopilot", "hardware": "board", "frame": "frame", "serial": "processor"}

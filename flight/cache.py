@@ -19,7 +19,7 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from wrenchgap.flight.atomic import atomic
-from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.autopilot import Autopilot, ParameterChange
 from wrenchgap.flight.budget import LIMITS, Budget
 from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.errors import UsageError
@@ -114,7 +114,9 @@ def _unpacked(file: Path, path: Path) -> Flight:
     known |= {name: tuple(known[name]) for name in ("notes", "damage")}
     known["checks"] = None if known["checks"] is None else tuple(Check(**one) for one in known["checks"])
     known["left_out"] = tuple(TimeLeftOut(**one) for one in known["left_out"])
-    known["autopilot"] = None if known["autopilot"] is None else Autopilot(**known["autopilot"])
+    if (autopilot := known["autopilot"]) is not None:
+        changes = tuple(ParameterChange(**one) for one in autopilot.pop("changes"))
+        known["autopilot"] = Autopilot(**autopilot, changes=changes)
     return Flight(path=path, **known)
 
 

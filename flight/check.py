@@ -30,6 +30,7 @@ NAMES: dict[str, str] = {
     "gaps": "stretches without samples",
     "jitter": "periods that vary",
     "damaged": "whether the file could be read whole",
+    "parameters": "parameters that were changed while the log was written, or are those of a simulation",
     "repeated": "whether a part of the recording stands in it twice",
     "left-out": "samples that the reader left out",
     "clock": "stamps against the times of recording",

@@ -10,6 +10,7 @@
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     masking     samples that cannot be true
+    parameters  what an autopilot's parameters say of the log
     repeated    a part of the recording that stands in it twice
     motion      means over intervals, which all of these compare; the search for axes among 48, and for a rotation
 
@@ -29,6 +30,7 @@ from wrenchgap.flight.checks import (
     gyroscope_scale,
     late_sensors,
     odometry,
+    parameters,
     repeated,
     wrench,
 )
@@ -51,6 +53,8 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.dropped,
     channels.damaged,
     repeated.repeated,
+    parameters.changed_parameters,
+    parameters.simulated,
 )
 AGAINST_ODOMETRY: tuple[Callable[[Flight, MotionMeans | None], Iterator[Check]], ...] = (
     attitude.accelerometer_unit,

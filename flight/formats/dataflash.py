@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.autopilot import Autopilot
+from wrenchgap.flight.autopilot import Autopilot, ParameterChange
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
@@ -81,6 +81,20 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
     return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
 
 
+def _changes(columns: Columns) -> tuple[ParameterChange, ...]:
+    """Parameters that are logged again with another value."""
+    names, values, times = (columns.get(name) for name in ("Name", "Value", "TimeUS"))
+    if not _parameters(columns) or names is None or values is None or times is None or times.dtype.kind not in "iuf":
+        return ()
+    known: dict[bytes, float] = {}
+    found = []
+    for name, value, time in zip(names.tolist(), values.tolist(), times.tolist(), strict=True):
+        if np.isfinite(value) and known.setdefault(name, value) != value:
+            found.append(ParameterChange(name.decode(errors="replace"), 1000 * int(time), known[name], value))
+            known[name] = value
+    return tuple(found)
+
+
 def _most(values: Array | None) -> int:
     """The largest of these counts (N,); 0 of what a damaged log has in their place."""
     if values is None or values.dtype.kind not in "iuf":
@@ -96,8 +110,9 @@ def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:
     frame = next((text.partition(":")[2].strip() for text in said if text.startswith("Frame:")), "")
     board = next((text for text in said if re.search(r" [0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}$", text)), "")
     hardware, _, serial = board.partition(" ")
-    parameters = _parameters(raw.get("PARM", {}))
-    return Autopilot("ArduPilot", firmware, hardware, frame, parameters, dropped, serial=serial)
+    rows = raw.get("PARM", {})
+    parameters, changes = _parameters(rows), _changes(rows)
+    return Autopilot("ArduPilot", firmware, hardware, frame, parameters, dropped, serial=serial, changes=changes)
 
 
 @dataclass(frozen=True)

@@ -94,21 +94,21 @@ def _stopped_early(log: LogHealth, least: float = 2.0) -> Rate | None:
 
 def _checks(log: LogHealth) -> Iterator[Statement]:
     for check in log.bad:
-        mend = f"; {check.remedy}" if check.remedy else ""
-        words = f"The log is not what it seems ({check.name}): {check.words.rstrip('. ')}{mend}."
-        yield Statement("bad", "log", f"check {check.name}", words)
+        said = "; ".join(filter(None, (check.words.rstrip(". "), check.remedy)))
+        yield Statement("bad", "log", f"check {check.name}", f"The log is not what it seems ({check.name}): {said}.")
     for check in log.contradictions[:1]:
-        said = check.words.removeprefix(f"{log.name}: ").rstrip(".? ")
-        words = f"The model does not fit this log, which is judged without it ({check.name}: {said})."
+        said = f"{check.name}: {check.words.removeprefix(f'{log.name}: ').rstrip('.? ')}"
+        words = f"The model does not fit this log, which is judged without it ({said})."
         yield Statement("bad", "log", f"model {check.name}", words)
     yield from (Statement("warn", "weight", "weight", f"{c.words.rstrip('. ')}.") for c in log.doubts)
     for check in log.inspection.checks:
+        words = check.words.rstrip(". ")
         if check.level == "bad" and (check.accepted or check.name == "roles"):
-            words = f"Check {check.name}{', accepted' if check.accepted else ''}: {check.words.rstrip('. ')}."
-            yield Statement("warn", "log", f"check {check.name}", words)
-        commands = check.name == "clipped" and check.words.startswith("the commands")
-        if commands or (check.name in ("accelerometer-scale", "gyroscope-scale") and check.level == "warn"):
-            yield Statement("warn", "log", f"check {check.name}", f"{capitalised(check.words.rstrip('. '))}.")
+            words = f"Check {check.name}{', accepted' if check.accepted else ''}: {words}"
+            yield Statement("warn", "log", f"check {check.name}", f"{words}.")
+        first = check.name in ("accelerometer-scale", "gyroscope-scale", "parameters") and check.level == "warn"
+        if first or (check.name == "clipped" and words.startswith("the commands")):
+            yield Statement("warn", "log", f"check {check.name}", f"{capitalised(words)}.")
     series = {} if log.inspection.flight is None else log.inspection.flight.series()
     lost = {
         role: sum(one.dropped.values()) / (sum(one.dropped.values()) + len(one.time))

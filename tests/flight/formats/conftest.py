@@ -51,6 +51,12 @@ class Ulog:
             self.data.append(("D", self._message("D", struct.pack("<H", number) + struct.pack(f"<{layout}", *row))))
         return self
 
+    def parameter(self, name, value):
+        """Set in flight: between the messages added before and behind it."""
+        key = f"float {name}".encode()
+        self.data.append(("P", self._message("P", bytes([len(key)]) + key + struct.pack("<f", value))))
+        return self
+
     def dropout(self, milliseconds):
         self.data.append(("O", self._message("O", struct.pack("<H", milliseconds))))
         return self

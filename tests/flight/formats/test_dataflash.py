@@ -109,6 +109,15 @@ def test_angles_serve_where_there_are_no_quaternions(autopilots, tmp_path):
     np.testing.assert_allclose(nose[:, 2], np.sin(seen.pitch), atol=2e-4)  # hundredths of a degree
 
 
+def test_parameters_that_change_on_the_way_are_kept(log, tmp_path):
+    log.add("PARM", "QNf", "TimeUS,Name,Value", [2_000_000], [b"MOT_THST_EXPO"], [0.2])
+    found = flight.load(log.save(tmp_path / "changed.bin"))
+    (change,) = found.autopilot.changes
+    assert (change.name, change.time_ns) == ("MOT_THST_EXPO", 2_000_000_000)
+    assert (change.before, change.after) == (pytest.approx(0.65), pytest.approx(0.2))
+    assert [c.level for c in found.checks if c.name == "parameters"] == ["warn"]
+
+
 def test_commands_speeds_battery_and_parameters(log, found, tmp_path):
     np.testing.assert_allclose(found.commanded.wrench_B[5], [0, 0, 0.45, 0.1, -0.2, -0.3], rtol=1e-6)
     assert found.commanded.unit == "normalised"

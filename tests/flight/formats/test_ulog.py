@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wrenchgap import flight
-from wrenchgap.flight import so3
+from wrenchgap.flight import cache, so3
 from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.filters import angular_velocity
@@ -140,6 +140,21 @@ def test_parameters_dropouts_and_what_became_of_the_topics_are_said(log, tmp_pat
     notes = " ".join(flight.load(path).notes)
     assert "2 dropouts: the logger lost 0.20 s" in notes
     assert "/px4/odometry from vehicle_attitude + vehicle_local_position" in notes
+
+
+def test_parameters_that_change_on_the_way_are_said_with_their_times(log, tmp_path, monkeypatch):
+    """Of a position of a rotor; the same value again is no change, and another parameter is no matter."""
+    log.parameter("CA_ROTOR0_PX", -0.15).parameter("CA_ROTOR0_PX", -0.15).parameter("COM_AUTOS_PAR", 1.0)
+    found = flight.load(log.save(tmp_path / "changed.ulg"))
+    (change,) = (c for c in found.autopilot.changes if c.name == "CA_ROTOR0_PX")
+    assert (change.before, change.after) == (pytest.approx(0.15), pytest.approx(-0.15))
+    assert change.time_ns * 1e-9 == pytest.approx(found.start_ns * 1e-9 + found.imu.time[-1], abs=0.5)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for _ in range(2):  # read, and kept
+        assert cache.load(found.path).autopilot == found.autopilot
+    (check,) = (c for c in found.checks if c.name == "parameters")
+    assert check.level == "warn"
+    assert re.search(r"CA_ROTOR0_PX from 0.15 to -0.15 at 6\.\d s; the last values", check.words)
 
 
 def test_jumps_of_the_estimator_are_taken_back(autopilots, tmp_path):
