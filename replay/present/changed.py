@@ -14,7 +14,7 @@ from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.identify.bias_and_trim import WORTH
-from wrenchgap.learn.posterior.settings import CHANGES
+from wrenchgap.learn.posterior.settings import CHANGES, DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, numbers, parameters, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
@@ -126,9 +126,8 @@ def what_next(found: Changed, healthy: Sequence[str], model: str, options: str =
     """What to do after the answer, with the logs and the model as the user named them."""
     against = f"--healthy {shlex.join(healthy)} -m {shlex.quote(model)}{options}"
     if found.verdict is not Verdict.NOTHING and (exchanged := what_to_inspect.exchanged(found)):
-        return [
-            Line(f"next, if the sides were exchanged: wrenchgap changed {exchanged} -m {shlex.quote(model)}{options}")
-        ]
+        other = f"wrenchgap changed {exchanged} -m {shlex.quote(model)}{options}"
+        return [Line(f"next, if the sides were exchanged: {other}")]
     if found.verdict is not Verdict.NOTHING:
         unlike = found.louder and what_to_inspect.unlike_rates(found)
         first = "fly again" if unlike else "mend it, fly again, and see whether it is gone"
@@ -163,7 +162,8 @@ def _verdict(found: Changed) -> str:
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
     unclear = what_to_inspect.unclear(found)
-    said, sure = [], bool(found.firm or (others and not unclear))
+    certain = bool(others) and not unclear and sum(s.weight for s in group) >= DEFAULT.firm
+    said, sure = [], bool(found.firm) or certain
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
         words = name if first is None else in_words(found, first)

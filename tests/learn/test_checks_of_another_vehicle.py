@@ -42,6 +42,29 @@ def test_one_factor_on_every_thrust_is_a_c_f_and_no_other_vehicle(tilting, facto
     assert check.level == level
 
 
+def test_a_mass_twice_too_large_is_told_from_a_unit_of_the_commands(tilting):
+    """The rotors make the commanded force by themselves: c_f knows its unit, and what it carries is the mass."""
+    model, flight = tilting
+    body = replace(model.vehicle.body, mass=2.0 * model.vehicle.body.mass)
+    (check,) = of_name(flight, replace(model, vehicle=replace(model.vehicle, body=body)), "force-unit")
+    assert check.level == "bad"
+    assert check.mend is None
+    assert "carry 4 kg: correct vehicle.mass" in check.words
+
+
+def test_arms_twice_too_long_are_told_from_an_inertia(tilting):
+    """M = J domega holds for the commanded torque, and not for what the arms make of the thrusts."""
+    model, flight = tilting
+    arms = replace(model.vehicle.arms, position_B=2.0 * model.vehicle.arms.position_B)
+    (*_, check) = of_name(flight, replace(model, vehicle=replace(model.vehicle, arms=arms)), "inertia")
+    assert check.level == "bad"
+    assert "as the model's inertia says" in check.words
+    assert "correct the arms' length" in check.words
+    body = replace(model.vehicle.body, inertia=3.0 * model.vehicle.body.inertia)
+    (*_, check) = of_name(flight, replace(model, vehicle=replace(model.vehicle, body=body)), "inertia")
+    assert "correct vehicle.inertia" in check.words
+
+
 @pytest.mark.parametrize("factor", [1.03, 0.95])
 def test_one_rotor_whose_logged_speed_is_off_is_said_and_is_no_weak_rotor(tilting, factor):
     """The commanded wrench of the same log needs another speed of it: T = c_f Omega^2 at (1 / factor) times that."""

@@ -352,6 +352,15 @@ def test_footnotes_are_separated():
     assert "   " not in presented.SIZES_LEGEND + presented.ALONE_LEGEND
 
 
+@pytest.mark.parametrize(("weight", "begins"), [(0.95, "Changed: "), (0.6, "Perhaps changed: ")])
+def test_of_a_class_that_is_not_certain_nothing_is_said_to_have_changed(moved, weight, begins):
+    """Two sets that these flights cannot tell apart, with most of the weight or with half of it."""
+    one = moved.classes[0].sets[0]
+    alike = tuple(replace(one, names=names, weight=0.5 * weight) for names in (("com_offset",), ("mass", "com_offset")))
+    found = replace(moved, firm=(), classes=(replace(moved.classes[0], sets=alike, weight=weight),))
+    assert presented.summary(found).startswith(begins)
+
+
 def test_a_part_is_told_with_its_place_unless_its_name_says_it():
     """Forward is x, left is y: the second arm of six is 60 deg to the left of the front."""
     vehicle = MODEL.vehicle

@@ -73,7 +73,26 @@ def sizes(model: Model, seen: CommandsAndMotion) -> Iterator[Check]:
     """Torques that are of another size than the motion needs."""
     felt, tried = _accelerations(model, seen)
     found = [_size(felt[:, k], [made[:, k] for made in tried]) for k in range(3)]
+    if seen.made is not None and seen.wrench is not None:
+        asked = at_lags(seen, seen.wrench[:, 3:] / np.diag(model.vehicle.body.inertia), fast=True)
+        known = [_size(felt[:, k], [torque[:, k] for torque in asked]) for k in range(3)]
+        off = {k: s for k, s in enumerate(found) if s is not None and _is_off(s) and known[k] is not None}
+        if off and not any(map(_is_off, known)):
+            yield _of_arms(off)
+            return
     yield from _of_sizes(model, found, logged=seen.made is not None)
+
+
+def _is_off(size: float | None) -> bool:
+    return size is not None and not 1.0 / TORQUES.size < size < TORQUES.size
+
+
+def _of_arms(off: dict[int, float]) -> Check:
+    """Where the commanded torque turns the vehicle as the model's inertia says, and that of the actuators does not."""
+    listed = ", ".join(f"{s:.2g} about {AXES[k]}" for k, s in off.items())
+    words = "The commanded torque turns the vehicle as the model's inertia says, and what the model makes of the logged"
+    ask = "kappa" if set(off) == {2} else "the arms' length, or c_f"
+    return Check("inertia", "bad", f"{words} actuators does so by factors of {listed}: correct {ask}, in the model")
 
 
 def _accelerations(model: Model, seen: CommandsAndMotion) -> tuple[Array, list[Array]]:
@@ -91,7 +110,7 @@ def _size(felt: Array, tried: list[Array]) -> float | None:
 
 
 def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Iterator[Check]:
-    off = {k: s for k, s in enumerate(sizes) if s is not None and not 1.0 / TORQUES.size < s < TORQUES.size}
+    off = {k: s for k, s in enumerate(sizes) if s is not None and _is_off(s)}
     if not off:
         return
     vehicle = model.vehicle

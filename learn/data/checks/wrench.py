@@ -57,11 +57,23 @@ def force_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterato
         yield Check("inertial-frame", "bad", f"{words} (:ned, :enu, :frd, :flu), or not those that the log says")
     elif WRENCH.force[0] < ratio < WRENCH.force[1]:
         yield Check("force-unit", "ok", f"{said}.")
+    elif seen.wrench is not None and _same_force(seen):
+        mass = ratio * model.vehicle.body.mass
+        why = f"the rotors' thrusts (c_f) make the commanded force too, and carry {mass:.3g} kg: correct vehicle.mass"
+        yield Check("force-unit", "bad", f"{said}; {why} in the model")
     elif seen.wrench is not None:
         words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
         yield Check("force-unit", "bad", f"{said}: {why}", option(flight, words, "commanded"))
     else:
         yield _speeds(flight, model.vehicle, seen, ratio, said)
+
+
+def _same_force(seen: CommandsAndMotion, within: float = 0.1) -> bool:
+    """Whether the model's rotors make of their logged speeds the commanded force, within this share of it."""
+    if seen.made is None or seen.wrench is None:
+        return False
+    sent, made = flown(seen, seen.wrench)[:, :3], flown(seen, seen.made)[:, :3]
+    return float(np.median(np.linalg.norm(made - sent, axis=1) / np.linalg.norm(sent, axis=1))) < within
 
 
 def speed_unit(flight: Flight, model: Model, seen: CommandsAndMotion) -> Iterator[Check]:

@@ -29,6 +29,8 @@ class ReadyPanel(Panel):
             self.trajectory = gui.add_dropdown("to fly", tuple(TRAJECTORIES), initial_value="hover")
             self.payload = gui.add_number("payload [kg]", 0.0, min=0.0, step=0.05, hint="at the centre of mass")
             self.wind = gui.add_number("wind [m/s]", 0.0, min=0.0, max=50.0, step=1.0, hint="steady, from any side")
+            hint = "with which it will hover; 0: as in this flight"
+            self.voltage = gui.add_number("battery [V]", 0.0, min=0.0, max=1000.0, step=0.1, hint=hint)
             hint = "What it takes of rotors and arms, by the model as it stands and what it leaves of this flight."
             self.work = JobControls(host, "Go or no go?", self._ask, hint)
             self.answer = gui.add_html("")
@@ -44,6 +46,8 @@ class ReadyPanel(Panel):
         if not model.vehicle.has_rotors:
             raise UsageError("the model has no rotors: nothing can be said of what they have to give")
         name, asked = self.trajectory.value, {"payload": self.payload.value, "wind": self.wind.value}
+        if self.voltage.value > 0.0:
+            asked["voltage"] = self.voltage.value
 
         def ready(report: Report) -> Any:
 
