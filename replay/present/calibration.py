@@ -7,6 +7,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate
+from wrenchgap.plant.history import Outcome
 from wrenchgap.replay.present import addition, fitted_effects, numbers
 from wrenchgap.replay.present.addition import apart, differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.figures import style
@@ -72,10 +73,12 @@ def summary(found: Calibration) -> list[str]:
         ]
     if found.added is None:
         return [f"Nothing helps on held-out time of {count}: {same}."]
-    told = f"Calibrated on {count}: {', '.join(found.effects)}."
+    told, trial = f"Calibrated on {count}: {', '.join(found.effects)}.", found.added.trial
     largest = fitted_effects.largest_of(found.model, found.effects)
+    if largest and trial is not None and trial.outcome is not Outcome.BETTER:
+        largest = f"Not established: {largest[0].lower()}{largest[1:]}"
     return [
-        told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}.",
+        told if trial is None else f"{told} On held-out time {verdict(trial)}.",
         *([largest] if largest else []),
     ]
 

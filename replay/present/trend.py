@@ -74,7 +74,7 @@ def summary(found: Trend) -> list[str]:
         return [f"{count} flights: nothing can be said about steps and drifts; {COURSE.fewest} or more are needed."]
     if not found.changed and not found.scattered:
         return [f"Nothing changed over these {count} flights beyond the scatter between them."]
-    first = [] if found.changed else [f"No step and no drift over these {count} flights."]
+    first = [] if found.changed else [f"Whether by a step or a drift, {count} flights do not tell."]
     said, looks = [sentence(p, found) for p in (*found.changed, *found.scattered)], places(found)
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
     rotors = [p for p in (*found.changed, *found.scattered) if p.effect == "rotor_thrust"]

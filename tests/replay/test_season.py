@@ -109,7 +109,7 @@ def test_a_rotor_that_is_weak_on_some_flights_is_told_with_these_flights():
     assert (weak.effect, weak.name, weak.course.apart) == ("rotor_thrust", "rotor_2", (1, 4))
     first, second, last = present.summary(found)
     assert "outside the scatter of the others: flights 2, 5." in first
-    assert second == "No step and no drift over these 7 flights."
+    assert second == "Whether by a step or a drift, 7 flights do not tell."
     assert last == f"Look at: {model.vehicle.called('rotor_2')}."
     body = present.to_json(found)
     assert (body["verdict"], body["inspect"]) == ("scattered", [model.vehicle.called("rotor_2")])
