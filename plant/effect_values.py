@@ -83,6 +83,19 @@ def drawn(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
     return WrenchModel(model.vehicle, tuple(effects))
 
 
+def with_drawn_inertia(model: WrenchModel, rng: np.random.Generator) -> WrenchModel:
+    """The model with moments of inertia drawn within the tolerances of its vehicle; as it is without any, and with an
+    effect that says them.
+    """  # noqa: D205
+    tolerance = model.vehicle.tolerances.inertia
+    if tolerance is None or any(e.name == "inertia" for e in model.effects):
+        return model
+    change = np.concatenate((np.diag(tolerance) * rng.standard_normal(3), np.zeros(3)))
+    low, high = np.array([(p.low, p.high) for p in find("inertia").parameters(model.vehicle)]).T
+    drawn_now = make_effect(model.vehicle, "inertia", np.clip(change, low, high))
+    return WrenchModel(model.vehicle, (*model.effects, drawn_now))
+
+
 def with_load(model: Model, payload: float) -> WrenchModel:
     """The model with a mass [kg] more at its centre of mass."""
     if payload == 0.0:

@@ -50,8 +50,8 @@ class Gains(StrEnum):
 @dataclass(frozen=True)
 class LoopMargins:
     """Of the attitude loop about an `axis`: margins of phase [deg] and gain [dB], `nominal` (2,), and as drawn, 5th,
-    50th and 95th percentile (3,) each; the `probability` that both are large enough; by what to multiply the gains so
-    that it is `GO`, one where it is, None where less gain does not help.
+    50th and 95th percentile (3,) each; the `probability` that both are large enough, and that `half` of them is left;
+    by what to multiply the gains so that it is `GO`, one where it is, None where less gain does not help.
     """  # noqa: D205
 
     axis: str
@@ -59,6 +59,7 @@ class LoopMargins:
     phase: Array
     gain: Array
     probability: float
+    half: float
     factor: float | None
 
 
@@ -110,9 +111,8 @@ def _loops(
         by_factor = [phase_and_gain_margins(factor * loops[:, k]) for factor in FACTORS]
         share = [float(np.mean((phase >= PHASE) & (gain >= GAIN))) for phase, gain in by_factor]
         helped = [float(f) for f, p in zip(FACTORS, share, strict=True) if p >= GO]
+        half = float(np.mean((by_factor[0][0] >= 0.5 * PHASE) & (by_factor[0][1] >= 0.5 * GAIN)))
         phase, gain = (np.percentile(np.minimum(x, 1e3), WITHIN) for x in by_factor[0])
-        found = LoopMargins(
-            AXES[3 + k], before[k], phase, gain, min(share[0], DEFAULT.certain), helped[0] if helped else None
-        )
-        out.append(found)
+        sure = (min(share[0], DEFAULT.certain), min(half, DEFAULT.certain))
+        out.append(LoopMargins(AXES[3 + k], before[k], phase, gain, *sure, helped[0] if helped else None))
     return tuple(out)

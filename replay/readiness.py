@@ -35,7 +35,7 @@ from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.demand import Demand, demand
-from wrenchgap.plant.effect_values import WeakRotor, drawn, in_wind, weakened_rotors, with_load
+from wrenchgap.plant.effect_values import WeakRotor, drawn, in_wind, weakened_rotors, with_drawn_inertia, with_load
 from wrenchgap.plant.simulation.flight_plan import Plan, designed_for, prepare
 from wrenchgap.plant.trajectory.reference import Reference, check_sampled
 from wrenchgap.plant.trajectory.shapes import Flat
@@ -182,7 +182,7 @@ def ready(
     report(0.1, "what these flights leave")
     records = [r for f in flights for r in f.records]
     process = disturbance_process([_left(r, model) for r in records])
-    models = [in_wind(drawn(loaded, rng), wind, rng) for _ in range(DRAWS)]
+    models = [in_wind(with_drawn_inertia(drawn(loaded, rng), rng), wind, rng) for _ in range(DRAWS)]
     disturbances, constants = process.draws(DRAWS, len(state.time), PERIOD, rng)
     report(0.3, "flying it")
     needed = demand(models, state, motion, PERIOD, disturbances)
@@ -310,10 +310,12 @@ def _beyond(records: Sequence[Record], reference: Reference, wind: float, force:
 
 
 def _decision(authority: Sequence[Authority], loops: Sequence[LoopMargins], *, plain_go: bool) -> Decision:
-    least = min((*(one.probability for one in authority), *(one.probability for one in loops)))
-    if least < NO_GO:
+    """A loop that keeps less than its margins is flown with care; one that loses half of them may be lost in a gust."""
+    parts = [one.probability for one in authority]
+    if min((*parts, *(one.half for one in loops))) < NO_GO:
         return Decision.NO_GO
-    return Decision.GO if least >= GO and plain_go else Decision.CARE
+    enough = min((*parts, *(one.probability for one in loops))) >= GO
+    return Decision.GO if enough and plain_go else Decision.CARE
 
 
 def _explained(worst: Array, drawn_with: Array) -> float:

@@ -103,6 +103,8 @@ class LoopMargins(TypedDict):
     """The same [dB]."""
     probability: float
     """That both are large enough."""
+    half: float
+    """That half of them is left."""
     factor: Number
     """By which to multiply the gains; null where less gain does not help."""
 

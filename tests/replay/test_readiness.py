@@ -34,7 +34,7 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.command_curve import CommandCurve, Polynomial
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay import readiness
-from wrenchgap.replay.loop_margins import Gains
+from wrenchgap.replay.loop_margins import Gains, LoopMargins
 from wrenchgap.replay.present.documents import document
 from wrenchgap.replay.present.readiness import NOT_SAID, parts, to_json
 from wrenchgap.replay.readiness import ROOM, Decision
@@ -129,6 +129,29 @@ def test_a_delay_is_not_said_where_commands_answer_the_motion(monkeypatch):
     assert [one.effect for one in as_flown(flights, model)[1]] == ["command_delay"]
     monkeypatch.setattr(contradiction, "answering_axes", lambda timing: (3, 4, 5))
     assert as_flown(flights, model)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("probability", "half", "decision"), [(0.95, 0.98, "go"), (0.4, 0.98, "go with care"), (0.1, 0.4, "no go")]
+)
+def test_margins_that_are_a_little_short_are_flown_with_care(ready, probability, half, decision):
+    """45 deg and 6 dB are what a loop should have; one that has flown with 44 and 5.9 has not failed."""
+    margins = np.array([44.0, 5.9]), np.array([40.0, 44.0, 48.0]), np.array([5.0, 5.9, 7.0])
+    loop = LoopMargins("torque_x", *margins, probability, half, 0.9)
+    authority = [replace(one, probability=0.98) for one in ready.authority]
+    assert readiness._decision(authority, [loop], plain_go=True) == decision
+
+
+def test_an_inertia_that_is_guessed_is_drawn():
+    """Of a loop gain that goes with 1 / J a tolerance of 30 % makes a tenth: a gain margin within +-3 dB or so."""
+    model = weak(loss=0.05)
+    flights = wg.open_flights(fly([Case("sound", excited=0.3, seed=5, seconds=12.0, blades=(0.95, 1, 1, 1))]), MODEL)
+    inertia = model.vehicle.body.inertia
+    guessed = replace(model.vehicle, tolerances=replace(model.vehicle.tolerances, inertia=0.3 * inertia))
+    sure, unsure = (wg.ready(flights, one, "hover").loops for one in (model, replace(model, vehicle=guessed)))
+    for known, wide in zip(sure, unsure, strict=True):
+        assert known.gain[2] - known.gain[0] < 1.0
+        assert 4.0 < wide.gain[2] - wide.gain[0] < 12.0  # 20 log10(1.5 / 0.5) is 9.5 dB
 
 
 def test_what_flights_end_with_is_what_flies_again():
