@@ -142,5 +142,5 @@ def input_error_notes(name: str, records: Sequence[Record]) -> list[str]:
     parts += [f"of {', '.join(rest)} less than half of the frequencies"] if rest else []
     if not parts:
         return []
-    why = "the logged commands are snapshots of faster ones, and look like commands that were never sent"
-    return [f"{name}: {' and '.join(parts)}: {why}; log them at the rate of the loop to see more."]
+    why = "there the motion does not follow the logged commands, as where they are snapshots of faster ones"
+    return [f"{name}: {' and '.join(parts)}: {why}; if they are, log them at the rate of the loop."]

@@ -283,7 +283,7 @@ class _Search:
             segments = tuple(replace(s, vigour=SEARCH.softer * s.vigour) for s in segments)
         raise FitError(
             f"design: on the plant the vehicle {'; '.join(reasons)}, even when softened {SEARCH.attempts - 1} times; "
-            "give it more room or speed, or less tilt"
+            "give it more room (--room) or speed (--max-speed), or less tilt (--max-tilt)"
         )
 
     def _file(self, segments: Sequence[Segment]) -> TrajectoryFile:

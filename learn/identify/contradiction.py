@@ -17,7 +17,7 @@ from wrenchgap.learn.data.dataset import dataset, latest, spread_out
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
-from wrenchgap.learn.identify.bias_and_trim import typical_trim
+from wrenchgap.learn.identify.bias_and_trim import trim_of, typical_trim
 from wrenchgap.learn.identify.fit import Fit, fit
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
@@ -92,7 +92,9 @@ def as_flown(flights: Sequence[OpenFlight], model: Model) -> tuple[Model, tuple[
 
 
 def _contradictions(found: Fit, model: Model) -> tuple[Contradiction, ...]:
-    torque = typical_trim(model)[3:]
+    trim, usual_torque = trim_of(model), typical_trim(model)
+    usual_torque[trim.axes] = np.maximum(usual_torque[trim.axes], trim.scale * trim.unit)  # what the model grants
+    torque = usual_torque[3:]
     lever = float(torque[0]) / (model.vehicle.body.mass * GRAVITY)
     usual = dict(zip(("torque_x", "torque_y", "torque_z"), torque, strict=True)) | {"x": lever, "y": lever}
     out = []

@@ -180,8 +180,8 @@ def learnable_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> 
     found = tuple(axis for axis in measured if not unsaid[AXES.index(axis)])
     if not found:
         raise FitError(
-            f"{listed}: the logged commands are snapshots of faster ones and say nothing but the mean of "
-            f"{', '.join(measured)}: there is nothing to learn; log commands at the rate of the loop"
+            f"{listed}: but for the mean, {', '.join(measured)} does not follow the logged commands, as where they are "
+            "snapshots of faster ones: there is nothing to learn; if they are, log commands at the rate of the loop"
         )
     return found
 

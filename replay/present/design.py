@@ -114,10 +114,10 @@ def sentence(design: Design) -> str:
             f"The best flight found should separate {names} (expected separation {design.expected.separation:.1f}), "
             f"but fits to the simulated flights do not confirm it ({least}); do not rely on it."
         )
-    return (
-        f"No reference trajectory within these limits separates {names}: {_reason(hard)}. "
-        f"Expected separation of the best flight found: {hard.separation:.1f} ({least})."
-    )
+    said = f"No reference trajectory within these limits separates {names}: {_reason(hard)}."
+    if hard.separation >= SIGNIFICANCE.indistinct:  # by its share, not by the noise
+        return said
+    return f"{said} Expected separation of the best flight found: {hard.separation:.1f} ({least})."
 
 
 def _before(before: Separability) -> str:

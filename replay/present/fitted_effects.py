@@ -78,6 +78,8 @@ def largest_of(model: Model, names: Sequence[str]) -> str:
         clause += ", or propellers are weak there"
     elif one.subject == "what is commanded":  # the same for motion that is slow beside it
         clause += ", or the motors are slower by as much"
+    elif one.subject == "the IMU" and one.is_so.startswith("turned"):  # in a hover the same
+        clause += ", or wind or another constant force pushed"
     elif one.subject == "all thrust":
         clause += f", or the vehicle {'lighter' if one.is_so.endswith('higher') else 'heavier'}"
     return f"{'Largest: ' if len(found) > 1 else ''}{clause[:1].upper()}{clause[1:]} ({one.values})."
