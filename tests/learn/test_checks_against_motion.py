@@ -60,7 +60,7 @@ def test_every_spin_turned_over_is_seen_in_the_yaw(flown):
     assert "spin" in flags["rotors"].words
 
 
-@pytest.mark.parametrize("shake", [1e-3, 0.03])
+@pytest.mark.parametrize("shake", [1e-3, 0.01])
 def test_motors_on_a_bench_are_no_flight(flown, shake):
     """The commands of a flight, and an IMU at rest, still or shaken by the motors."""
     model, flight = flown

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.motion import cosine
+from wrenchgap.flight.checks.motion import cosine, rms
 from wrenchgap.learn.data.checks.commands_and_motion import COMPARED, CommandsAndMotion, at_lags, moving
 
 AXES = [2, 3, 4, 5]
@@ -23,6 +23,10 @@ class BenchThresholds:
     """How many times more than it turns the commands would turn it about x and about y. Real hovers: up to 7, since
     commands answer disturbances; the runs on a bench: 172 and more."""
 
+    still: float = 0.003
+    """Rate [rad/s], rms of all axes, above which it may fly, and its commands be snapshots of faster ones that say
+    nothing of its motion. Recorded flights: 0.09 and more; runs on a bench: up to 0.001."""
+
 
 BENCH = BenchThresholds()
 
@@ -38,7 +42,8 @@ def bench(seen: CommandsAndMotion) -> list[Check]:
     error = (2.0 * (COMPARED.cutoff_hz - COMPARED.fast_hz) * len(felt) * seen.dt) ** -0.5
     alike = max(abs(cosine(felt[:, [k]], one[:, [k]])) for one in made for k in range(len(AXES)))
     times = np.sqrt(np.mean(made[0] ** 2, axis=0) / np.maximum(np.mean(felt**2, axis=0), 1e-30))
-    if alike > BENCH.chance * error or not np.all(times[1:3] > BENCH.louder):
+    still = rms(moving(seen, seen.omega, fast=True)) < BENCH.still
+    if not still or alike > BENCH.chance * error or not np.all(times[1:3] > BENCH.louder):
         return []
     words = f"The motors are commanded to turn the vehicle {times[1:3].min():.0f} times more than it turns, and nothing"
     return [Check("motion", "bad", f"{words} that the IMU reads goes with them, as on a bench: give a flight")]
