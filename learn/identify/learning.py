@@ -180,8 +180,8 @@ def learnable_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> 
     found = tuple(axis for axis in measured if not unsaid[AXES.index(axis)])
     if not found:
         raise FitError(
-            f"{listed}: but for the mean nothing of {', '.join(measured)} follows the logged commands, as where they are "
-            "snapshots of faster ones: there is nothing to learn; if they are, log commands at the rate of the loop"
+            f"{listed}: but for the mean nothing of {', '.join(measured)} follows the logged commands, as where they "
+            "are snapshots of faster ones: there is nothing to learn; if they are, log commands at the rate of the loop"
         )
     return found
 

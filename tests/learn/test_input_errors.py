@@ -111,8 +111,6 @@ def test_a_healthy_vehicle_is_not_calibrated_by_what_its_log_cannot_carry(snapsh
 
 def test_there_is_nothing_to_learn_from_snapshots(snapshots, crazyflie):
     """A process would learn that nothing comes of what was never sent."""
-    with pytest.raises(
-        FitError,
-        match="nothing of torque_x, torque_y, torque_z follows the logged commands, .*there is nothing to learn",
-    ):
+    words = "but for the mean nothing of torque_x, torque_y, torque_z follows the logged commands"
+    with pytest.raises(FitError, match=words):
         wg.learn_gp(snapshots, crazyflie)
