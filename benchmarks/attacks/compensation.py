@@ -14,7 +14,7 @@ import wrenchgap as wg
 from benchmarks.attacks import Attack, Outcome
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.compensate.reach import Reach, reach_of
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.model import Model, make_effect
@@ -257,12 +257,45 @@ def _latched(_: Path) -> Outcome:
     )
 
 
+def _refused(make: Callable[[], object], words: str) -> Callable[[Path], Outcome]:
+    """Whether a compensation is refused in these words."""
+
+    def tried(_: Path) -> Outcome:
+        try:
+            make()
+        except WrenchgapError as error:
+            return Outcome(words in str(error), f"refused: {str(error)[:160]}")
+        return Outcome(False, "was made")
+
+    return tried
+
+
+def _reversed() -> object:
+    return PhysicsMismatch(_with("tilt_hexarotor", thrust_scale=[-1.5]).wrench_model, TORQUE)
+
+
+def _beyond() -> object:
+    model = wg.load_model("tilt_hexarotor")
+    gp = _process(model, "zero")
+    return Compensator(replace(gp, mismatch_max=1e6 * gp.mismatch_max), vehicle=model.vehicle)
+
+
 BOUND = (
     "finite, inside the vehicle's reach, correction within its stated bound; after a demand or state that is refused "
     "the next ordinary command is that of a fresh start (with the observer's estimate) within 1e-6"
 )
 ATTACKS = (
     Attack("a demand that saturates the rotors, then hover, compensated by `com_offset`", BOUND, _latched),
+    Attack(
+        "a model file with which all thrust is -0.5 of what is commanded",
+        "refused: could not fly",
+        _refused(_reversed, "could not fly"),
+    ),
+    Attack(
+        "a stored process that says it has seen a mismatch beyond what the vehicle makes",
+        "refused: damaged or of another vehicle",
+        _refused(_beyond, "damaged or of another vehicle"),
+    ),
     Attack(
         "exported C, double, under address and undefined-behaviour sanitisers: saturated, upset, huge, tiny, denormal "
         "and non-finite demands and states",
