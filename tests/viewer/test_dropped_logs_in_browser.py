@@ -141,6 +141,19 @@ def test_from_a_dropped_log_to_the_error_that_falls(pilot, written, kind):
     assert ("assumed: " in pilot.text()) == (kind != "csv")
 
 
+def test_a_log_that_was_dropped_by_mistake_is_left_out_again(pilot, written, tmp_path):
+    pilot.drops(written("ulg"))
+    pilot.sees("mass [kg]", 120.0)
+    mistake = tmp_path / "other.csv"
+    written("csv").rename(mistake)
+    pilot.drops(mistake)
+    pilot.eventually(lambda: "other.csv" in pilot.text() and "flight1.ulg" in pilot.text(), "both are judged", 120.0)
+    pilot.chooses("leave out", "2: other.csv")
+    pilot.click("Leave it out")
+    pilot.eventually(lambda: "other.csv" not in pilot.text(), "it is still there", 120.0)
+    pilot.sees("flight1.ulg")
+
+
 @pytest.fixture
 def two_crazyflies(pilot, written, once, tmp_path):
     """A pilot with two logs and their model; the second one has a weak rotor, and is shown."""

@@ -66,6 +66,7 @@ class LogsPanel(Panel):
             self.work.button.visible = there
             if there and made:
                 gui.add_html(markup.sentences(NEXT))
+            self._leave_out(there)
             self.answer = gui.add_html(self._answer("lines"))
             with gui.add_folder("Another model" if made else "Model", visible=there, expand_by_default=not made):
                 self._form()
@@ -73,6 +74,17 @@ class LogsPanel(Panel):
                 gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
             gui.add_html(self._answer("rows"))
+
+    def _leave_out(self, there: bool) -> None:
+        """For a log that was dropped by mistake."""
+        self.names = [f"{k}: {path.name}" for k, path in enumerate(self.intake.logs, 1)]
+        self.which = self.host.gui.add_dropdown("leave out", tuple(self.names) or ("",), visible=there)
+        self.leave = JobControls(self.host, "Leave it out", lambda: self._run(self.leave, self._without))
+        self.leave.button.visible = there
+
+    def _without(self, now: Intake, report: Report) -> Intake:
+        left_out = self.names.index(self.which.value)
+        return now.with_logs([path for k, path in enumerate(now.logs) if k != left_out], report)
 
     def _form(self) -> None:
         """Which model, with what was said of it before; sizes only where it is made here."""
@@ -137,7 +149,7 @@ class LogsPanel(Panel):
 
         What `came` and is no log of it in the end, is removed. One thing at a time: another one would be lost.
         """
-        if self.work.running or self.make.running:
+        if self.work.running or self.make.running or self.leave.running:
             again = "click again" if came is None else f"drop {came.name} again"
             raise UsageError(f"the page is at work; {again} when that has ended")
 
