@@ -124,7 +124,7 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
     known, moments = [s for s in sizes if s is not None], np.diag(vehicle.body.inertia)
     by_log = ", ".join("?" if s is None else f"{s * J:.3g}" for s, J in zip(sizes, moments, strict=True))
     if len(known) == 3 and max(known) < TORQUES.together * min(known):
-        hint = "or the unit of the torques"
+        hint = "the unit of the torques, or how thrust goes with the commands"
     elif 2 not in off:
         hint = "or the arms' length"
     else:
