@@ -13,9 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.flight import Array, Indices
+from wrenchgap.flight.flight import AXES, Array, Indices
+from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset, length_scale
 from wrenchgap.learn.data.errors import means_by
+from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -190,6 +192,15 @@ def granted_trims(
     clear = data.measured_axes & (np.abs(mean) * root > np.maximum(different * np.sqrt(noise), unusual * usual))
     order = np.argsort(-np.abs(mean) / usual)
     return tuple(GrantedTrim(int(k), float(mean[k]), float(abs(mean[k]) / usual[k])) for k in order if clear[k])
+
+
+def unclear_constant(values: Sequence[Value]) -> Array:
+    """Of a constant wrench that was fitted (6,), the components that are within chance: a trim that is granted too has
+    the rest of each, and neither is beyond its error by itself.
+    """  # noqa: D205
+    by = {v.name: v for v in values}
+    unclear = [name in by and abs(by[name].value) <= SIGNIFICANCE.alone * (by[name].std or 0.0) for name in AXES]
+    return np.array([by[name].value if keep else 0.0 for name, keep in zip(AXES, unclear, strict=True)])
 
 
 def means_of_flights(data: Dataset, left: Array) -> tuple[Array, Array]:

@@ -41,7 +41,13 @@ from wrenchgap.learn.data.errors import reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
-from wrenchgap.learn.identify.bias_and_trim import FlightsApart, GrantedTrim, flights_apart, granted_trims
+from wrenchgap.learn.identify.bias_and_trim import (
+    FlightsApart,
+    GrantedTrim,
+    flights_apart,
+    granted_trims,
+    unclear_constant,
+)
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
@@ -160,7 +166,7 @@ def search_dataset(
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
         apart=flights_apart(data, left, model),
-        granted=granted_trims(data, left, model),
+        granted=granted_trims(data, left + unclear_constant(whole.fit.values("constant_wrench")), model),
         given={e.name: e.theta for e in model.effects},
         limits=detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of),
         **vars(rest),

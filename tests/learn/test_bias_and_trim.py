@@ -13,9 +13,11 @@ from wrenchgap.learn.identify.bias_and_trim import (
     granted_trims,
     trim_of,
     typical_trim,
+    unclear_constant,
 )
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.plant import model_file
+from wrenchgap.plant.history import Value
 from wrenchgap.plant.model_file import dumps, loads
 from wrenchgap.plant.vehicle import GRAVITY
 
@@ -126,3 +128,10 @@ def test_a_constant_that_flights_share_beyond_their_scatter_is_told(fly, hexarot
         assert not granted_trims(data, left, hexarotor)  # that model grants no torque
     (one,) = granted_trims(data, left + np.array([0.0, 0.0, 0.0, 0.0, 2.0 * usual, 0.0]), knows)
     assert (one.mean, one.ratio) == pytest.approx((3.5 * usual, 3.5), rel=0.02)
+
+
+def test_what_a_constant_wrench_has_of_a_trim_within_chance_is_counted_with_it():
+    """0.5 +- 0.3 Nm of a yaw that is granted as well; 4 +- 0.5 N are the effect's own."""
+    values = [Value("force_x", 4.0, 0.5, "N"), Value("torque_z", 0.5, 0.3, "Nm")]
+    np.testing.assert_array_equal(unclear_constant(values), [0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+    np.testing.assert_array_equal(unclear_constant([]), np.zeros(6))
