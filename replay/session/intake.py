@@ -47,6 +47,14 @@ def _folder() -> Path:
     return Path(tempfile.mkdtemp(dir=work_files.folder()))
 
 
+def filtered(log: LogHealth) -> tuple[str, ...]:
+    """Roles whose rates a filter has to go with: no normalised wrench where the motors' commands are logged."""
+    flight = log.inspection.flight
+    if flight is None or flight.actuators is None or flight.commanded is None or flight.commanded.unit == "N":
+        return FILTERED
+    return tuple(role for role in FILTERED if role != "commanded")
+
+
 @dataclass(frozen=True)
 class Intake:
     """Logs of one vehicle, what `check` says of them, and the model once there is one; changes make another intake.
@@ -96,7 +104,7 @@ class Intake:
     def cutoff_hz(self) -> float:
         """The cut-off of the options, or a lower one for which motion and commands of all logs are fast enough [Hz]."""
         logs = () if self.health is None else self.health.logs
-        slowest = min((r.hz for log in logs for r in log.rates if r.role in FILTERED), default=np.inf)
+        slowest = min((r.hz for log in logs for r in log.rates if r.role in filtered(log)), default=np.inf)
         return min(self.options.low_pass_hz(self.model), max(usable_cutoff(slowest), LEAST_CUTOFF))
 
     def session(self, report: Report, first: MakePanel | None = None) -> Session:

@@ -1,6 +1,7 @@
 """Logs without a model, as the page shows them, and the model that is made of them."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import wrenchgap as wg
 from tests.flight.formats.test_blackbox import TIME, decoded
 from tests.replay.autopilot_logs import MASS, every, write_dataflash, write_ulog
 from wrenchgap.plant.drafts.sources import Given
-from wrenchgap.replay.session.intake import NOTHING_YET, BareSession, Intake
+from wrenchgap.replay.session.intake import NOTHING_YET, BareSession, Intake, filtered
 from wrenchgap.replay.session.log_session import LogSession
 
 
@@ -109,6 +110,15 @@ def test_motors_at_ten_hertz_get_a_low_pass_that_they_allow(autopilot_flights, t
     assert slow.cutoff_hz == pytest.approx(3.8, abs=0.11)
     (flight,) = slow.drafted(Given(mass=MASS), quiet).session(quiet).working.flights.values()
     assert flight.records[0].cutoff_hz == slow.cutoff_hz
+
+
+@pytest.mark.parametrize(
+    ("unit", "motors", "asked"), [("normalised", True, False), ("normalised", False, True), ("N", True, True)]
+)
+def test_a_normalised_wrench_beside_the_motors_commands_asks_for_no_low_pass(unit, motors, asked):
+    """What a model makes of motors logged at 50 Hz does not wait for setpoints at 10 Hz."""
+    flight = SimpleNamespace(actuators=object() if motors else None, commanded=SimpleNamespace(unit=unit))
+    assert ("commanded" in filtered(SimpleNamespace(inspection=SimpleNamespace(flight=flight)))) == asked
 
 
 def test_a_betaflight_table_makes_a_model_with_its_thrust_curve(tmp_path):
