@@ -8,7 +8,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.attitude import ATTITUDE, rate_check
-from wrenchgap.flight.checks.motion import AXES_SEARCH, MotionMeans, cosine, rms, without_mean
+from wrenchgap.flight.checks.motion import AXES_SEARCH, MotionMeans, best_axes, cosine, rms, without_mean
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.flight import GRAVITY, Array, Flight
 
@@ -91,6 +91,7 @@ def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
     """Lengths of the odometry against the accelerometer."""
     scale = None if seen is None else _scale(seen, seen.accelerating)
     if seen is None or scale is None:
+        yield from [] if seen is None else _position_axes(flight, seen)
         return
     if _near_one(scale):
         yield Check("odometry-scale", "ok", f"Accelerations of the odometry are {scale:.2f} times the accelerometer's.")
@@ -108,6 +109,19 @@ def odometry_scale(flight: Flight, seen: MotionMeans | None) -> Iterator[Check]:
             mend += f" {option(flight, f'velocity*{factor(1.0 / scale)}', 'twist')}"
     said = f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres"
     yield Check("odometry-scale", "bad", said, mend)
+
+
+def _position_axes(flight: Flight, seen: MotionMeans) -> Iterator[Check]:
+    """Positions whose axes are others than those of the attitude, as of motion capture with y up."""
+    if seen.accel is None or np.isnan(seen.accel).any():
+        return
+    felt = without_mean(so3.rotate(seen.attitude, seen.accel) - np.array([0.0, 0.0, GRAVITY]))
+    found = best_axes([(felt, without_mean(seen.accelerating))]) if rms(felt) > ODOMETRY.shaken else None
+    if found is None or found.fits < ODOMETRY.alike:
+        return
+    words = f"Accelerations of the odometry go with the accelerometer's by a cosine of {found.as_is:.2f}, and of "
+    words += f"{found.fits:.2f} with positions and velocities read as {found.words}: their axes are not those of the "
+    yield Check("inertial-frame", "bad", f"{words}attitude; convert them (z up, as the attitude has it)")
 
 
 def _scale(seen: MotionMeans, acceleration: Array | None) -> float | None:

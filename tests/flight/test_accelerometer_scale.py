@@ -221,3 +221,19 @@ def test_a_sensor_askew_by_fifteen_degrees_has_no_axis_that_lies(axis):
     mount = Rotation.from_euler(axis, 15.0, degrees=True)
     assert said(flown(mount=mount, seconds=40.0, tilt=0.1)).level == "ok"
     assert said(flown(mount=mount, seconds=40.0, tilt=1.0)).level == "ok"
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_positions_with_y_up_beside_an_attitude_with_z_up_are_said(velocity):
+    """As motion capture exports them: (x, y, z) becomes (x, -z, y)."""
+    flight = flown(velocity=velocity)
+
+    def bad(one):
+        return [c.words for c in with_checks(one).checks if c.name == "inertial-frame" and c.level == "bad"]
+
+    assert bad(flight) == []
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    own = flight.odometry
+    speed = own.velocity_E @ turn if velocity else None
+    (words,) = bad(replace(flight, odometry=replace(own, position_E=own.position_E @ turn, velocity_E=speed)))
+    assert "positions and velocities read as axes=x" in words
