@@ -35,6 +35,11 @@ def direction(degrees: float) -> str:
     return DIRECTIONS[round(degrees / 45.0) % 8]
 
 
+def side_of(x: float, y: float) -> str:
+    """The direction in the body of a point from its middle, x forward and y to the left."""
+    return direction(float(np.degrees(np.arctan2(y, x))))
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Significant digits, without exponent where a reader expects none; "-" for what is not a number."""
     if value is None or not np.isfinite(value):

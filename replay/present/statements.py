@@ -14,7 +14,7 @@ from wrenchgap.learn.health.motors import MOTORS, Motor, Motors, Shape
 from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
 from wrenchgap.learn.health.rotors import RotorPlace
 from wrenchgap.learn.health.vibration import VIBRATION, Peak, Vibration
-from wrenchgap.replay.present.numbers import by_reason, capitalised, direction, number, share
+from wrenchgap.replay.present.numbers import by_reason, capitalised, number, share, side_of
 from wrenchgap.replay.present.what_to_inspect import YAW_BIAS
 
 LEVELS = ("bad", "warn", "ok")
@@ -51,7 +51,7 @@ def rotor(place: RotorPlace) -> str:
     """A rotor by its place and its name: "front right (M1)"."""
     if place.x is None or place.y is None:
         return place.name
-    return f"{direction(float(np.degrees(np.arctan2(place.y, place.x))))} ({place.name})"
+    return f"{side_of(place.x, place.y)} ({place.name})"
 
 
 NO_FLIGHT = {
@@ -176,7 +176,7 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
     )
     if motors.shape is Shape.COM and motors.centre is not None:
         off = float(np.hypot(*motors.centre))
-        where = direction(float(np.degrees(np.arctan2(*motors.centre[::-1]))))
+        where = side_of(*motors.centre)
         return (
             f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
             "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "

@@ -18,7 +18,7 @@ from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.present.numbers import AXIS_HEADS, direction, number, quantity, share, size_in_words, unit_of
+from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, side_of, size_in_words, unit_of
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def located(vehicle: Vehicle, part: str, *also: str) -> str:
     on_arm = vehicle.rotors.arm
     arm = int(number) if kind == "arm" else int(on_arm[int(number)])
     x, y = vehicle.arms.position_B[arm, :2] - vehicle.body.com_B[:2]
-    side = direction(float(np.degrees(np.arctan2(y, x))))
-    said = [] if side in vehicle.called(part).replace("_", " ") else [side]
+    where = side_of(x, y)
+    said = [] if where in vehicle.called(part).replace("_", " ") else [where]
     if kind == "rotor" and np.count_nonzero(on_arm == arm) > 1:
         height = vehicle.rotors.offset[on_arm == arm]
         said.append(f"{'upper' if vehicle.rotors.offset[int(number)] == height.max() else 'lower'} rotor")

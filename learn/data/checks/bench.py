@@ -14,7 +14,10 @@ AXES = [2, 3, 4, 5]
 
 @dataclass(frozen=True)
 class BenchThresholds:
-    """From when on a run of the motors is no flight."""
+    """From when on a run of the motors is no flight.
+
+    Twice or half of each changes none of the 22 below, but for half of `chance`, which takes one bench for a flight.
+    """
 
     chance: float = 4.0
     """Standard errors of a cosine between commands and motion within which it is chance. Of 16 recorded flights the
