@@ -205,7 +205,7 @@ def squared(folder: Path) -> Outcome:
     try:
         changed(open_flights(logs[2], model), open_flights(logs[:2], model), model, names=["com_offset"], jobs=1)
     except LogError as error:
-        return Outcome("expected motor commands in one form" in str(error), f"refused: {str(error)[:200]}")
+        return Outcome("how thrust goes with the commands" in str(error), f"refused: {str(error)[:300]}")
     return Outcome(False, "was compared")
 
 
@@ -305,7 +305,7 @@ ATTACKS = (
     ),
     Attack(
         "a suspect flight of `changed` whose rotor speeds were logged as their squares",
-        "refused, with by how much its thrust varies more",
+        "refused: inertia, or how thrust goes with the commands",
         squared,
     ),
     Attack(
