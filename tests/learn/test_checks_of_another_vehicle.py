@@ -182,6 +182,15 @@ def test_parameters_that_say_no_place_or_of_another_number_of_motors_are_no_fram
         assert of_name(replace(flight, autopilot=Autopilot("of a test", parameters=parameters)), model, "frame") == []
 
 
+@pytest.mark.parametrize(("columns", "asked"), [("", True), ("[0,1,2,3]", True), ("[0,2,1,3]", False)])
+def test_columns_that_a_user_put_in_order_are_his(columns, asked):
+    model = wg.load_model("crazyflie")
+    flight = wg.simulate(model, "multi_axis", duration=6.0, excitation=1.0, seed=5)
+    flight = replace(flight, autopilot=Autopilot("of a test", parameters=X_CLOCKWISE | {"FRAME_TYPE": 1}))
+    flight = replace(flight, mapping={**flight.mapping, "rotor_speed": f"/motors{columns}"})
+    assert bool(of_name(flight, model, "frame")) == asked
+
+
 def test_the_crazyflie_counts_its_motors_as_its_firmware_does():
     """M1 at the front right, then clockwise: a model with motors 1 and 2 exchanged is another one."""
     model = wg.load_model("crazyflie")

@@ -1,5 +1,7 @@
 """Whether the model's rotors stand where the autopilot's parameters put its motors."""
 
+import re
+
 import numpy as np
 
 from wrenchgap.flight.check import Check
@@ -18,7 +20,7 @@ def frame(flight: Flight, vehicle: Vehicle, limit_deg: float = 30.0) -> list[Che
     Directions are compared, seen from the middle of the rotors; a frame has no lengths. `limit_deg`: a plus frame is
     45 deg from an X, motors of an octocopter are 45 deg apart, and a frame stretched to 1 : 3 is 27 deg from its X.
     """
-    motors = motors_of(flight)
+    motors = () if _reordered(flight) else motors_of(flight)
     if not motors or vehicle.rotors is None or len(vehicle.rotors) != len(motors):
         return []
     arms, rotors = vehicle.geometry()
@@ -32,6 +34,13 @@ def frame(flight: Flight, vehicle: Vehicle, limit_deg: float = 30.0) -> list[Che
     words = f"{vehicle.rotor_name(worst)} of {vehicle.name} is {apart[worst]:.0f} deg from where the log has motor"
     ask = "correct the frame, or the order of the rotors, in the model"
     return [Check("frame", "bad", f"{words} {worst + 1} ({source}): {ask}")]
+
+
+def _reordered(flight: Flight) -> bool:
+    """Whether somebody has said which column is which rotor's, as in `rotor_speed=/motors[0,2,1,3]`."""
+    listed = re.search(r"\[([\d,]+)\]", flight.mapping.get("rotor_speed", ""))
+    columns = [] if listed is None else [int(text) for text in listed[1].split(",") if text]
+    return columns != sorted(columns)
 
 
 def motors_of(flight: Flight) -> tuple[RotorDraft, ...]:
