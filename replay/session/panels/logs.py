@@ -49,6 +49,8 @@ HERE = {
     "Give its model with -m": "Give its model below",
     "`wrenchgap inspect --details` says why": "the tab Notes says why",
     "see `wrenchgap inspect`": "see the tab Notes",
+    " (`wrenchgap changed`)": ", dropped here too,",
+    "`wrenchgap view` shows": "the plots show",
 }
 """What else the page has in place of words of the command line."""
 
@@ -66,7 +68,6 @@ class LogsPanel(Panel):
             self.work.button.visible = there
             if there and made:
                 gui.add_html(markup.sentences(NEXT))
-            self._leave_out(there)
             self.answer = gui.add_html(self._answer("lines"))
             with gui.add_folder("Another model" if made else "Model", visible=there, expand_by_default=not made):
                 self._form()
@@ -74,6 +75,7 @@ class LogsPanel(Panel):
                 gui.add_html(markup.sentences(f"Wrenches pass a low-pass of {intake.cutoff_hz:g} Hz: {SLOW}"))
             self.sheet = gui.add_html(self._sheet())
             gui.add_html(self._answer("rows"))
+            self._leave_out(there)
 
     def _leave_out(self, there: bool) -> None:
         """For a log that was dropped by mistake."""
