@@ -20,6 +20,18 @@ class ParameterChange:
     after: float
 
 
+def changes_of(rows: Iterable[tuple[int, str, object]], known: Mapping[str, object]) -> tuple[ParameterChange, ...]:
+    """Which of these settings (time [ns], name, value) change a parameter; `known` are values before them."""
+    values, found = dict(known), []
+    for time_ns, name, value in rows:
+        before = values.setdefault(name, value)
+        both = [v for v in (before, value) if isinstance(v, int | float) and np.isfinite(v)]  # else damaged
+        if len(both) == 2 and both[0] != both[1]:
+            found.append(ParameterChange(name, time_ns, *both))
+            values[name] = value
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class Autopilot:
     """The autopilot that wrote a log; texts are empty where it does not say.

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.autopilot import Autopilot, ParameterChange
+from wrenchgap.flight.autopilot import Autopilot, ParameterChange, changes_of
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
@@ -83,16 +83,12 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
 
 def _changes(columns: Columns) -> tuple[ParameterChange, ...]:
     """Parameters that are logged again with another value."""
-    names, values, times = (columns.get(name) for name in ("Name", "Value", "TimeUS"))
-    if not _parameters(columns) or names is None or values is None or times is None or times.dtype.kind not in "iuf":
+    times = columns.get("TimeUS")
+    if not _parameters(columns) or times is None or times.dtype.kind not in "iuf":
         return ()
-    known: dict[bytes, float] = {}
-    found = []
-    for name, value, time in zip(names.tolist(), values.tolist(), times.tolist(), strict=True):
-        if np.isfinite(value) and known.setdefault(name, value) != value:
-            found.append(ParameterChange(name.decode(errors="replace"), 1000 * int(time), known[name], value))
-            known[name] = value
-    return tuple(found)
+    names = (name.decode(errors="replace") for name in columns["Name"].tolist())
+    stamps = (1000 * int(time) for time in times.tolist())
+    return changes_of(zip(stamps, names, columns["Value"].tolist(), strict=True), {})
 
 
 def _most(values: Array | None) -> int:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.autopilot import Autopilot, ParameterChange
+from wrenchgap.flight.autopilot import Autopilot, changes_of
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.extras import needed_for
@@ -44,7 +44,9 @@ class UlogReader(TableReader):
         firmware = (log.get_version_info_str() if number else None) or str(about.get("ver_sw", ""))[:10]
         hardware, name = str(about.get("ver_hw", "")), str(about.get("sys_name", "PX4"))
         serial = str(about.get("sys_uuid", ""))
-        every, changes = _last_values(log), _changes(log)
+        every = _last_values(log)
+        rows = ((1000 * int(time), name, value) for time, name, value in log.changed_parameters)
+        changes = changes_of(rows, log.initial_parameters)
         self.autopilot = Autopilot(name, firmware, hardware, "", every, len(log.dropouts), lost, serial, changes)
         if log.dropouts:
             self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
@@ -74,17 +76,6 @@ def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str
 def _last_values(log: Any) -> dict[str, float | int]:
     every = {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
     return {name: v for name, v in every.items() if isinstance(v, int | float) and np.isfinite(v)}  # else damaged
-
-
-def _changes(log: Any) -> tuple[ParameterChange, ...]:
-    """Parameters that were set to another value while the log was written."""
-    values, found = dict(log.initial_parameters), []
-    for time, name, value in log.changed_parameters:
-        before, values[name] = values.get(name), value
-        both = [v for v in (before, value) if isinstance(v, int | float) and np.isfinite(v)]  # else damaged
-        if len(both) == 2 and before != value:
-            found.append(ParameterChange(name, 1000 * int(time), *both))
-    return tuple(found)
 
 
 def _opened(path: Path, account: Account) -> Any:

@@ -15,6 +15,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import GRAVITY, Array, Flight, Mask, Samples, WrenchSeries, WrenchUnit
 from wrenchgap.flight.resample import resample
 from wrenchgap.flight.row_kernels import lengths, runs
+from wrenchgap.learn.data.checks.bench import stood_still
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.ground import CONTACT, grounded
 from wrenchgap.learn.data.phases.phase import SIGNALS, Phase, Signals, closed, signals_of, used_samples
@@ -48,15 +49,6 @@ class HoverThresholds:
     """Interruptions up to so long [s] do not end a hover."""
     briefest: float = 1.0
     """A shorter hover [s] is moving flight."""
-    still: float = 0.001
-    """Rate [rad/s], rms of all axes behind a low-pass of `SIGNALS.slow_hz`, below which nothing flies: it is 0.045 and
-    more in recorded flights, and up to 0.0006 of a gyroscope on a bench."""
-    varied: float = 0.01
-    """Of the usual commanded force: how much its changes are at least (rms), that a flight would show."""
-    moved: float = 0.2
-    """Way [m] that an odometry does not drift by on a bench."""
-    follows: float = 0.3
-    """Slope of the specific force over the commanded one, both in shares of their means: 1 of what flies."""
     off: float = 0.03
     """Share of the full thrust of all rotors up to which nothing flies: it would carry 33 times its weight. Motors that
     idle have 0.01."""
@@ -146,7 +138,11 @@ def phases_of(flight: Flight, thrusts: Thrusts | None, by_model: Sequence[Phase]
     unit = _unit(long)
     if unit is None:
         return FlightPhases(lack=NoPhases.MOTION)
-    if _stood_still(long):
+    turned, pushed, felt = (
+        np.concatenate([_slow(get(s), s.dt) for s in long])
+        for get in (lambda s: s.omega_B, _force, lambda s: s.specific_force_B)
+    )
+    if stood_still(turned, pushed, felt, long):
         return FlightPhases(lack=NoPhases.BENCH)
     forces = [(s, _force(s) / unit, np.nan_to_num(s.specific_force_B) / GRAVITY) for s in long]
     known = [(s, signals_of(s, pushed, felt, np.nan_to_num(s.omega_B))) for s, pushed, felt in forces]
@@ -196,20 +192,6 @@ def _unit(stretches: Sequence[Samples]) -> float | None:
             if np.mean(np.abs(np.log(ratio / unit)) < np.log1p(HOVER.proportion)) > HOVER.mostly:
                 return unit
     return found[0] if found else None
-
-
-def _stood_still(stretches: Sequence[Samples]) -> bool:
-    """Whether, while motors ran, a gyroscope read nothing, no accelerometer went with the thrust, and nothing moved."""
-    if any(s.position_E is not None and np.ptp(s.position_E, axis=0).max() > HOVER.moved for s in stretches):
-        return False
-    turned = np.concatenate([_slow(s.omega_B, s.dt) for s in stretches])
-    pushed = np.concatenate([lengths(_slow(_force(s), s.dt)) for s in stretches])
-    felt = np.concatenate([lengths(_slow(s.specific_force_B, s.dt)) for s in stretches])
-    on = pushed > SIGNALS.pushing * float(np.percentile(pushed, HOVER.large[0]))
-    turned, pushed, felt = turned[on], pushed[on] / pushed[on].mean(), felt[on] / GRAVITY
-    if not float(np.sqrt(np.mean(np.sum(turned**2, axis=1)))) < HOVER.still or pushed.std() < HOVER.varied:
-        return False
-    return float(np.cov(pushed, felt)[0, 1] / pushed.var()) < HOVER.follows
 
 
 def _slow(force: Array, dt: float) -> Array:

@@ -39,7 +39,7 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*vehicle_checks(model)]
     seen = commands_and_motion(stretches, model.vehicle)
-    if seen is not None and (stood := bench(seen)):
+    if seen is not None and (stood := bench(seen, stretches)):
         return (*found, *stood)
     if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
         found += gyroscope(flight, model, seen)

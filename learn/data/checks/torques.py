@@ -128,7 +128,7 @@ def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Itera
     elif 2 not in off:
         hint = "or the arms' length"
     else:
-        hint = "the arms' length or kappa"
+        hint = "whose order is xx, yy, zz, the arms' length or kappa"
     can_be = find("inertia").parameters(vehicle)[:3]  # xx, yy, zz; beyond them the effect does not reach
     fits = all(can_be[k].low < (s - 1.0) * moments[k] < can_be[k].high for k, s in off.items())
     words = f"{words}; by this log the moments of inertia are {by_log} kg m^2"
