@@ -41,6 +41,8 @@ def stood_still(turned: Array, pushed: Array, felt: Array, stretches: Sequence[S
         return False
     sizes = lengths(pushed)
     on = sizes > SIGNALS.pushing * float(np.percentile(sizes, 90.0))
+    if not on.any():  # the motors never ran
+        return False
     thrust, force = (values[on] / max(float(values[on].mean()), 1e-30) for values in (sizes, lengths(felt)))
     if not float(np.sqrt(np.mean(np.sum(turned[on] ** 2, axis=1)))) < BENCH.still or thrust.std() < BENCH.varied:
         return False
