@@ -19,6 +19,7 @@ from wrenchgap.flight.memory import HOURS, give_back, on_disk
 from wrenchgap.learn.data.candidates import Untried, inapplicable
 from wrenchgap.learn.data.measurement import Record, low_pass, thinned
 from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects import WrenchEffect
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
 from wrenchgap.plant.model import Model
@@ -45,7 +46,8 @@ class Evaluator:
 
     A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
     rotors' wrench on those, the effects on thrusts and the air, and what is geometry in it on the tilt angles; since
-    the filter is linear, each added wrench is filtered on its own. Where the vehicle is `balanced`, the mean wrench
+    the filter is linear, each added wrench is filtered on its own, and kept for as long as what it `depends_on` stays.
+    Of a `linear` effect the wrench of each parameter at one is kept. Where the vehicle is `balanced`, the mean wrench
     that a model leaves of the record acts on it, too.
     """
 
@@ -54,12 +56,13 @@ class Evaluator:
         self._commands: OrderedDict[Key, Commands] = OrderedDict()
         self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
         self._added: OrderedDict[Key, Array] = OrderedDict()
+        self._linear: OrderedDict[Key, Array] = OrderedDict()
         self._postures: list[Posture] = []
         self._nominal: list[tuple[Commands, Actuation]] = []
 
     def forget(self) -> None:
         """Free the memory; what is asked for again is worked out again."""
-        for memory in (self._commands, self._rotors, self._added, self._postures, self._nominal):
+        for memory in (self._commands, self._rotors, self._added, self._linear, self._postures, self._nominal):
             memory.clear()
 
     def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
@@ -73,10 +76,16 @@ class Evaluator:
         rated = any(item.effect.needs_rates for item in model.effects)
         key = (on_commands, on_thrusts, air if on_thrusts else (), rated)
         act, rotors, total = _kept(self._rotors, key, 2, lambda: self._rotor_part(model, commands))
+        levels: dict[str, Key] = {"state": (), "commands": (on_commands, rated), "thrusts": key}
         for item in model.added:
-            own = (key, air, item.name, item.theta.tobytes())
-            made = partial(self._addition, model, item, act, rotors)
-            total = total + _kept(self._added, own, 16, made)
+            assert isinstance(item.effect, WrenchEffect)
+            of = (levels[item.effect.depends_on], air, item.name)
+            if item.effect.linear:
+                unit = partial(self._by_parameter, model, item, act, rotors)
+                total = total + np.tensordot(item.theta, _kept(self._linear, of, 16, unit), axes=1)
+            else:
+                made = partial(self._addition, model, item, act, rotors)
+                total = total + _kept(self._added, (*of, item.theta.tobytes()), 16, made)
         return self._reported(model, total, body)
 
     def _reported(self, model: WrenchModel, wrench_B: Array, body: Body | None) -> Array:
@@ -103,6 +112,11 @@ class Evaluator:
         if act is not None:
             self._posture(act.posture)
         return self._filter(model.addition(item, act, rotors, self.record.state))
+
+    def _by_parameter(self, model: WrenchModel, item: ModelEffect, act: Actuation | None, rotors: Array) -> Array:
+        """What a linear effect adds (P, K, 6) with each of its parameters at one and the others at zero."""
+        units = (replace(item, theta=unit) for unit in np.eye(len(item.theta)))
+        return np.stack([self._addition(model, one, act, rotors) for one in units])
 
     def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
         """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""

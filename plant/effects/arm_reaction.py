@@ -23,6 +23,8 @@ class ArmReaction(WrenchEffect):
     confused_with = ("inertia", "servo_lag")
     needs_rotors = True
     needs_rates = True
+    depends_on = "commands"
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Inertia of one arm about its own axis."""

@@ -18,6 +18,7 @@ class BatterySag(WrenchEffect):
     excited_by = "voltage that falls during the flight"
     confused_with = ("thrust_scale", "mass", "thrust_fade")
     needs_voltage = True
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Sensitivity k, and k / V_0."""

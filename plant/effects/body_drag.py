@@ -24,6 +24,7 @@ class BodyDrag(WrenchEffect):
     confused_with = ("wind", "rotor_drag", "body_drag_areas")
     needs_pose = True
     aerodynamic = True
+    depends_on = "state"
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Linear and quadratic coefficients along body x, y and z (typical: a tenth of the weight at 5 m/s), and p."""

@@ -15,6 +15,8 @@ class ConstantWrench(WrenchEffect):
     name = "constant_wrench"
     excited_by = "always present; tilt separates it from forces fixed in E, thrust changes from gains"
     confused_with = ("accelerometer_bias", "tilt_offset", "com_offset", "tether")
+    depends_on = "state"
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force and torque along the body axes; scaled to the vehicle's weight and size."""

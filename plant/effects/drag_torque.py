@@ -19,6 +19,7 @@ class DragTorque(WrenchEffect):
     excited_by = "unequal speeds within a pair; on fixed-rotor vehicles, yaw"
     confused_with = ("drag_torque_of_speed", "tilt_offset", "constant_wrench")
     needs_rotors = True
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Relative change of kappa."""

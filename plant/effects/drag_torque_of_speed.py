@@ -24,6 +24,7 @@ class DragTorqueOfSpeed(WrenchEffect):
     excited_by = "yaw torque of rotors whose thrust is not nominal: one weak rotor, the lower one of a pair, the ground"
     confused_with = ("drag_torque", "tilt_offset", "constant_wrench")
     needs_rotors = True
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Relative change of kappa, and the share of the thrust's change that the drag torque does not have."""

@@ -195,6 +195,11 @@ class WrenchEffect(Effect):
     """Adds to the wrench on the body: drag, bias, scale."""
 
     place = "wrench"
+    depends_on: ClassVar[Literal["state", "commands", "thrusts"]] = "thrusts"
+    """What its wrench depends on besides its parameters: `context` alone; rotor speeds and tilt angles, too; or the
+    thrusts and `wrench_B` as well. Where that stays as it was, a search need not evaluate it again."""
+    linear: ClassVar[bool] = False
+    """Whether its wrench is linear in its parameters, sum_k theta_k w_k: a search then evaluates each w_k once."""
 
     @abstractmethod
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:

@@ -15,6 +15,8 @@ class RotationalDrag(WrenchEffect):
     name = "rotational_drag"
     excited_by = "body rates on every axis"
     confused_with = ("axial_inflow", "rotor_drag", "servo_lag", "motor_lag")
+    depends_on = "state"
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Linear coefficients about body x, y and z, and one quadratic coefficient; scaled to the inertia."""

@@ -20,6 +20,8 @@ class RotorDrag(WrenchEffect):
     needs_rotors = True
     needs_pose = True
     aerodynamic = True
+    depends_on = "commands"
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """lambda, scaled to the vehicle's weight and rotor speed."""

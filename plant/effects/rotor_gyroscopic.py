@@ -19,6 +19,8 @@ class RotorGyroscopic(WrenchEffect):
     confused_with = ("drag_torque",)
     needs_rotors = True
     needs_rates = True
+    depends_on = "commands"
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Inertia of one rotor about its axis; a typical one is that of a slender blade of 1 % of the weight."""

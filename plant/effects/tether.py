@@ -23,6 +23,7 @@ class Tether(WrenchEffect):
     excited_by = "yaw and tilt, which turn E against B"
     confused_with = ("payload", "constant_wrench", "wind", "com_offset")
     needs_pose = True
+    depends_on = "state"
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force in E, and the point in B."""

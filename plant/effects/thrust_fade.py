@@ -20,6 +20,7 @@ class ThrustFade(WrenchEffect):
 
     min_time, min_span = 20.0, 15.0
     """Time since the log's first sample that must be reached, and that must be flown in one piece [s]."""
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Share of the thrust that is lost every minute."""

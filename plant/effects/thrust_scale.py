@@ -16,6 +16,7 @@ class ThrustScale(WrenchEffect):
     name = "thrust_scale"
     excited_by = "any thrust: shows as |F| against m g"
     confused_with = ("mass", "coaxial_loss", "battery_sag", "inertia", "thrust_curve", "thrust_fade")
+    linear = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One relative change."""
