@@ -53,8 +53,11 @@ class Limits:
     """Bytes of an array of log times besides its numbers."""
     fields: int = 5000
     """Fields of a type that are looked at: a recursive definition has no end of them."""
-    definition_letters: int = 2**20
-    """Letters of a definition: those of the largest types with all that they use are some 20,000."""
+    definition_letters: int = 2**17
+    """Letters of a definition: those of the largest types with all that they use are some 20,000, and parsing takes up
+    to 0.1 ms for each."""
+    names_letters: int = 2**20
+    """Letters of all names of a type's fields together: `fields` of 200 letters, which are long ones."""
     field_overhead: int = 600
     """Bytes of a field besides its numbers: name, array and place."""
     fields_at_once: int = 1024

@@ -93,6 +93,18 @@ def parquet_text(path: Path, size: int) -> None:
     pa.parquet.write_table(table, path, compression="zstd", store_schema=False)
 
 
+def parquet_bytes(path: Path, size: int) -> None:
+    """Four rows in groups of their own, each with `size` bytes of zeros."""
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    zeros = pa.array([bytes(size)], pa.binary())
+    rows = [pa.table({"time_s": [0.01 * i], "gyro_x": [0.0], "note": zeros}) for i in range(4)]
+    with pa.parquet.ParquetWriter(path, rows[0].schema, compression="zstd", use_dictionary=False) as file:
+        for row in rows:
+            file.write_table(row)
+
+
 def parquet_page(path: Path, size: int) -> None:
     """Ten samples of two columns; the header of the second's page claims `size` bytes and as many values.
 
@@ -212,6 +224,50 @@ def mcap_json(path: Path, size: int) -> None:
         load = json.dumps({f"k{i}": 1.0, "angular_velocity": {"x": 0.0, "y": 0.0, "z": 0.0}}).encode()
         found.append(_message(0, 10**9 + i * 10**7, load))
     _save(path, found)
+
+
+def mcap_long_key(path: Path, size: int) -> None:
+    """JSON whose one object has a name of 100,000 letters, and in it `size` numbers."""
+    load = json.dumps({"a" * 100_000: {f"k{i}": 1.0 for i in range(size)}}).encode()
+    found = _mcap([("lab.Imu", "jsonschema", b"")], [(1, "/imu", "json")])
+    _save(path, [*found, *(_message(0, 10**9 + i * 10**7, load) for i in range(2))])
+
+
+def mcap_long_name(path: Path, size: int) -> None:
+    """A JSON schema of a name of `size` letters, and in it 1,990 names."""
+    inner = {"type": "object", "properties": {f"k{i}": {"type": "number"} for i in range(1990)}}
+    schema = json.dumps({"type": "object", "properties": {"a" * size: inner}}).encode()
+    found = _mcap([("lab.Imu", "jsonschema", schema)], [(1, "/imu", "json")])
+    _save(path, [*found, *(_message(0, 10**9 + i * 10**7, b'{"x": 1.0}') for i in range(2))])
+
+
+def mcap_fan(path: Path, size: int) -> None:
+    """A protobuf type of 20,000 flags that contains itself 8 times; messages of 8 within 8 within ..., `size` deep."""
+    from google.protobuf import descriptor_pb2 as pb2
+
+    file = pb2.FileDescriptorProto(name="m.proto", package="lab", syntax="proto3")
+    vector = file.message_type.add(name="Vector")
+    for i, name in enumerate("xyz"):
+        vector.field.add(name=name, number=i + 1, type=1, label=1)
+    kind = file.message_type.add(name="Imu")
+    for i, name in enumerate(("angular_velocity", "linear_acceleration")):
+        kind.field.add(name=name, number=i + 9, type=11, label=1, type_name=".lab.Vector")
+    for i in range(8):
+        kind.field.add(name=f"s{i}", number=i + 1, type=11, label=1, type_name=".lab.Imu")
+    for i in range(20_000):
+        kind.field.add(name=f"f{i}", number=i + 20_000, type=8, label=1)
+    load = b""
+    for _ in range(size):
+        length = bytes([len(load)]) if len(load) < 128 else bytes([len(load) & 127 | 128, len(load) >> 7])
+        load = b"".join(bytes([(i + 1) << 3 | 2]) + length + load for i in range(8))
+    text = pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    found = _mcap([("lab.Imu", "protobuf", text)], [(1, "/imu", "protobuf")])
+    _save(path, [*found, *(_message(0, 10**9 + i * 10**7, load) for i in range(2))])
+
+
+def mcap_open_quotes(path: Path, size: int) -> None:
+    """A definition in IDL of `size` texts that are never closed."""
+    _undecodable(path, "lab_msgs/msg/X", "ros2idl", '"a\\' * size)
 
 
 def mcap_empty_types(path: Path, size: int) -> None:
@@ -407,6 +463,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "dataflash-instances": (dataflash_instances, "a.bin", 100_000, 20),
     "parquet-rows": (parquet_rows, "a.parquet", 50_000_000, 20),
     "parquet-text": (parquet_text, "a.parquet", 100_000, 2),
+    "parquet-bytes": (parquet_bytes, "a.parquet", 300_000_000, 1000),
     "parquet-page": (parquet_page, "a.parquet", 2**31 - 1, 2**31 - 1),
     "mcap-channels": (mcap_channels, "a.mcap", 65_534, 10),
     "mcap-imus": (mcap_imus, "a.mcap", 65_534, 5),
@@ -414,6 +471,10 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "mcap-chunks": (mcap_chunks, "a.mcap", 100, 1),
     "mcap-arrays": (mcap_arrays, "a.mcap", 300, 1),
     "mcap-json": (mcap_json, "a.mcap", 60_000, 20),
+    "mcap-long-key": (mcap_long_key, "a.mcap", 60_000, 20),
+    "mcap-long-name": (mcap_long_name, "a.mcap", 800_000, 300),
+    "mcap-fan": (mcap_fan, "a.mcap", 4, 1),
+    "mcap-open-quotes": (mcap_open_quotes, "a.mcap", 40_000, 20),
     "mcap-empty-types": (mcap_empty_types, "a.mcap", 300, 3),
     "mcap-parentheses": (mcap_parentheses, "a.mcap", 14, 2),
     "mcap-constants": (mcap_constants, "a.mcap", 40, 3),

@@ -292,9 +292,10 @@ def _means(series: Series, column: Array, averaged: bool) -> tuple[Array, Array]
 
 
 def _moves(time: Array, column: Array, start: float, stop: float) -> bool | None:
-    """Whether another channel goes on in the meantime as it does otherwise; None where it has no samples there."""
+    """Whether another channel goes on in the meantime as it does otherwise; None where it has none there, or all."""
     a, b = np.searchsorted(time, (start, stop))
-    if b - a < 3:
-        return None
     steps = np.abs(np.diff(column))
-    return bool(np.mean(steps[a : b - 1]) > MASKING.stirring * np.mean(np.delete(steps, np.s_[a : b - 1])))
+    otherwise = np.delete(steps, np.s_[a : b - 1])
+    if b - a < 3 or not otherwise.size:
+        return None
+    return bool(np.mean(steps[a : b - 1]) > MASKING.stirring * np.mean(otherwise))

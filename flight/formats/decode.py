@@ -38,9 +38,9 @@ ACTUATORS = {
 """Common types that no ROS distribution ships, for files without definitions."""
 
 
-NO_SYNTAX = re.compile(r""""(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|//[^\n]*|/\*.*?(?:\*/|\Z)""", re.DOTALL)
-"""Texts and comments of IDL."""
-CONSTANT = re.compile(r"\bconst\b[^=;]*=\s*([^;]*);")
+NO_SYNTAX = re.compile(r""""(?:[^"\\\n]|\\.)*+"?|'(?:[^'\\\n]|\\.)*+'?|//[^\n]*|/\*.*?(?:\*/|\Z)""", re.DOTALL)
+"""Texts and comments of IDL; one that is not closed ends with its line, so that none is looked through twice."""
+CONSTANT = re.compile(r"\bconst\b")
 LITERAL = re.compile(r"[-+]?[\w.:]*(?:[eE][-+]?\d+)?\s*")
 NESTED = re.compile(r"\([^()]*\(")
 
@@ -90,7 +90,9 @@ def _parsed(text: str, kind: str, definition_format: str) -> Definitions:
         plain = NO_SYNTAX.sub("", body)
         # parentheses in parentheses are parsed again on every level, constants of constants are evaluated at each use,
         # and a shift makes a number of any length: ROS writes none of these
-        if NESTED.search(plain) or "<<" in plain or not all(map(LITERAL.fullmatch, CONSTANT.findall(plain))):
+        statements = [CONSTANT.split(s, maxsplit=1) for s in plain.split(";")[:-1]]
+        values = [s[1].partition("=")[2].lstrip() for s in statements if len(s) > 1]
+        if NESTED.search(plain) or "<<" in plain or not all(map(LITERAL.fullmatch, values)):
             raise UndecodableError("its definition in IDL computes with constants, which those of ROS do not")
         if body.strip():
             found |= get_types_from_idl(body)
@@ -110,7 +112,8 @@ def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str
 def dotted_names(kind: Any, inner: Callable[[Any], Iterable[tuple[str, Any]]], depth: int, most: int) -> list[str]:
     """Dotted names of a type's fields; `inner` gives the names within a type, each with its type where it has names.
 
-    Of `most` names at most, a type that is entered counting as one: it may have none, and contain itself.
+    Of `most` names at most, a type that is entered counting as one: it may have none, and contain itself. And as many
+    as `LIMITS.names_letters` have room for: those within a type whose name is long are long as well.
     """
 
     def walk(kind: Any, depth: int) -> Iterator[str]:
@@ -122,7 +125,14 @@ def dotted_names(kind: Any, inner: Callable[[Any], Iterable[tuple[str, Any]]], d
                 for rest in walk(below, depth - 1):
                     yield rest and f"{name}.{rest}"
 
-    return [name for name in islice(walk(kind, depth), most) if name]
+    names, letters = [], 0
+    for name in islice(walk(kind, depth), most):
+        letters += len(name)
+        if letters > LIMITS.names_letters:
+            break
+        if name:
+            names.append(name)
+    return names
 
 
 @dataclass

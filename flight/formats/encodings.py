@@ -41,24 +41,31 @@ class Encoded(ABC):
     _parts: list[tuple[slice, Columns]] = field(default_factory=list)
 
     @abstractmethod
-    def row(self, payload: bytes) -> Mapping[str, Value]:
-        """The numbers of one message by dotted name; raises ValueError where it is none."""
+    def numbers(self, payload: bytes) -> Iterator[tuple[str, Value]]:
+        """The numbers of one message with their dotted names; raises ValueError where it is none."""
 
     def add(self, payloads: list[bytes]) -> None:
         """Decode some messages; those that cannot be are counted in `malformed`."""
         for payload in payloads:
-            self.account.ask(self._held + LIMITS.decoded_per_byte * len(payload), "decoded messages")
+            self._hold(2 * LIMITS.decoded_number + LIMITS.decoded_per_byte * len(payload))
+            row: dict[str, Value] = {}
             try:
-                row = self.row(payload)
+                for name, value in self.numbers(payload):
+                    self._hold(LIMITS.decoded_number + len(name) + 8 * (len(value) if isinstance(value, list) else 1))
+                    row[name] = value
             except (ValueError, RecursionError, OverflowError):
                 row = {}
                 self.malformed += 1
             self._rows.append(row)
             self.count += 1
-            self._held += LIMITS.decoded_number * (2 + len(row)) + LIMITS.decoded_per_byte * len(payload)
-            self.account.check_time()
             if len(self._rows) == LIMITS.object_rows:
                 self._gather()
+
+    def _hold(self, size: int) -> None:
+        """Count bytes of a message until it is made columns; a few bytes may have names without end."""
+        self._held += size
+        self.account.ask(self._held, "decoded messages")
+        self.account.check_time()
 
     def _gather(self) -> None:
         """Make columns of the last messages."""
@@ -96,27 +103,23 @@ class Encoded(ABC):
 class JsonMessages(Encoded):
     """JSON objects."""
 
-    def row(self, payload: bytes) -> Mapping[str, Value]:
+    def numbers(self, payload: bytes) -> Iterator[tuple[str, Value]]:
         """Numbers and arrays of numbers, however deep."""
-        found: dict[str, Value] = {}
-        _gather(json.loads(payload), "", found, LIMITS.object_depth)
-        return found
+        return _within(json.loads(payload), "", LIMITS.object_depth)
 
 
-def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
+def _within(value: Any, path: str, depth: int) -> Iterator[tuple[str, Value]]:
+    """Numbers of a JSON value by dotted name; JSON has any number of digits, and those beyond 1e300 are no number."""
     kind = type(value)
     if kind is dict:
-        if depth:
-            for name, inner in value.items():
-                _gather(inner, f"{path}.{name}" if path else name, found, depth - 1)
+        for name, inner in value.items() if depth else ():
+            yield from _within(inner, f"{path}.{name}" if path else name, depth - 1)
     elif kind is float:
-        found[path] = value
+        yield path, value
     elif kind is int or kind is bool:
-        found[path] = float(value) if abs(value) < 1e300 else float("nan")  # JSON has any number of digits
-    elif (
-        kind is list and 0 < len(value) <= LIMITS.array_numbers and all(isinstance(item, int | float) for item in value)
-    ):
-        found[path] = [float(item) if isinstance(item, float) or abs(item) < 1e300 else float("nan") for item in value]
+        yield path, float(value) if abs(value) < 1e300 else float("nan")
+    elif kind is list and 0 < len(value) <= LIMITS.array_numbers and all(isinstance(x, int | float) for x in value):
+        yield path, [float(x) if isinstance(x, float) or abs(x) < 1e300 else float("nan") for x in value]
 
 
 @dataclass
@@ -125,13 +128,13 @@ class ProtobufMessages(Encoded):
 
     kind: Any = None
 
-    def row(self, payload: bytes) -> Mapping[str, Value]:
+    def numbers(self, payload: bytes) -> Iterator[tuple[str, Value]]:
         """Numbers and arrays of numbers; of messages within, those that were sent."""
         try:
             message = self.kind.FromString(payload)
         except Exception as error:  # protobuf's DecodeError, which is only known where it is installed
             raise ValueError(one_line(error)) from error
-        return dict(_leaves(message, ""))
+        return _leaves(message, "")
 
 
 def _leaves(message: Any, path: str, depth: int = LIMITS.object_depth) -> Iterator[tuple[str, Value]]:

@@ -159,7 +159,7 @@ def _leaves(metadata: Any) -> list[Any]:
 
 
 def _count(metadata: Any, account: Account) -> None:
-    """Ask for the cells of a Parquet file, before they are unfolded: a run of equal ones is a few bytes in it."""
+    """Ask for a Parquet file's cells and texts before they are unfolded: a run of equal ones is a few bytes in it."""
     leaves, total = _leaves(metadata), 0
     account.take(LIMITS.table_column * len(leaves), f"{len(leaves):,} columns")
     for i in range(metadata.num_row_groups):
@@ -168,7 +168,8 @@ def _count(metadata: Any, account: Account) -> None:
         for j, leaf in enumerate(leaves):
             flat = leaf.max_repetition_level == 0 and "." not in leaf.path
             size = LIMITS.table_cell + leaf.length if flat else LIMITS.table_nested
-            total += size * max(group.column(j).num_values, group.num_rows)
+            texts = 2 * group.column(j).total_uncompressed_size if leaf.physical_type == "BYTE_ARRAY" else 0
+            total += size * max(group.column(j).num_values, group.num_rows) + texts
     account.take(total, f"a table of {metadata.num_rows:,} rows and {len(leaves):,} columns")
 
 

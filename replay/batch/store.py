@@ -246,14 +246,17 @@ def _check_file(system: Any, path: str, most: int | None = None) -> None:
         raise ValueError(f"{PurePosixPath(path).name} has {about['size']:,} bytes")
 
 
-def _only_row(stream: Any, columns: list[str]) -> dict[str, Any]:
-    """The row of a Parquet file that has one. Raises ValueError or pyarrow's errors for any other."""
+def _only_row(stream: Any, columns: list[str], most_values: int = 10_000) -> dict[str, Any]:
+    """The row of a Parquet file that has one. Raises ValueError or pyarrow's errors for any other, and for one of more
+    than so many values: lists of a row are a few hundred long, and a few bytes may stand for millions.
+    """  # noqa: D205
     with pq.ParquetFile(stream, pre_buffer=False) as file:  # no threads, which may outlive an error
         about = file.metadata
         groups = [about.row_group(i) for i in range(about.num_row_groups)]
         unfolded = sum(group.total_byte_size for group in groups)
-        if about.num_rows != 1 or unfolded > default_memory(0):
-            raise ValueError(f"{about.num_rows} rows of {unfolded:,} bytes")
+        values = sum(group.column(i).num_values for group in groups for i in range(group.num_columns))
+        if about.num_rows != 1 or unfolded > default_memory(0) or values > most_values:
+            raise ValueError(f"{about.num_rows} rows of {unfolded:,} bytes and {values:,} values")
         if not file.schema_arrow.equals(SCHEMA):
             raise ValueError("other columns than those of docs/batch.md")
         found: list[dict[str, Any]] = file.read(columns=columns, use_threads=False).to_pylist()

@@ -7,6 +7,7 @@ from benchmarks.faults.appetites import made
 from wrenchgap import flight
 from wrenchgap.flight.budget import LIMITS, Budget, BudgetError
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.formats.decode import dotted_names
 
 
 def test_a_text_says_memory_time_or_both():
@@ -62,6 +63,22 @@ def test_texts_of_parquet_are_counted_before_they_are_written_out(tmp_path):
         flight.inspect(made("parquet-text", tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("parquet-bytes", "table of 4 rows"), ("mcap-long-key", "decoded messages"), ("mcap-fan", "decoded messages")],
+)
+def test_what_few_bytes_unfold_to_is_counted_before_it_is_there(name, said, tmp_path):
+    with pytest.raises(BudgetError, match=said):
+        flight.inspect(made(name, tmp_path))
+
+
+def test_long_names_are_not_repeated_for_all_that_is_below_them():
+    names = dotted_names(
+        "outer", lambda k: [("a" * 800_000, "inner")] if k == "outer" else [("x", None)] * 1990, 2, 2000
+    )
+    assert sum(map(len, names)) <= LIMITS.names_letters
+
+
 @pytest.mark.parametrize(("name", "said"), [("db3-generated", "computed"), ("bag-view", "no tables")])
 def test_a_database_whose_messages_are_not_in_the_file_is_refused(name, said, tmp_path):
     with pytest.raises(flight.LogError, match=said):
@@ -73,7 +90,7 @@ def test_a_type_without_numbers_is_refused_before_its_fields_are_counted(tmp_pat
         flight.inspect(made("mcap-empty-types", tmp_path), budget="100MB")
 
 
-@pytest.mark.parametrize("name", ["mcap-parentheses", "mcap-constants", "bag-metadata"])
+@pytest.mark.parametrize("name", ["mcap-parentheses", "mcap-constants", "mcap-open-quotes", "bag-metadata"])
 def test_what_took_hours_to_parse_is_looked_at_at_once(name, tmp_path):
     assert flight.inspect(made(name, tmp_path), budget="10s").topics
 

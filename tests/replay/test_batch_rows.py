@@ -186,3 +186,11 @@ def test_the_end_of_a_file_is_no_interruption(capsys, monkeypatch):
     assert main.report(error) == 1
     assert "interrupted" not in capsys.readouterr().err
     assert np.isfinite(main.report(main.typer.Abort()))
+
+
+def test_a_row_whose_lists_are_millions_long_is_refused_before_they_are_unfolded(rows):
+    """Runs of equal numbers are a few bytes in a Parquet file."""
+    changed(rows[0], noise=[0.0] * 1_000_000)
+    assert rows[0].stat().st_size < 20_000
+    with pytest.raises(UsageError, match=r"1,000,0.. values"):
+        Store(str(rows[0].parents[4])).rows()
