@@ -24,6 +24,7 @@ class BodyDragAreas(BodyDrag):
     accuracy = 0.1
     excited_by = "translation faster than about 2 m/s, in every body direction"
     confused_with = ("body_drag", "wind", "rotor_drag")
+    linear = True
 
     air_density = 1.225
     """Of the International Standard Atmosphere at sea level [kg/m^3]."""

@@ -1,9 +1,11 @@
 """What holds for every effect: zero is nothing, one step at a time is all at once, order is nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.effects import catalogue, find, part_effects
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -78,3 +80,37 @@ def test_without_effects_the_command_is_what_is_measured(bench):
 def test_without_sensor_effects_the_imu_reads_the_motion(bench):
     motion = Motion(np.ones((2, 3)), np.ones((2, 3)), np.ones((2, 3)))
     assert bench.model().read_imu(motion, bench.state(2)) is motion
+
+
+ADDED = sorted(n for n, e in {**catalogue(), **part_effects()}.items() if e.place == "wrench")
+
+
+def evaluated(bench, name, theta, seed, *, thrust=1.0, speed=1.0):
+    """The wrench that an effect adds in a random state, at so many times the thrusts, or the speeds."""
+    state, commands = bench.moving(seed)
+    model = bench.model(name, {})
+    act, rotors = model.rotors(commands, state, model.rates(commands, bench.dt)[0])
+    act = replace(act, rotor_speed=speed * act.rotor_speed, thrust=thrust * act.thrust)
+    return model.addition(replace(model.effects[0], theta=theta), act, thrust * rotors, state)
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_a_linear_effect_adds_the_sum_of_what_its_parameters_add(bench, name):
+    own = find(name)
+    size = len(own.parameters(bench.vehicle))
+    theta = np.random.default_rng(3).normal(size=size)
+    each = [t * evaluated(bench, name, unit, 1) for t, unit in zip(theta, np.eye(size), strict=True)]
+    whole = evaluated(bench, name, theta, 1)
+    assert own.linear == np.allclose(whole, sum(each), rtol=1e-9, atol=1e-12 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_an_effect_depends_on_no_more_than_it_says(bench, name):
+    """A search does not evaluate it again where only thrusts, or what actuators do, are others."""
+    own = find(name)
+    theta = np.random.default_rng(4).normal(size=len(own.parameters(bench.vehicle)))
+    usual = evaluated(bench, name, theta, 2)
+    if own.depends_on != "thrusts":
+        assert np.array_equal(evaluated(bench, name, theta, 2, thrust=1.3), usual)
+    if own.depends_on == "state":
+        assert np.array_equal(evaluated(bench, name, theta, 2, speed=0.7), usual)
