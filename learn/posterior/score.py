@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,8 +118,15 @@ class Scorer:
         new = [k for k in dict.fromkeys(tuple(sorted(k)) for k in sets) if k not in self.known]
         self.known.update(zip(new, by_threads(self._scored, new, jobs), strict=True))
 
-    def _scored(self, keys: Keys) -> Scored:
+    def held(self, keys: Sequence[str], theta: Mapping[str, Array]) -> Scored:
+        """The set with its parameters at these values, and everything else as likely as can be."""
+        keys = tuple(sorted(keys))
+        return self._scored(keys, np.concatenate([theta[k] for k in keys]))
+
+    def _scored(self, keys: Keys, held: Array | None = None) -> Scored:
         own = SetRows(self.spectrum, keys)
+        if held is not None:
+            own.low[: len(held)] = own.high[: len(held)] = held
         theta, sizes, trims = own.start, own.typical, np.zeros(own.trims.squares.shape)
         best: Scored | None = None
         for doubt in (1.0, self.spectrum.settings.doubt):
