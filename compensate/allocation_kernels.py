@@ -45,8 +45,8 @@ RAMP = 0.25
 SLACK = 0.1
 """Share of the limits that torque about z is left at least: with less, commands change abruptly at the end of reach."""
 MADE, BAD_DEMAND, REDUCED = range(3)
-"""Status: made as asked, axes aside that no rotor drives and what arms with hardly any thrust miss that keep their angle
-(`made` says what is made); not finite, the command before is repeated; beyond the limits."""
+"""Status: made as asked, but for axes that no rotor drives, and what arms with hardly any thrust miss that keep their
+angle (`made` says what is made); not finite, the command before is repeated; beyond the limits."""
 
 
 @printed

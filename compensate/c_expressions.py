@@ -12,6 +12,7 @@ CALLS = {
     "math.sin": "wg_sin",
     "math.cos": "wg_cos",
     "math.atan2": "wg_atan2",
+    "math.log": "wg_log",
     "math.floor": "wg_floor",
     "np.floor": "wg_floor",
     "abs": "wg_fabs",

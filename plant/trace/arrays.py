@@ -70,11 +70,12 @@ class Node:
     def __pow__(self, power: Any) -> Node:
         if power == 0.5:
             return self._do(Op.SQRT)
-        if isinstance(power, int | float | np.number) and float(power) in (1.0, 2.0, 3.0, 4.0):
+        whole = int(power) if isinstance(power, int | float | np.number) and power == np.floor(power) else 0
+        if 1 <= abs(whole) <= 16:  # by products: a logarithm would know no negative base
             found = self
-            for _ in range(int(power) - 1):
+            for _ in range(abs(whole) - 1):
                 found = found * self
-            return found
+            return found if whole > 0 else 1.0 / found
         return self._do(Op.LOG)._do(Op.MUL, power)._do(Op.EXP)
 
     def sqrt(self) -> Node:

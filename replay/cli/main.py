@@ -1,7 +1,8 @@
 """The command line: finds the commands, runs one, and turns what goes wrong into one line.
 
 Exit codes: 0 done; 2 the input or its use is wrong (one line on standard error says what and what to do); 3 `inspect`
-found a log bad; 1 a fault of wrenchgap itself (the traceback goes to a file); 130 interrupted, 143 ended by SIGTERM.
+found a log bad; 1 a fault of wrenchgap itself (the traceback goes to a file); 130 interrupted, 143 ended by SIGTERM,
+129 as its terminal closed.
 
 Modules are imported when a command needs them, so that `wrenchgap --help` is quick.
 """

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a command runs: it cleans up and ends with 130 or 143, without a traceback.
+"""Ctrl-C, SIGTERM and SIGHUP while a command runs: it cleans up and ends with 130, 143 or 129, without a traceback.
 
 The first of them is raised in the main thread, as Python does with Ctrl-C. Where it does not get through (a destructor
 or a library swallowed it, a thread is waited for), the command ends `GRACE` seconds later all the same, and at once at
@@ -21,7 +21,7 @@ import time
 from types import FrameType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 GRACE = 5.0
 """Seconds for cleaning up."""
 OUTSIDE = 6.0

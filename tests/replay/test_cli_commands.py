@@ -340,7 +340,7 @@ def test_an_interrupt_is_one_line_and_130(run, monkeypatch):
     assert (done.exit_code, len(done.stderr.splitlines())) == (130, 1)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_while_the_command_line_is_read_is_one_line_too(number, run, monkeypatch):
     """Typer, which imports pydantic there, made it 130 without a word."""
     monkeypatch.setattr(cli.TyperGroup, "parse_args", Mock(side_effect=_signals.Interrupted(number)))

@@ -30,6 +30,7 @@ from wrenchgap.compensate.run import run as run_steps
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.process.held_out_time import Decision, Reason, Verdict
 from wrenchgap.learn.process.store import save
+from wrenchgap.plant.effects import Parameter, Source, WrenchEffect, registered
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulation.simulate import simulate
 from wrenchgap.plant.state import State
@@ -105,6 +106,35 @@ def test_c_knows_the_lever_of_the_force(flown, tmp_path):
     assert got[:, 9:12] == pytest.approx(np.cross(OFFSET, desired[:, :3]), abs=1e-8)
     assert (got[:, 6:9] == 0).all()
     assert got[:, 18:24] == pytest.approx(desired, abs=1e-8)
+
+
+class Powers(WrenchEffect):
+    """A torque of powers and a logarithm of the pitch rate. Source: none."""
+
+    name = "powers"
+    excited_by = "pitch rate"
+    needs_pose = True
+
+    def parameters(self, vehicle):
+        """Its size."""
+        return (Parameter("size", "Nm", -1.0, 1.0, 0.1),)
+
+    def apply(self, actuation, wrench_B, theta, context):
+        """About z."""
+        v = 20.0 * context.state.omega_B[:, 1]
+        torque = theta[0] * (v**5 + (1.0 + v * v) ** -2 + np.log(2.0 + v * v))
+        return np.stack((*[0.0 * torque] * 5, torque), axis=-1)
+
+
+@needs_compiler
+def test_powers_and_logarithms_of_an_own_effect_are_exported(flown, tmp_path):
+    desired, states = flown
+    with registered([(Powers(), Source("powers.py", "0" * 64))]):
+        wg.export_compensator(None, with_effects(powers=[0.02]), tmp_path / "c")
+        got = stepped(built(tmp_path / "c", *SANITISED), desired, states)
+    v = 20.0 * states.omega_B[:, 1]
+    assert v.min() < -0.5 < 0.5 < v.max()
+    assert got[:, 11] == pytest.approx(-0.02 * (v**5 + 1.0 / (1.0 + v**2) ** 2 + np.log(2.0 + v**2)), abs=1e-9)
 
 
 def test_what_is_refused_is_not_called_corrected(flown):
