@@ -15,6 +15,7 @@ import numpy as np
 from wrenchgap.flight.arguments import Progress, silent
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.repeats import signature
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.candidates import Lack, Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
@@ -74,12 +75,15 @@ class ParameterTrend:
 
 @dataclass(frozen=True)
 class FollowedFlight:
-    """One of the flights: the log without its samples, its notes, its sensor noise (6,) [N, Nm] and the filter [Hz]."""
+    """One of the flights: the log without its samples, its notes, its sensor noise (6,) [N, Nm] and the filter [Hz];
+    `signature` is what it is known again by (`flight.repeats.signature`).
+    """  # noqa: D205
 
     flight: Flight
     notes: tuple[object, ...]
     noise: Array
     cutoff_hz: float
+    signature: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -279,7 +283,7 @@ def followed_flight(one: OpenFlight) -> FollowedFlight:
     about = one.records[0].flight, whole.path, whole.content_hash, whole.start_ns
     bare = Flight(*about, autopilot=whole.autopilot)
     noise = np.asarray(np.sum([r.noise for r in one.records], axis=0))
-    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz)
+    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz, tuple(signature(whole).tolist()))
 
 
 def _effects(

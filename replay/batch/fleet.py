@@ -2,18 +2,22 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.formats.folders import natural
 from wrenchgap.flight.repeats import SKETCH
-from wrenchgap.learn.identify.trend import Trend, trend_of
+from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
 from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.batch.store import Store, from_fit_json
+from wrenchgap.replay.batch.store import EPOCH, Store, from_fit_json
+
+Followed = tuple[FollowedFlight, FlightValues]
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,8 @@ def rankings(store: Store, keys: Sequence[str], number: int) -> list[FleetRankin
         logs = {r["key"]: r["log"] for r in rows if r["vehicle"] == vehicle}
         length = {r["key"]: r["seconds"] or 0.0 for r in rows}
         longest_first = sorted(logs, key=lambda key: -length[key])
-        repeats = repeated(zip(map(logs.__getitem__, longest_first), _read(store, longest_first, number), strict=True))
+        signatures = (found.signature.tolist() for found in _read(store, longest_first, number))
+        repeats = repeated(zip(map(logs.__getitem__, longest_first), signatures, strict=True))
         once = [key for key, log in logs.items() if log not in repeats]
         try:
             found = ranking(lambda once=once: _read(store, once, number))  # type: ignore[misc]
@@ -57,15 +62,14 @@ def _read(store: Store, keys: Sequence[str], number: int) -> Iterator[Evidence]:
             raise UsageError(str(error)) from None
 
 
-def repeated(logs: Iterable[tuple[str, Evidence]]) -> dict[str, str]:
+def repeated(logs: Iterable[tuple[str, Sequence[int]]]) -> dict[str, str]:
     """Logs that hold samples of a flight which a log before them holds: in another format, cut, or under other stamps.
 
-    Each with that log (`flight.repeats`).
+    Each with that log; told by their `flight.repeats.signature`.
     """
     first: dict[int, str] = {}
     out = {}
-    for log, found in logs:
-        hashes = found.signature.tolist()
+    for log, hashes in logs:
         [(other, count)] = Counter(first[h] for h in hashes if h in first).most_common(1) or [("", 0)]
         if count >= SKETCH.fewest:
             out[log] = other
@@ -87,12 +91,31 @@ def moved(found: Sequence[FleetRanking], most: float = 0.1) -> bool:
     return False
 
 
+def _in_order(read: Sequence[tuple[str, Followed]]) -> list[Followed]:
+    """Flights by log, each once: by the time at which they began, where all clocks are calendars; else by the logs'
+    names, numbers in them by size, which is said. A clock that begins with the autopilot says nothing of the day.
+    """  # noqa: D205
+    repeats = repeated((log, one.signature) for log, (one, _) in read)
+    once = [(log, pair) for log, pair in read if log not in repeats]
+    dated = all(one.flight.start_ns > EPOCH for _, (one, _) in once)
+
+    def place(of: tuple[str, Followed]) -> tuple[int, list[list[tuple[int, str]]]]:
+        return of[1][0].flight.start_ns if dated else 0, [natural(Path(part)) for part in Path(of[0]).parts]
+
+    out = [pair for _, pair in sorted(once, key=place)]
+    said = [f"{log} is a flight that {other} has: left out." for log, other in repeats.items()]
+    if not dated:
+        said.append("Flights are in the order of their logs' names: not every log says on which day it began.")
+    return [(replace(out[0][0], notes=tuple(said)), out[0][1]), *out[1:]]
+
+
 def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehicle: str | None = None) -> Trend:
-    """The trend over the flights of one vehicle, in the order of their clocks, then of the logs' names.
+    """The trend over the flights of one vehicle, each once, in the order of their clocks where all of these are
+    calendars, else of the logs' names.
 
     Raises UsageError where the rows are damaged or not those of `compare`, are of several vehicles and none is named,
     are of other effects, or of fewer than two flights.
-    """
+    """  # noqa: D205
     where = store.url
     if (command := store.identity()["command"]) != "compare":
         raise UsageError(f"{where}: holds rows of `batch {command}`; trend follows those of `batch compare`")
@@ -111,7 +134,11 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
         read = [(r["log"], from_fit_json(r["fit"], f"{where}: `fit` of the row of {r['log']}")) for r in own]
     except UsageError as error:
         raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None
-    pairs = [pair for _, pair in sorted(read, key=lambda one: (one[1][0].flight.start_ns, one[0]))]
+    pairs = _in_order(read)
+    if len(pairs) < 2:
+        raise UsageError(
+            f"{where}: all logs are of one flight, {pairs[0][0].flight.name}; expected two flights or more"
+        )
     common = tuple(n for n in pairs[0][1].effects if all(n in values.effects for _, values in pairs))
     if any(values.effects != common for _, values in pairs) or (names and names != common):
         fitted = ", ".join(dict.fromkeys(n for _, values in pairs for n in values.effects))

@@ -288,13 +288,14 @@ class StoredFit(Table):
     start_ns: Time
     noise: SixOrNull
     cutoff_hz: Positive
+    signature: Annotated[tuple[int, ...], expected("a list of whole numbers")] = ()
 
 
 def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:
     """The values of a flight, and what identifies it."""
     values = entries(found, "effects", "theta", "std", "at_bound", "left")
     about = {"name": one.flight.name, "file": one.flight.path.name, "sha256": one.flight.content_hash}
-    return {**values, **about, "start_ns": one.flight.start_ns, "noise": one.noise, "cutoff_hz": one.cutoff_hz}
+    return {**values, **about, "start_ns": one.flight.start_ns, **entries(one, "noise", "cutoff_hz", "signature")}
 
 
 def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
@@ -307,4 +308,4 @@ def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
     flight = Flight(body.name, Path(body.file), body.sha256, body.start_ns)
     theta, std, left, noise = (np.array(v, dtype=float) for v in (body.theta, body.std, body.left, body.noise))
     found = FlightValues(body.effects, theta, std, body.at_bound, left)
-    return FollowedFlight(flight, (), noise, body.cutoff_hz), found
+    return FollowedFlight(flight, (), noise, body.cutoff_hz, body.signature), found

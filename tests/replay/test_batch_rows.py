@@ -13,8 +13,10 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import driver, sources
+from wrenchgap.replay.batch.fleet import trend_of_rows
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
+from wrenchgap.replay.present import trend
 
 
 @pytest.fixture(scope="module")
@@ -194,3 +196,29 @@ def test_a_row_whose_lists_are_millions_long_is_refused_before_they_are_unfolded
     assert rows[0].stat().st_size < 20_000
     with pytest.raises(UsageError, match=r"1,000,0.. values"):
         Store(str(rows[0].parents[4])).rows()
+
+
+@pytest.mark.parametrize(("epoch", "order"), [(0, ["flight0", "flight1"]), (1_700_000_000, ["flight1", "flight0"])])
+def test_a_trend_is_in_the_order_of_clocks_only_where_they_know_the_day(rows, epoch, order):
+    """Seconds since power-on put a flight of the fourth day before one of the first: a step was told, backwards."""
+    for k, path in enumerate(rows):
+        fitted(start_ns=(epoch + 20 - 10 * k) * 10**9)(path)
+    found = trend_of_rows(Store(str(rows[0].parents[4])), wg.load_model("crazyflie"))
+    names = {json.loads(pq.ParquetFile(p).read().to_pylist()[0]["fit"])["name"]: k for k, p in enumerate(rows)}
+    first, second = (order if names["flight0"] == 0 else order[::-1]) if epoch else order
+    assert list(found.names) == [first, second]
+    assert any("order of their logs' names" in note for note in trend.notes(found)) == (epoch == 0)
+
+
+def test_a_flight_under_two_names_counts_once_in_a_trend(rows, done):
+    samples = list(range(100))
+    for path in rows:
+        fitted(signature=samples)(path)
+    with pytest.raises(UsageError, match="all logs are of one flight"):
+        trend_of_rows(Store(str(rows[0].parents[4])), wg.load_model("crazyflie"))
+
+
+def test_rows_know_their_flights_again_by_samples(rows):
+    texts = [json.loads(pq.ParquetFile(path).read().to_pylist()[0]["fit"]) for path in rows]
+    assert all(len(text["signature"]) >= 100 for text in texts)
+    assert not set(texts[0]["signature"]) & set(texts[1]["signature"])
