@@ -76,7 +76,8 @@ def joint_optimum(
     keys = tuple(theta)
 
     def around(lines: Sequence[Column], at: Mapping[str, Array], *, anew: bool) -> tuple[Sequence[Column], Scorer]:
-        moved = joint_columns(ground, lines, [at[k] for k in keys], anew=anew)
+        derived = [replace(c, jacobian=line.jacobian) for c, line in zip(columns, lines, strict=True)]
+        moved = joint_columns(ground, derived, [at[k] for k in keys], anew=anew)
         return moved, scorer_on(spectrum_of(ground, moved, factors))
 
     lines, scorer = around(columns, theta, anew=True)
@@ -99,7 +100,7 @@ def joint_optimum(
         else:
             break
         theta = trial
-        if gain < 0.9 * promised:
+        if abs(gain - promised) > 0.1 * promised:
             moved, other = around(moved, theta, anew=True)
             there = other.held(keys, theta)
         lines, scorer, here = moved, other, there
@@ -139,7 +140,7 @@ def joint_columns(
         for part, bent in zip(parts, bends, strict=True)
     ]
     rest = ground.left - point.residual - derivative @ values - sum(own)
-    curved = int(np.argmax([np.linalg.norm(c.offset) for c in columns]))
+    curved = int(np.argmax([np.linalg.norm(o) for o in own]))
     own[curved] = own[curved] + rest
     return [
         replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=offset)
