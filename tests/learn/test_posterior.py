@@ -129,7 +129,7 @@ def test_a_set_with_lags_is_as_likely_wherever_the_search_for_its_optimum_begins
     model = wg.load_model("crazyflie")
     hidden = {"command_delay": [0.02], "motor_lag": [0.05], "thrust_curve": [0.3, 0.5]}
     true = model.with_effects([make_effect(model.vehicle, name, values) for name, values in hidden.items()])
-    flown = wg.simulate(true, "multi_axis", duration=8, excitation=1, seed=3)
+    flown = wg.simulate(true, "multi_axis", duration=12, excitation=1, seed=3)
     (record,) = wg.open_flights([flown], model)[0].records
     data = dataset([record], model)
     on = model_residual(data, model)
