@@ -146,6 +146,7 @@ CASES: tuple[tuple[str, str, str, float, float], ...] = (
         1500,
         15,
     ),
+    ("ulog-long-name", "a ULog of 60 kB with 360,000 numbers in a field of 60,000 letters", OPTION, 1500, 15),
     ("ulog-beyond", "a ULog of 0.1 MB whose last definition claims to be longer than the file", "damaged", 500, 10),
     ("parquet-rows", "a Parquet file of 1.6 MB with 50,000,000 rows", OPTION, 500, 10),
     ("parquet-text", "a Parquet file of 0.3 MB that holds a text of 100,000 letters 100,000 times", OPTION, 500, 10),

@@ -38,6 +38,13 @@ def ulog_nested(path: Path, size: int) -> None:
     path.write_bytes(found)
 
 
+def ulog_long_name(path: Path, size: int) -> None:
+    """A format of 400 formats of 900 numbers, in a field whose name has `size` letters."""
+    formats = ["inner:uint8_t[900] x;", f"deep:uint64_t timestamp;inner[400] {'a' * size};"]
+    found = ULOG + ulog_message("B", bytes(40)) + b"".join(ulog_message("F", text.encode()) for text in formats)
+    path.write_bytes(found + ulog_message("A", struct.pack("<BH", 0, 1) + b"deep"))
+
+
 def ulog_subscriptions(path: Path, size: int) -> None:
     """A topic of three numbers, subscribed to `size` times, with a message each."""
     found = [ULOG, ulog_message("B", bytes(40)), ulog_message("F", b"few:uint64_t timestamp;float x;float y;")]
@@ -458,6 +465,7 @@ def folder_zstd(path: Path, size: int) -> None:
 
 MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "ulog-nested": (ulog_nested, "a.ulg", 500, 2),
+    "ulog-long-name": (ulog_long_name, "a.ulg", 60_000, 5),
     "ulog-subscriptions": (ulog_subscriptions, "a.ulg", 300_000, 5),
     "ulog-beyond": (ulog_beyond, "a.ulg", 5000, 3000),
     "dataflash-instances": (dataflash_instances, "a.bin", 100_000, 20),

@@ -96,8 +96,8 @@ def _counted(kind: Any, account: Account) -> Any:
 
     class Subscription(kind._MessageAddLogged):  # type: ignore[misc]
         def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
-            number = _fields(self.message_name, message_formats, {})
-            account.take(LIMITS.ulog_field * number, f"the {number:,} fields of {self.message_name:.100}")
+            number, letters = _fields(self.message_name, message_formats, {})
+            account.take(LIMITS.ulog_field * number + 2 * letters, f"the {number:,} fields of {self.message_name:.100}")
             account.check_time()
             super()._parse_format(message_formats)
 
@@ -112,12 +112,17 @@ def _counted(kind: Any, account: Account) -> Any:
     return Log
 
 
-def _fields(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:
-    """Fields of a format with those of the formats within; of one that contains itself pyulog says what is wrong."""
+def _fields(name: str, formats: Mapping[str, Any], known: dict[str, tuple[int, int]]) -> tuple[int, int]:
+    """Fields of a format with those of the formats within, and the letters of their names, in which those of the fields
+    around them stand again; of a format that contains itself pyulog says what is wrong.
+    """  # noqa: D205
     if name not in known:
-        known[name] = 0
-        for kind, size, _ in formats[name].fields if name in formats else ():
-            known[name] += max(size, 1) * (_fields(kind, formats, known) if kind in formats else 1)
+        known[name] = 0, 0
+        for kind, size, field in formats[name].fields if name in formats else ():
+            number, letters = _fields(kind, formats, known) if kind in formats else (1, 0)
+            all_fields, all_letters = known[name]
+            more = max(size, 1) * (letters + number * len(field))
+            known[name] = all_fields + max(size, 1) * number, all_letters + more
     return known[name]
 
 

@@ -65,7 +65,12 @@ def test_texts_of_parquet_are_counted_before_they_are_written_out(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("parquet-bytes", "table of 4 rows"), ("mcap-long-key", "decoded messages"), ("mcap-fan", "decoded messages")],
+    [
+        ("ulog-long-name", "360,001 fields"),
+        ("parquet-bytes", "table of 4 rows"),
+        ("mcap-long-key", "decoded messages"),
+        ("mcap-fan", "decoded messages"),
+    ],
 )
 def test_what_few_bytes_unfold_to_is_counted_before_it_is_there(name, said, tmp_path):
     with pytest.raises(BudgetError, match=said):
