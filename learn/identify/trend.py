@@ -25,10 +25,10 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import timing_of, unfollowed_axes
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.learn.identify.moved_centre import MovedCentre, moved_centre
 from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
 from wrenchgap.plant.effects import Parameter, find, require_force
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 
 TRIMS = ("thrust_scale", "com_offset")
 """What is fitted where neither the user nor the model names an effect: what every repair moves."""
@@ -41,8 +41,8 @@ PARTS = (
     "backlash_by_arm",
 )
 """What is fitted for the health of parts: thrust, drag torque and lag of each rotor; zero, lag and play of each arm."""
-DATED = 946_684_800_000_000_000
-"""The year 2000 [ns]: stamps below count from the start of a computer, not of an era."""
+DATED = 10**18
+"""September 2001 [ns]: stamps below count from the start of a computer, or of a clock that was never set."""
 ROTORS = ("rotor_thrust",)
 """What is fitted instead on rotors that do not tilt: their thrusts make all that `TRIMS` could, and yaw besides."""
 
@@ -76,7 +76,7 @@ class ParameterTrend:
 @dataclass(frozen=True)
 class FollowedFlight:
     """One of the flights: the log without its samples, its notes, its sensor noise (6,) [N, Nm] and the filter [Hz];
-    `signature` is what it is known again by (`flight.repeats.signature`).
+    `signature` is what it is known again by (`flight.repeats.signature`), `seconds` how long it is.
     """  # noqa: D205
 
     flight: Flight
@@ -84,6 +84,12 @@ class FollowedFlight:
     noise: Array
     cutoff_hz: float
     signature: tuple[int, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """From when to when it flew [ns]."""
+        return self.flight.start_ns, self.flight.start_ns + int(1e9 * self.seconds)
 
 
 @dataclass(frozen=True)
@@ -98,41 +104,6 @@ class FlightValues:
     std: Array
     at_bound: tuple[str, ...]
     left: Array
-
-
-@dataclass(frozen=True)
-class MovedCentre:
-    """A centre of mass that moves by (`x`, `y`) [m] from flight `first` to flight `last`, those farthest apart, and the
-    `share` that it has in the squares of what the thrusts of rotors change by, each against all.
-    """  # noqa: D205
-
-    x: float
-    y: float
-    first: int
-    last: int
-    share: float
-
-
-def moved_centre(thrusts: Array, vehicle: Vehicle) -> MovedCentre | None:
-    """The centre of mass that relative thrusts (n, R) of rotors move like; None where single rotors do better.
-
-    In hover every rotor has the same thrust T, and one that gives 1 + d_r of it makes the torque of a centre of mass at
-    -mean(d_r x_r). Beside what all rotors change by, d_r of a moved centre is a plane over their places; of one weak
-    rotor of R the plane has 2 / (R - 1) of the squares. Source: the balance of moments of a hover.
-    """
-    arms, rotors = vehicle.geometry()
-    place = arms.position_B[rotors.arm, :2] - arms.position_B[rotors.arm, :2].mean(axis=0)
-    together = (thrusts - thrusts.mean(axis=0)).mean(axis=1, keepdims=True)
-    change = thrusts - thrusts.mean(axis=0) - together
-    plane = change @ place @ np.linalg.pinv(place)
-    share = float(np.sum(plane**2) / max(np.sum(change**2), 1e-30))
-    if share < 0.5 * (1.0 + 2.0 / (len(place) - 1)) or np.sum(plane**2) < len(place) * np.sum(together**2):
-        return None
-    centres = -change @ place / len(place)
-    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
-    first, last = sorted(int(k) for k in np.unravel_index(np.argmax(apart), apart.shape))
-    x, y = centres[last] - centres[first]
-    return MovedCentre(float(x), float(y), first, last, share)
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,6 +144,11 @@ class Trend(Result):
         """Of the flights, UTC; "" where a log has none."""
         stamps = [f.flight.start_ns for f in self.flights]
         return tuple(f"{datetime.fromtimestamp(ns / 1e9, UTC):%Y-%m-%d}" if ns > DATED else "" for ns in stamps)
+
+    @property
+    def at_once(self) -> tuple[int, int] | None:
+        """Two flights that flew at the same time, by the calendars of their clocks: one that two loggers recorded."""
+        return at_once([one.span for one in self.flights]) if all(self.dates) else None
 
     @property
     def changed(self) -> tuple[ParameterTrend, ...]:
@@ -242,12 +218,17 @@ def _leaves_less(fits: Sequence[FlightValues], others: Sequence[FlightValues], c
     return bool(gain.sum() > 0.0 and gain.max() > np.log(clear))
 
 
+def at_once(spans: Sequence[tuple[int, int]]) -> tuple[int, int] | None:
+    """Two of these flights, from and to [ns], that overlap; None where all are apart."""
+    order = sorted(range(len(spans)), key=lambda k: spans[k])
+    return next(((a, b) for a, b in pairwise(order) if spans[b][0] < spans[a][1]), None)
+
+
 def _by_date(flights: Sequence[OpenFlight]) -> Sequence[OpenFlight]:
     """The flights in order of date; as given where stamps are no dates: of no era, or of flights at the same time."""
-    spans = [(one.flight.start_ns, one.flight.start_ns + int(1e9 * one.records[-1].time[-1])) for one in flights]
-    order = sorted(range(len(flights)), key=lambda k: spans[k])
-    apart = all(spans[k][1] <= spans[following][0] for k, following in pairwise(order))
-    return [flights[k] for k in order] if apart and all(start > DATED for start, _ in spans) else flights
+    spans = [followed_flight(one).span for one in flights]
+    dated = all(start > DATED for start, _ in spans) and at_once(spans) is None
+    return [flights[k] for k in sorted(range(len(spans)), key=lambda k: spans[k])] if dated else flights
 
 
 def trend_of(
@@ -283,7 +264,8 @@ def followed_flight(one: OpenFlight) -> FollowedFlight:
     about = one.records[0].flight, whole.path, whole.content_hash, whole.start_ns
     bare = Flight(*about, autopilot=whole.autopilot)
     noise = np.asarray(np.sum([r.noise for r in one.records], axis=0))
-    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz, tuple(signature(whole).tolist()))
+    samples, seconds = tuple(signature(whole).tolist()), float(one.records[-1].time[-1])
+    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz, samples, seconds)
 
 
 def _effects(

@@ -10,12 +10,12 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.formats.folders import natural
 from wrenchgap.flight.repeats import SKETCH
-from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, trend_of
+from wrenchgap.learn.identify.trend import DATED, FlightValues, FollowedFlight, Trend, trend_of
 from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.batch.store import EPOCH, Store, from_fit_json
+from wrenchgap.replay.batch.store import Store, from_fit_json
 
 Followed = tuple[FollowedFlight, FlightValues]
 
@@ -97,7 +97,7 @@ def _in_order(read: Sequence[tuple[str, Followed]]) -> list[Followed]:
     """  # noqa: D205
     repeats = repeated((log, one.signature) for log, (one, _) in read)
     once = [(log, pair) for log, pair in read if log not in repeats]
-    dated = all(one.flight.start_ns > EPOCH for _, (one, _) in once)
+    dated = all(one.flight.start_ns > DATED for _, (one, _) in once)
 
     def place(of: tuple[str, Followed]) -> tuple[int, list[list[tuple[int, str]]]]:
         return of[1][0].flight.start_ns if dated else 0, [natural(Path(part)) for part in Path(of[0]).parts]

@@ -30,7 +30,7 @@ from wrenchgap.flight import FitError, Flight, UsageError
 from wrenchgap.flight.atomic import write_below
 from wrenchgap.flight.budget import default_memory
 from wrenchgap.flight.work_files import lock
-from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight
+from wrenchgap.learn.identify.trend import DATED, FlightValues, FollowedFlight
 from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, quoted, read
 from wrenchgap.replay.batch.sources import folder_of, opened, reached
@@ -52,8 +52,6 @@ SCHEMA = pa.schema(
 """Columns of a row; `vehicle`, `date` and `pass` are folders. docs/batch.md says what they mean."""
 HEAVY = ("result", "evidence")
 """Columns that a list of rows goes without."""
-EPOCH = 10**18
-"""Start of a log [ns] before which its clock is no calendar (September 2001)."""
 FAILED = ".failed"
 PLACE = re.compile(r"vehicle=([^/]+)/date=([^/]+)/([^/.]+)(\.failed)?\.parquet")
 """Of a row, below the folder of its pass: vehicle, date, key, and whether its log failed."""
@@ -161,7 +159,7 @@ class Store:
         _, root = self._at
         start = row.get("start_ns")
         date = "unknown"
-        if start is not None and start > EPOCH:
+        if start is not None and start > DATED:
             date = datetime.fromtimestamp(start * 1e-9, UTC).strftime("%Y-%m-%d")
         name = f"{row['key']}{FAILED if row['status'] == 'failed' else ''}.parquet"
         path = f"{root}/rows/pass={number}/{folder_of(vehicle)}/date={date}/{name}"
@@ -289,13 +287,19 @@ class StoredFit(Table):
     noise: SixOrNull
     cutoff_hz: Positive
     signature: Annotated[tuple[int, ...], expected("a list of whole numbers")] = ()
+    seconds: OrNull = None
 
 
 def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:
     """The values of a flight, and what identifies it."""
     values = entries(found, "effects", "theta", "std", "at_bound", "left")
     about = {"name": one.flight.name, "file": one.flight.path.name, "sha256": one.flight.content_hash}
-    return {**values, **about, "start_ns": one.flight.start_ns, **entries(one, "noise", "cutoff_hz", "signature")}
+    return {
+        **values,
+        **about,
+        "start_ns": one.flight.start_ns,
+        **entries(one, "noise", "cutoff_hz", "signature", "seconds"),
+    }
 
 
 def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
@@ -308,4 +312,4 @@ def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
     flight = Flight(body.name, Path(body.file), body.sha256, body.start_ns)
     theta, std, left, noise = (np.array(v, dtype=float) for v in (body.theta, body.std, body.left, body.noise))
     found = FlightValues(body.effects, theta, std, body.at_bound, left)
-    return FollowedFlight(flight, (), noise, body.cutoff_hz, body.signature), found
+    return FollowedFlight(flight, (), noise, body.cutoff_hz, body.signature, body.seconds or 0.0), found

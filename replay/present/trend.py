@@ -7,8 +7,9 @@ import numpy as np
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.places import towards
+from wrenchgap.learn.identify.moved_centre import MovedCentre
 from wrenchgap.learn.identify.steps_and_drift import COURSE, Drift, Step, Verdict
-from wrenchgap.learn.identify.trend import MovedCentre, ParameterTrend, Trend
+from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present import numbers, parameters, season
 from wrenchgap.replay.present.notes import sentences
@@ -63,6 +64,10 @@ def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
     looks = said[-1:] if places(found) else []
     said = said if len(said) <= most else [*said[: most - 1 - len(looks)], "More parameters changed.", *looks]
     caveat = [Line(CAVEAT, "dim")] if found.changed or found.scattered else []
+    if (pair := found.at_once) is not None:
+        first, second = (found.names[k] for k in pair)
+        twice = f"{first} and {second} were flown at the same time: one flight in two logs counts twice; leave one out."
+        caveat.insert(0, Line(twice, "yellow"))
     shown = season.health(found) if found.by_part else overview(found)
     return [*(Line(text, "bold") for text in said), *caveat, Line(), shown]
 

@@ -12,8 +12,9 @@ from tests.independent.flown_quadrotor import MODEL as QUADROTOR
 from tests.independent.flown_quadrotor import Case
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.identify.moved_centre import moved_centre
 from wrenchgap.learn.identify.steps_and_drift import Verdict
-from wrenchgap.learn.identify.trend import TRIMS, moved_centre, trend
+from wrenchgap.learn.identify.trend import TRIMS, trend
 from wrenchgap.replay.present.trend import summary
 
 MODEL = wg.load_model("tilt_hexarotor")

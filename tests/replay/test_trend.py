@@ -14,7 +14,7 @@ from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.report.page import trend_page as page
 from wrenchgap.replay.present.report.page import vehicle_marks
-from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
+from wrenchgap.replay.present.trend import brief, notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"
 SPIKY = "<b>M$3</b>"
@@ -169,3 +169,21 @@ def test_bad_input_gets_one_line(more, says, season, refused, tmp_path):
 def test_one_flight_and_one_flight_twice_are_refused(season, refused):
     assert "got 1 flight, expected two or more" in refused("trend", season[0], "-m", HEXA)
     assert "is the same flight" in refused("trend", season[0], season[0], "-m", HEXA)
+
+
+def test_flights_at_the_same_time_are_asked_about(found):
+    """One flight that two loggers recorded counts twice: by the calendars of their clocks, where they have any."""
+
+    def with_starts(*starts):
+        flights = [
+            replace(one, flight=replace(one.flight, start_ns=int(1e9 * start)), seconds=20.0)
+            for one, start in zip(found.flights, starts, strict=True)
+        ]
+        return "\n".join(str(part) for part in brief(replace(found, flights=tuple(flights))))
+
+    days = [1.7e9 + 1e5 * k for k in range(len(found.flights))]
+    assert "at the same time" not in with_starts(*days)
+    assert "at the same time" not in with_starts(*(3.0 * k for k in range(len(days))))
+    days[1] = days[0] + 15.0
+    first, second = found.names[:2]
+    assert f"{first} and {second} were flown at the same time" in with_starts(*days)
