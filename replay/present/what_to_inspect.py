@@ -54,7 +54,7 @@ ACTIONS = {
     "command_delay": "look at the link and the load of the flight computer (commands may arrive later), and at the "
     "low-pass and the stamps of the IMU (it may be later)",
     "thrust_scale": "look at the battery and at all propellers: all thrust together has changed",
-    "battery_sag": "measure the battery's internal resistance, and its voltage under load",
+    "battery_sag": "measure the battery's voltage under load beside the log's (a voltmeter that is off does the same)",
     "thrust_fade": "measure the battery's internal resistance, and its voltage under load",
     "thrust_curve": "look at the settings of the speed controllers",
     "mass": "weigh the vehicle",
