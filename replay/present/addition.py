@@ -1,5 +1,6 @@
 """Effects put into a model and taken out: tables and JSON."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from wrenchgap.learn.identify.bias_and_trim import FlightsApart
 from wrenchgap.learn.identify.fit import Fit
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import change, entries, parameter_rows, quantity, unit_of, unmeasured, user_name
@@ -45,7 +47,7 @@ def brief(added: Addition) -> list[Part]:
     else:
         look = "bold yellow" if trial.outcome is Outcome.WORSE else "bold"
         first = Line(f"Added {names}. On held-out time {verdict(trial)}.", look)
-    warned = note_lines([*limits(added), *mixed(added)], "warning")
+    warned = note_lines([*limits(added), *alike(added.fit, added.model.vehicle), *mixed(added)], "warning")
     return [first, *warned, Line(), parameters(added.fit.snapshot, title, added.model.vehicle)]
 
 
@@ -55,6 +57,23 @@ OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "
 def verdict(trial: Trial) -> str:
     """What a change of the model did on time that was not fitted."""
     return f"{OUTCOMES[trial.outcome]}: error energy {change(trial.change)}, t {trial.t:.1f}"
+
+
+def alike(fit: Fit, vehicle: Vehicle, most: float = 0.95) -> list[str]:
+    """Parameters of two effects that do the same on these flights (a cosine beyond `most`: the variance of each is ten
+    times what it has alone), and that are less than two standard deviations from zero: their sum is known, not each.
+    """  # noqa: D205
+    weighed = (fit.jacobian * fit.axis_weights[:, None])[:, :, : len(fit.theta)].reshape(-1, len(fit.theta))
+    unsure = np.flatnonzero(np.abs(fit.theta) < 2.0 * fit.std)
+    out = []
+    for i, j in itertools.combinations(unsure, 2):
+        (first, one), (second, other) = fit.parameters[i], fit.parameters[j]
+        a, b = weighed[:, i], weighed[:, j]
+        if first != second and abs(a @ b) > most * np.linalg.norm(a) * np.linalg.norm(b):
+            names = (f"{e} {user_name(p.name, vehicle)}" for e, p in ((first, one), (second, other)))
+            how = "what they do together is known, not each of them."
+            out.append(f"{' and '.join(names)} do the same on these flights: {how} Add {first} or {second}, not both")
+    return out
 
 
 def mixed(added: Addition, most: float = 5.0) -> list[str]:
