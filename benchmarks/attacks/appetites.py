@@ -204,6 +204,7 @@ CASES: tuple[tuple[str, str, str, float, float], ...] = (
     ),
     ("mcap-parentheses", "an MCAP file of 0.3 kB with a constant of IDL in 14 parentheses", "", 500, 10),
     ("mcap-constants", "an MCAP file of 2 kB with 40 constants of IDL, each the square of the last", "", 500, 10),
+    ("folder-footer", "a folder of two MCAP files of 0.1 MB whose summary is a chunk of 4 GB", "no message", 1000, 10),
     ("bag-view", "a folder of two .db3 of 8 kB whose messages are a view without end", "no tables", 500, 10),
     ("bag-metadata", "a bag whose metadata.yaml has 300,000 empty lines", "", 500, 10),
     ("mcap-channels", "an MCAP file of 65,534 channels", "", 1000, 30),

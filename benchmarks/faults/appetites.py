@@ -463,6 +463,17 @@ def folder_zstd(path: Path, size: int) -> None:
     (path / "bag_0.db3.zstd").write_bytes(structured.bomb("zstd", size))
 
 
+def folder_footer(path: Path, size: int) -> None:
+    """Two MCAP files whose footers say that their summary is where a chunk of `size` MB of zeros begins."""
+    path.mkdir()
+    packed = structured.bomb("zstd", size)
+    head = struct.pack("<QQQII", 0, 2**62, size * 2**20, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
+    footer = struct.pack("<QQI", len(structured.MAGIC), 0, 0)
+    records = structured.joined([(structured.CHUNK, head + packed), (2, footer)])
+    for name in ("a.mcap", "b.mcap"):
+        (path / name).write_bytes(structured.MAGIC + records + structured.MAGIC)
+
+
 MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "ulog-nested": (ulog_nested, "a.ulg", 500, 2),
     "ulog-long-name": (ulog_long_name, "a.ulg", 60_000, 5),
@@ -496,6 +507,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "bag-connections": (bag_connections, "a.bag", 65_000, 5),
     "db3-generated": (db3_generated, "a.db3", 900, 1),
     "db3-topics": (db3_topics, "a.db3", 100_000, 5),
+    "folder-footer": (folder_footer, "bag", 4000, 1),
     "folder-zstd": (folder_zstd, "bag", 20_000, 1),
 }
 """By name: what writes it, the name of the file, the usual size, and that of a seed."""

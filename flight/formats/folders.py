@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
-
 from wrenchgap.flight.budget import LIMITS, Account, Budget
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.mcap import time_range
 
 STORAGE = (".db3", ".mcap")
 SINGLE = (".bag", ".ulg", ".bin", ".csv", ".parquet")
@@ -22,11 +20,6 @@ SINGLE = (".bag", ".ulg", ".bin", ".csv", ".parquet")
 TABLES = ("messages", "topics", "message_definitions")
 """Of a ROS 2 bag in SQLite; older ones have no definitions."""
 
-DAMAGED = (
-    *(McapError, OSError, EOFError, ValueError, TypeError),
-    *(struct.error, MemoryError, OverflowError, RuntimeError, LookupError, StopIteration),
-)
-"""What mcap's reader raises of a summary that is none."""
 Range = tuple[int, int]
 
 
@@ -131,11 +124,8 @@ def _time_range(path: Path) -> Range | None:
     """First and last log time [ns] of a bag file, where it tells them without being read whole."""
     try:
         if path.suffix == ".mcap":
-            size = path.stat().st_size
-            with path.open("rb") as stream:
-                summary = SeekingReader(stream, record_size_limit=size).get_summary()
-            known = None if summary is None else summary.statistics
-            return None if known is None else (known.message_start_time, known.message_end_time)
+            with path.open("rb") as file:
+                return time_range(file, Budget().account(path, path.stat().st_size))
         if path.suffix == ".db3":
             database = bag_database(path, Budget().account(path, path.stat().st_size))
             try:
@@ -143,6 +133,6 @@ def _time_range(path: Path) -> Range | None:
             finally:
                 database.close()
             return None if first is None else (int(first), int(last))
-    except (*DAMAGED, sqlite3.DatabaseError):
+    except (OSError, struct.error, sqlite3.DatabaseError):
         return None
     return None

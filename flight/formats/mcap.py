@@ -26,7 +26,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import LIMITS
+from wrenchgap.flight.budget import LIMITS, Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.kernels import BROKEN, FULL, LAST_TIME, OTHER, grouped, walked
 from wrenchgap.flight.formats.reader import (
@@ -44,6 +44,8 @@ from wrenchgap.flight.formats.reader import (
 Buffer = bytes | memoryview
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, places of the summary and of its offsets, checksum
+_STATISTICS = struct.Struct("<QH4I2Q")  # counts of six kinds, first and last log time [ns]; then counts by channel
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, uncompressed crc, length of the compression's name
 
@@ -244,6 +246,26 @@ class McapReader(Reader):
         ):
             if count:
                 self.damage.append(f"{count} {kind} of {self.path.name} {fate}")
+
+
+def time_range(file: BinaryIO, account: Account) -> tuple[int, int] | None:
+    """First and last log time [ns] by the statistics in the summary of a file, where it has them.
+
+    Of the records that its footer points at the lengths alone are looked at: it may point at a chunk, which unfolds.
+    Raises OSError or struct.error where the file is cut, BudgetError where there is no end of records.
+    """
+    file.seek(-(_FOOTER.size + len(MAGIC)), os.SEEK_END)
+    opcode, _, position, _, _ = _FOOTER.unpack(file.read(_FOOTER.size))
+    end = file.tell() - _FOOTER.size
+    while opcode == Opcode.FOOTER and 0 < position < end:
+        account.check_time()
+        file.seek(position)
+        kind, length = _RECORD.unpack(file.read(_RECORD.size))
+        if kind == Opcode.STATISTICS:
+            *_, first, last = _STATISTICS.unpack(file.read(_STATISTICS.size))
+            return first, last
+        position += _RECORD.size + length
+    return None
 
 
 def _next_chunk(data: mmap.mmap | bytes, start: int) -> int:

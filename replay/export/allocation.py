@@ -29,7 +29,7 @@ from wrenchgap.plant.allocation_problem import allocation_problem
 from wrenchgap.plant.effectiveness import Effectiveness, effectiveness
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
-from wrenchgap.plant.targets.quantities import acting_effects
+from wrenchgap.plant.targets.quantities import acting_effects, at_limit
 from wrenchgap.replay.export.c_lines import Own, literal, rows_text
 from wrenchgap.replay.export.context import GENERATED, Table, numbers_text
 from wrenchgap.replay.export.export import Precision, environment
@@ -120,12 +120,18 @@ def export_allocation(
     UsageError
         Where the folder exists and `force` is not given.
     ModelError
-        For a model without rotors, a vehicle that cannot hover as flown, and one of which the corrected allocation
-        would by the model itself make worse what is asked for.
+        For a model without rotors or with an effect on thrusts at its limit, a vehicle that cannot hover as flown, and
+        one of which the corrected allocation would by the model itself make worse what is asked for.
     """
     known = model_of(model)
     if folder is not None:
         checked(Path(folder), FILES, force=force, model=known)
+    stuck = [one.name for one in known.effects if one.effect.place == "thrusts" and at_limit(one, known.vehicle)]
+    if stuck:
+        raise ModelError(
+            f"{known.name}: {', '.join(stuck)} is at a limit of what is plausible: its law is wrong, what rotors make "
+            "is not known (a motor that has failed?); take it out (wrenchgap remove) for the nominal allocation"
+        )
     problem = allocation_problem(known)
     allocator, left = Allocator(problem), left_by_model(known, problem)
     if left.worse:

@@ -58,7 +58,11 @@ def sentences(found: Effectiveness) -> list[str]:
     if weak:
         out.append(f"Thrust over what is asked of it: {', '.join(weak)}.")
     if not found.matrix.by:
-        out = [f"{found.vehicle.name}: no effect of the model changes what rotors make; this is the nominal matrix."]
+        why = "no effect of the model changes what rotors make"
+        if found.left_out:
+            names = ", ".join(found.left_out)
+            why = f"{names} is left out, at a limit of what is plausible: what rotors make is not known"
+        out = [f"{found.vehicle.name}: {why}; this is the nominal matrix."]
     return out
 
 

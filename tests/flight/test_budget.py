@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
+import wrenchgap as wg
 from benchmarks.faults.appetites import made
 from wrenchgap import flight
-from wrenchgap.flight.budget import LIMITS, Budget, BudgetError
+from wrenchgap.flight.budget import LIMITS, Account, Budget, BudgetError
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.formats.decode import dotted_names
+from wrenchgap.flight.formats.mcap import time_range
 
 
 def test_a_text_says_memory_time_or_both():
@@ -88,6 +91,17 @@ def test_long_names_are_not_repeated_for_all_that_is_below_them():
 def test_a_database_whose_messages_are_not_in_the_file_is_refused(name, said, tmp_path):
     with pytest.raises(flight.LogError, match=said):
         flight.inspect(made(name, tmp_path))
+
+
+def test_the_time_of_a_file_is_read_off_its_summary_and_no_chunk_unfolded_for_it(tmp_path):
+    for path in sorted(made("folder-footer", tmp_path).iterdir()):
+        with path.open("rb") as file:
+            assert time_range(file, Account(path)) is None
+    path = tmp_path / "f.mcap"
+    wg.save_log(wg.simulate(wg.load_model("crazyflie"), "hover", duration=1.0), path)
+    with path.open("rb") as file, path.open("rb") as again:
+        stated = make_reader(again).get_summary().statistics
+        assert time_range(file, Account(path)) == (stated.message_start_time, stated.message_end_time)
 
 
 def test_a_type_without_numbers_is_refused_before_its_fields_are_counted(tmp_path):

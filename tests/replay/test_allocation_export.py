@@ -14,6 +14,7 @@ from tests.plant.conftest import star
 from tests.replay.exported_c import COMPILER, SANITISED, STRICT, needs_compiler
 from wrenchgap.compensate.allocator import Left
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.replay.export import allocation
 
@@ -128,6 +129,17 @@ def test_names_are_data_in_every_file(tmp_path):
         built(tmp_path / f"out{k}")
         assert module_at(tmp_path / f"out{k}" / "wrenchgap_allocation.py").Allocation().allocate(WEIGHT).status == 0
         assert all(line.isprintable() for text in made.files.values() for line in text.replace("\t", "").split("\n"))
+
+
+def test_no_allocation_is_written_where_a_rotor_is_at_the_limit_of_what_is_plausible(tmp_path):
+    """A motor that has failed: the effect is left out, and the nominal allocation would use that motor fully."""
+    model = wg.load_model("asymmetric_quadrotor")
+    (effect,) = [make_effect(model.vehicle, "rotor_thrust", [0.0, 0.0, 0.0, -0.95])]
+    fitted = model.with_effects([replace(effect, std=np.full(4, 0.01))])
+    with pytest.raises(ModelError, match="rotor_thrust is at a limit"):
+        wg.export_allocation(fitted, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert "what rotors make is not known" in str(wg.effectiveness(fitted))
 
 
 def test_an_allocation_that_would_do_harm_by_the_model_itself_is_not_written(tmp_path, monkeypatch):
