@@ -166,7 +166,7 @@ CASES: tuple[tuple[str, str, str, float, float], ...] = (
     ("csv-header", "a CSV table with a header of 100,000,000 letters", "", 2000, 20),
     ("csv-columns", "a CSV table of 100,000 columns", "", 1000, 30),
     ("csv-alike", "a CSV table of 100,000 columns of one name", "", 1000, 30),
-    ("parquet-bytes", "a Parquet file of 0.1 MB with four rows of 300 MB", OPTION, 500, 10),
+    ("parquet-bytes", "a Parquet file of 0.1 MB with four rows of 150 MB", OPTION, 500, 10),
     (
         "mcap-long-key",
         "an MCAP file of 1.6 MB with 60,000 numbers in JSON below a name of 100,000 letters",

@@ -482,7 +482,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "dataflash-instances": (dataflash_instances, "a.bin", 100_000, 20),
     "parquet-rows": (parquet_rows, "a.parquet", 50_000_000, 20),
     "parquet-text": (parquet_text, "a.parquet", 100_000, 2),
-    "parquet-bytes": (parquet_bytes, "a.parquet", 300_000_000, 1000),
+    "parquet-bytes": (parquet_bytes, "a.parquet", 150_000_000, 1000),
     "parquet-page": (parquet_page, "a.parquet", 2**31 - 1, 2**31 - 1),
     "mcap-channels": (mcap_channels, "a.mcap", 65_534, 10),
     "mcap-imus": (mcap_imus, "a.mcap", 65_534, 5),

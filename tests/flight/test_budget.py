@@ -77,7 +77,7 @@ def test_texts_of_parquet_are_counted_before_they_are_written_out(tmp_path):
 )
 def test_what_few_bytes_unfold_to_is_counted_before_it_is_there(name, said, tmp_path):
     with pytest.raises(BudgetError, match=said):
-        flight.inspect(made(name, tmp_path))
+        flight.inspect(made(name, tmp_path), budget="100MB")
 
 
 def test_long_names_are_not_repeated_for_all_that_is_below_them():
