@@ -87,6 +87,16 @@ class AllocationExport(Result):
 
 
 @check_arguments
+def _require_known_thrusts(model: Model) -> None:
+    """Raise ModelError where an effect on thrusts is at its limit: it is left out, and a dead motor would be used."""
+    stuck = [one.name for one in model.effects if one.effect.place == "thrusts" and at_limit(one, model.vehicle)]
+    if stuck:
+        raise ModelError(
+            f"{model.name}: {', '.join(stuck)} is at a limit of what is plausible: its law is wrong, what rotors make "
+            "is not known (a motor that has failed?); take it out (wrenchgap remove) for the nominal allocation"
+        )
+
+
 def export_allocation(
     model: Model | Addition,
     folder: str | Path | None = None,
@@ -126,12 +136,7 @@ def export_allocation(
     known = model_of(model)
     if folder is not None:
         checked(Path(folder), FILES, force=force, model=known)
-    stuck = [one.name for one in known.effects if one.effect.place == "thrusts" and at_limit(one, known.vehicle)]
-    if stuck:
-        raise ModelError(
-            f"{known.name}: {', '.join(stuck)} is at a limit of what is plausible: its law is wrong, what rotors make "
-            "is not known (a motor that has failed?); take it out (wrenchgap remove) for the nominal allocation"
-        )
+    _require_known_thrusts(known)
     problem = allocation_problem(known)
     allocator, left = Allocator(problem), left_by_model(known, problem)
     if left.worse:
