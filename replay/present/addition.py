@@ -59,17 +59,25 @@ def verdict(trial: Trial) -> str:
     return f"{OUTCOMES[trial.outcome]}: error energy {change(trial.change)}, t {trial.t:.1f}"
 
 
-def alike(fit: Fit, vehicle: Vehicle, most: float = 0.95) -> list[str]:
-    """Parameters of two effects that do the same on these flights (a cosine beyond `most`: the variance of each is ten
-    times what it has alone), and that are less than two standard deviations from zero: their sum is known, not each.
+ALIKE = 0.95
+"""Cosine beyond which two parameters do the same on some flights: the variance of each is ten times its own."""
+
+
+def cosine(fit: Fit, first: int, second: int) -> float:
+    """Of what two unknowns of a fit do to the prediction, axes weighed as in the fit: at one they do the same."""
+    a, b = (fit.jacobian[:, :, k] * fit.axis_weights for k in (first, second))
+    return float(np.sum(a * b) / max(np.linalg.norm(a) * np.linalg.norm(b), np.finfo(float).tiny))
+
+
+def alike(fit: Fit, vehicle: Vehicle, most: float = ALIKE) -> list[str]:
+    """Parameters of two effects that do the same on these flights, by a cosine beyond `most`, and are less than two
+    standard deviations from zero: their sum is known, not each.
     """  # noqa: D205
-    weighed = (fit.jacobian * fit.axis_weights[:, None])[:, :, : len(fit.theta)].reshape(-1, len(fit.theta))
     unsure = np.flatnonzero(np.abs(fit.theta) < 2.0 * fit.std)
     out = []
     for i, j in itertools.combinations(unsure, 2):
         (first, one), (second, other) = fit.parameters[i], fit.parameters[j]
-        a, b = weighed[:, i], weighed[:, j]
-        if first != second and abs(a @ b) > most * np.linalg.norm(a) * np.linalg.norm(b):
+        if first != second and abs(cosine(fit, int(i), int(j))) > most:
             names = (f"{e} {user_name(p.name, vehicle)}" for e, p in ((first, one), (second, other)))
             how = "what they do together is known, not each of them."
             out.append(f"{' and '.join(names)} do the same on these flights: {how} Add {first} or {second}, not both")

@@ -10,7 +10,7 @@ from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
-from wrenchgap.replay.present.addition import apart, granted_thrust
+from wrenchgap.replay.present.addition import ALIKE, apart, cosine, granted_thrust
 from wrenchgap.replay.present.answer import MOST_PLACES, answer_lines, evidence, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
@@ -80,7 +80,9 @@ def what_next(
     if found.effects:
         first = "next" if sure else f"what is {'named' if firm else 'not established'} can be added all the same"
         thrust, also = [], ""
-        if found.fit.thrust.size:  # granted to `explain`; a model that is to fly has it
+        fit, last = found.fit, found.fit.jacobian.shape[2] - 1
+        same = any(abs(cosine(fit, k, last)) > ALIKE for k in range(len(fit.theta)))
+        if fit.thrust.size and not same:  # granted to `explain`; a model that is to fly has it
             thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)
             also = f" (with the scale of all thrust, which the model knows to {known})"
         names = " ".join([*(firm or found.effects), *thrust])
