@@ -147,8 +147,12 @@ class Trend(Result):
 
     @property
     def at_once(self) -> tuple[int, int] | None:
-        """Two flights that flew at the same time, by the calendars of their clocks: one that two loggers recorded."""
-        return at_once([one.span for one in self.flights]) if all(self.dates) else None
+        """Two flights that flew at the same time, by the calendars of their clocks: one in two logs. Those
+        that begin with the very same stamp are a simulator's.
+        """  # noqa: D205
+        unlike = list({one.flight.start_ns: k for k, one in enumerate(self.flights)}.values())
+        pair = at_once([self.flights[k].span for k in unlike]) if all(self.dates) else None
+        return None if pair is None else (unlike[pair[0]], unlike[pair[1]])
 
     @property
     def changed(self) -> tuple[ParameterTrend, ...]:

@@ -197,6 +197,8 @@ def ready(
         asked: Any = {"duration": duration, "payload": payload, "wind": wind, "voltage": voltage}
         found = wg.ready(flights, base, trajectory, progress=report, **asked)
     run.result(found)
+    checked = shlex.join(["wrenchgap", "check", *map(str, logs)])
+    run.line(f"next, for vibration, battery and estimator, of which no model knows: {checked}")
     run.save("ready", found, figure=figure)
 
 

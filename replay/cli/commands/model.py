@@ -196,6 +196,7 @@ def calibrate(
     saved = wg.save_model(kept, output, before=base, command=command, force=run.force)
     run.result(found)
     run.write_model("calibrate", found.to_json(), saved, output, unchanged=found.added is None)
+    run.line(f"next, with another flight: wrenchgap explain LOG -m {shlex.quote(str(output))}")
 
 
 def remove(effects: o.Effects, model: o.ModelOption, output: o.ModelOut, *, run: Run) -> None:
