@@ -121,7 +121,7 @@ def members(found: Explanation) -> Table:
         sure = "not established" if posterior.is_doubted(found, m) else certainty(found.confidence(m))
         if m.alike:
             own = sum(one.weight for one in found.posterior.sets if m.name in one.names)
-            sure = f"{share(own)}, {sure} with what is like it"
+            sure = f"{share(own)}, {sure} with what is like it" if own < found.confidence(m) else sure
         rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", far))
     return table("named", ("effect", "confidence", "share", "t", "nearest other"), rows, texts=(-1,))
 
