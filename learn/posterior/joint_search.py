@@ -78,7 +78,7 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
     heavy = [one for one, share in last.weighed if share > LIGHT]
     joint, bends = with_known_rests(on, linear, heavy, last.joint, jobs)
     weighed = with_aliases(on, linear, by_weight(sets_to_weigh(last.lines, joint, bends)), jobs)
-    wholes = tuple(one for one, _ in weighed[:FEW])
+    wholes = tuple(with_leaves_of(joint, one) for one, _ in weighed[:FEW])
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
     classes = equivalence_classes(sets, lambda a, b: predict_the_same(a.scored_set, b.scored_set, linear))
@@ -107,6 +107,7 @@ def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, set
     wanted += [one.keys for one, _ in weighed[:FEW] if one.keys and not settling]
     wanted += substitutes(around.get(heaviest.keys, linear), heaviest)
     wanted += [rest for one, _ in weighed[:FEW] for rest in without_doubtful(one)]
+    wanted += [leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys]
     new = tuple(keys for keys in dict.fromkeys(wanted) if keys not in joint)
     return Round(joint, around, nearby, lines, weighed, new)
 
@@ -211,6 +212,21 @@ def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
     swapped = [s for s in exchanges(keys, others, columns) if set(fixed) <= set(s)]
     close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - settings.moved]
     return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[: settings.contenders]]
+
+
+def with_leaves_of(joint: Joint, whole: ScoredSet) -> ScoredSet:
+    """What remains of a set as it is where that was linearised: of a lag and a delay, either of which is idle beside
+    the other, the one that does as well alone. Where the whole is likelier than the best of them by so much, they are
+    told apart by as many times less: of two that are both wrong, the one that is less so need not be there. As it was
+    where one of the sets that remain was not linearised.
+    """  # noqa: D205
+    known = [joint.get(leaf.keys) for leaf, _ in whole.leaves]
+    there = [one for one in known if one is not None]
+    if len(there) < len(known):
+        return whole
+    log = np.array([one.scored.log_probability for one in there])
+    share = np.exp((log - log.max()) / max(whole.scored.log_probability - log.max(), 1.0))
+    return replace(whole, leaves=tuple(zip(there, (share / share.sum()).tolist(), strict=True)))
 
 
 def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:
