@@ -20,7 +20,13 @@ from wrenchgap.learn.identify.least_squares import at_limit
 from wrenchgap.learn.posterior.columns import Column, compatible, compatible_with, complexity, confused
 from wrenchgap.learn.posterior.columns import column as linearised_column
 from wrenchgap.learn.posterior.explain import search_dataset
-from wrenchgap.learn.posterior.joint_search import equivalents_without_idle, exchanges, substitutes, with_compounds
+from wrenchgap.learn.posterior.joint_search import (
+    equivalents_without_idle,
+    exchanges,
+    substitutes,
+    with_compounds,
+    with_leaves_of,
+)
 from wrenchgap.learn.posterior.kernels import bounded, occam
 from wrenchgap.learn.posterior.members import Member, Rival, fitted, with_rivals
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, NamedSet, Posterior, WeighedSets, merged_by_names
@@ -164,6 +170,30 @@ def test_what_a_member_is_needed_for_is_read_off_the_rest_as_it_is(made):
     needed = next(p for p in found.parts if p.names == ("thrust_curve",))
     assert needed.evidence == pytest.approx(np.log(4.0), rel=0.02)
     assert [leaf.keys for leaf, _ in found.leaves] == [("thrust_curve",)]
+
+
+def test_what_remains_of_a_set_weighs_as_it_is_where_it_was_linearised(made):
+    """Where the whole is no likelier, by the odds: e^3. Where it is 6 nats likelier than the better of two that are
+    both wrong, by the sixth root of them.
+    """
+    shape = on_axis(2, made.smooth.T[0])
+    space = made.spectrum({"motor_lag": shape, "command_delay": shape}, 30.0 * made.data.noise[2] * shape + made.noise)
+    scorer = Scorer(space, space.sensor)
+
+    def with_probability(keys, log):
+        one = scored_set(scorer, keys)
+        return replace(one, scored=replace(one.scored, log_probability=log))
+
+    lag, delay = ("motor_lag",), ("command_delay",)
+    joint = {lag: with_probability(lag, 103.0), delay: with_probability(delay, 100.0)}
+    for whole, odds in ((101.0, np.exp(3.0)), (109.0, np.exp(3.0 / 6.0))):
+        leaves = tuple((scored_set(scorer, k), 0.5) for k in (lag, delay))
+        one = replace(with_probability(("command_delay", "motor_lag"), whole), leaves=leaves)
+        (first, more), (second, less) = with_leaves_of(joint, one).leaves
+        assert (first, second) == (joint[lag], joint[delay])
+        assert more / less == pytest.approx(odds)
+        assert more + less == pytest.approx(1.0)
+        assert with_leaves_of({lag: joint[lag]}, one) == one
 
 
 def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
