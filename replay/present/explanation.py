@@ -8,6 +8,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn import Explanation, Verdict
 from wrenchgap.learn.data.comparison import Validation
 from wrenchgap.learn.data.errors import force_and_torque
+from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
 from wrenchgap.replay.present.addition import ALIKE, apart, cosine, granted_thrust
@@ -112,17 +113,20 @@ def open_in_words(found: Explanation) -> tuple[str, ...]:
     )
 
 
+def how_sure(found: Explanation, member: Member) -> str:
+    """The confidence in a name; where another is like it, of itself and of the two together."""
+    sure = "not established" if posterior.is_doubted(found, member) else certainty(found.confidence(member))
+    own = sum(one.weight for one in found.posterior.sets if member.name in one.names)
+    return f"{share(own)}, {sure} with what is like it" if member.alike and own < found.confidence(member) else sure
+
+
 def members(found: Explanation) -> Table:
     """The effects that were named: confidence, size, and what comes nearest in their place."""
     rows = []
     for m in found.members:
         others = [r for r in m.rivals if not r.alike]
         far = f"{others[0].name} ({others[0].separation:.1f} sigma worse)" if others else "-"
-        sure = "not established" if posterior.is_doubted(found, m) else certainty(found.confidence(m))
-        if m.alike:
-            own = sum(one.weight for one in found.posterior.sets if m.name in one.names)
-            sure = f"{share(own)}, {sure} with what is like it" if own < found.confidence(m) else sure
-        rows.append((m.name, sure, share(m.share), f"{m.significance:.1f}", far))
+        rows.append((m.name, how_sure(found, m), share(m.share), f"{m.significance:.1f}", far))
     return table("named", ("effect", "confidence", "share", "t", "nearest other"), rows, texts=(-1,))
 
 

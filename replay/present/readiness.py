@@ -128,6 +128,8 @@ def _decided(found: Readiness) -> list[str]:
         out.insert(0, out.pop(1))
     out = [capitalised(text) if k else text for k, text in enumerate(out)]
     begins = "Once it is sound" if found.crashed else BEGINS[found.decision]
+    if found.decision is Decision.CARE and (why := _cares(found)):
+        begins = f"{begins} ({why})"
     out[0] = f"{begins}: on {found.trajectory}{_conditions(found)} {out[0]}"
     names = ", ".join(found.crashed)
     crashed = f"No go: {names} ended in a crash or a loss of control; inspect the whole vehicle first."
@@ -144,6 +146,21 @@ def _decided(found: Readiness) -> list[str]:
             "model again before this flight."
         )
     return out
+
+
+def _cares(found: Readiness) -> str:
+    """Why it is no plain "go", in a few words; sentences below say more."""
+    reasons = {
+        "the flights contradict the model": bool(found.contradicted),
+        "a weak rotor": bool(found.weakened),
+        "little authority": found.authority[0].probability < GO,
+        "small margins": any(one.probability < GO for one in found.loops),
+        "more than was flown": bool(found.beyond),
+        "no lag in the model": found.gains.upper_bounds,
+        "no drag in the model": bool(found.wind) and not found.feels_wind,
+        "how wrong the model may be is not known": not found.known,
+    }
+    return ", ".join(reason for reason, so in reasons.items() if so)
 
 
 def _of(value: float, of: Any) -> str:

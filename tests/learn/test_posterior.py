@@ -193,7 +193,7 @@ def test_what_remains_of_a_set_weighs_as_it_is_where_it_was_linearised(made):
         assert (first, second) == (joint[lag], joint[delay])
         assert more / less == pytest.approx(odds)
         assert more + less == pytest.approx(1.0)
-        assert with_leaves_of({lag: joint[lag]}, one) == one
+        assert with_leaves_of({lag: joint[lag]}, one) is one
 
 
 def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
