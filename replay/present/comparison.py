@@ -33,7 +33,9 @@ def brief(result: Comparison) -> list[Part]:
     first, last = result.evaluations[0], result.evaluations[-1]
     (force, torque), noise = force_and_torque(last.pooled.rms), force_and_torque(result.noise)
     said = f"On {flights_in_words(result.flights)} the force error of {last.name} is {share(force / result.weight)} of "
-    said += f"the weight, its torque error that of a centre of mass {size_in_words(torque / result.weight, 'm')} off."
+    across = float(np.sqrt(np.nansum(last.pooled.rms[3:5] ** 2)))  # about z the weight has no arm
+    said += "the weight, its torque error about x and y that of a centre of mass "
+    said += f"{size_in_words(across / result.weight, 'm')} off."
     sizes = f"{number(force)} N and {number(torque)} Nm rms (sensors: {number(noise[0])} N, {number(noise[1])} Nm)"
     than = ""
     if last is not first:
