@@ -97,7 +97,8 @@ def brief(replay: Replay) -> list[Part]:
     }
     title = f"{replay.flight.name}: compensation of the {replay.source} wrench"
     wrenches = table(title, ("mean |.|", *UNIT_HEADS), [(name, *row(values)) for name, values in sizes.items()])
-    falls = reductions(1.0 - np.asarray(after) / np.maximum(before, 1e-300))
+    rounding = 1e-9 * np.max(np.abs(replay.steps.commanded), initial=0.0)  # of which no share says anything
+    falls = reductions(1.0 - np.asarray(after) / np.where(np.asarray(before) > rounding, before, np.nan))
     changes = ", ".join(f"{axis} {fall}" for axis, fall in zip(summary["outputs"], falls, strict=True))
     first = (
         f"Predicted change of the mean error with the compensation: {changes}. It is accepted in "
