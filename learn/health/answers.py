@@ -28,8 +28,8 @@ class AnswerNeeds:
 
     rate: float = RATE_OVER_CUTOFF * CUTOFF_HZ
     """Rate of commands and IMU [Hz] for the analyses' default filter, which shows a motor lag of 30 ms (5 Hz)."""
-    flight: float = 10.0
-    """Time in the air [s]: `explain` holds out blocks of some seconds."""
+    flight: float = 8.0
+    """Time in the air [s]: with less, `explain` holds out blocks that are shorter than half their usual."""
     speed: float = 2.0
     """Speed [m/s] whose rotor drag, typically 0.3 m/s^2 for each m/s, stands above the bias of an accelerometer."""
     turning: float = 1.0

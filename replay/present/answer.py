@@ -53,13 +53,13 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     names, by = posterior.members_in_words(found, beside or found.members)
     before, after = [f"{by('Explained')} {names}."], []
     match found.verdict:
-        case Verdict.NOTHING:
+        case Verdict.NOTHING if not short(found):
             before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
         case Verdict.UNKNOWN if any(m.share > 0.0 for m in found.members):
             said = f"{by('Partly explained')} {names}" if beside else "Part of it has more than one explanation"
             before = [f"{said}; more is missing than the catalogue can explain."]
             after = [posterior.residual_causes(found)]
-        case Verdict.UNKNOWN if short(found):
+        case Verdict.NOTHING | Verdict.UNKNOWN if short(found):
             before = ["Too short to tell what is missing.", posterior.nearest(found, at_all=True)]
         case Verdict.UNKNOWN:
             before = ["Something is missing, but no effect of the catalogue explains it."]

@@ -62,11 +62,11 @@ def what_next(
     `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
     space before them.
     """
+    unknown = found.verdict is Verdict.UNKNOWN
+    if short(found) and not found.effects:
+        return [Line("next: give a longer flight")]
     if posterior.is_nothing_missing(found):
         return []
-    unknown = found.verdict is Verdict.UNKNOWN
-    if unknown and short(found) and not found.effects:
-        return [Line("next: give a longer flight")]
     designs = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     firm = [name for name in found.effects if name in found.firm]

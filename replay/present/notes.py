@@ -10,6 +10,7 @@ from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.checks.vehicle import OTHER_WEIGHT
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
+from wrenchgap.learn.health.answers import NEEDS
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 from wrenchgap.replay.present.numbers import by_reason, entries
 from wrenchgap.replay.present.tables import Line
@@ -56,8 +57,8 @@ def sentence(note: object) -> str:
     return SENTENCES[type(note)].format(note) if type(note) in SENTENCES else str(note)
 
 
-def too_short(seconds: float, least: float = 8.0) -> list[str]:
-    """A warning where less than `least` [s] of flight was left: held-out blocks are shorter than half their usual."""
+def too_short(seconds: float, least: float = NEEDS.flight) -> list[str]:
+    """A warning where less than `least` [s] of flight was left."""
     if seconds >= least:
         return []
     return [

@@ -308,9 +308,9 @@ def test_what_a_calm_flight_lacks_is_said_apart_from_what_no_setting_of_the_logg
 
 
 def test_a_flight_that_is_too_short_is_to_be_flown_again_before_a_model_is_made(tmp_path, monkeypatch):
-    monkeypatch.setattr(health_logs, "DOWN", UP + 9.0)
+    monkeypatch.setattr(health_logs, "DOWN", UP + 7.0)
     lines = [text for text, _ in answer(wg.check(ulog(tmp_path / "short.ulg")))]
-    assert "Fly at least 10 s: `explain` needs as much." in lines
+    assert "Fly at least 8 s: `explain` needs as much." in lines
     assert lines[-1] == "next: wrenchgap check ANOTHER_LOG"
 
 
