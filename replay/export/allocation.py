@@ -86,7 +86,6 @@ class AllocationExport(Result):
     margins: Margins
 
 
-@check_arguments
 def _require_known_thrusts(model: Model) -> None:
     """Raise ModelError where an effect on thrusts is at its limit: it is left out, and a dead motor would be used."""
     stuck = [one.name for one in model.effects if one.effect.place == "thrusts" and at_limit(one, model.vehicle)]
@@ -97,6 +96,7 @@ def _require_known_thrusts(model: Model) -> None:
         )
 
 
+@check_arguments
 def export_allocation(
     model: Model | Addition,
     folder: str | Path | None = None,

@@ -10,7 +10,6 @@ from wrenchgap.learn.data.candidates import Lack, Untried
 from wrenchgap.learn.data.checks.vehicle import OTHER_WEIGHT
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
-from wrenchgap.learn.health.answers import NEEDS
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 from wrenchgap.replay.present.numbers import by_reason, entries
 from wrenchgap.replay.present.tables import Line
@@ -57,13 +56,15 @@ def sentence(note: object) -> str:
     return SENTENCES[type(note)].format(note) if type(note) in SENTENCES else str(note)
 
 
-def too_short(seconds: float, least: float = NEEDS.flight) -> list[str]:
-    """A warning where less than `least` [s] of flight was left."""
-    if seconds >= least:
+def too_short(seconds: float) -> list[str]:
+    """A warning where less flight was left than an analysis needs."""
+    from wrenchgap.learn.health.answers import NEEDS  # here: a page does not wait for statistics
+
+    if seconds >= NEEDS.flight:
         return []
     return [
         f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
-        f"Give longer flights, at least {least:.0f} s (`inspect` lists what was left out)."
+        f"Give longer flights, at least {NEEDS.flight:.0f} s (`inspect` lists what was left out)."
     ]
 
 
