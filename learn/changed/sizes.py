@@ -170,5 +170,5 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     rms = np.sqrt(means_by(flight[space.within], left[space.within] ** 2))
     mine = np.isin(np.arange(len(rms)), list(suspects))
     loud = rms[mine].min(axis=0) > space.settings.structure * rms[~mine].max(axis=0)
-    quiet = answered(found.pool.data)
+    quiet = {*answered(found.pool.data), *found.pool.data.answering}
     return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)

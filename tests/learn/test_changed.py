@@ -18,6 +18,7 @@ from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import MOST, change_prior, damaged, read
 from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.search import changed_model, relinearised
+from wrenchgap.learn.changed.sizes import louder
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.errors import means_by
 from wrenchgap.learn.data.opening import open_flights
@@ -26,6 +27,7 @@ from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.replay.present.changed import summary, what_next
 from wrenchgap.replay.present.what_to_inspect import sentences as inspect
 
@@ -450,3 +452,27 @@ def test_a_propeller_only_loses_and_laws_hardly_change():
     assert change_prior("rotor_thrust").loses
     assert change_prior("drag_torque").share < 0.5
     assert change_prior("an effect of a user's own") == change_prior("ground_effect")
+
+
+def test_of_an_axis_that_commands_answer_it_is_not_said_that_a_flight_is_louder():
+    """What is left there is what the air was like: three times as much on M_z said that no effect of the catalogue was
+    it, beside a weak rotor that explained the rest.
+    """
+    flight = np.repeat([0, 1, 2], 40)
+    left = np.random.default_rng(1).normal(size=(120, 6))
+    left[80:, [0, 5]] *= 6.0
+
+    def axes(answering):
+        data = SimpleNamespace(flight=flight, measured_axes=np.ones(6, dtype=bool), answering=answering)
+        space = SimpleNamespace(
+            combined=lambda weights: left, starts=np.arange(0, 120, 10), block=np.repeat(np.arange(12), 10),
+            within=np.arange(120) % 10 > 0, axes=np.arange(6), settings=DEFAULT,
+        )  # fmt: skip
+        best = SimpleNamespace(keys=("x",), weights=np.ones(1))
+        named = SimpleNamespace(sets=[SimpleNamespace(scored_set=SimpleNamespace(scored=best))])
+        scorer = SimpleNamespace(spectrum=space, known={("x",): best})
+        pool = SimpleNamespace(data=data)
+        return louder(SimpleNamespace(scorer=scorer, posterior=SimpleNamespace(classes=[named]), pool=pool), [2])
+
+    assert axes(()) == (0, 5)
+    assert axes((5,)) == (0,)
